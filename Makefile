@@ -1,0 +1,52 @@
+# Developers' verbs. `make run` and `make test` need nothing but Python 3.11+ with venv.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: env run test test-tools bench lint format meshes docs-check lock clean
+
+env: $(STAMP)
+
+$(STAMP): .ci/lock.txt pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --require-hashes -r .ci/lock.txt
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+run: env
+	$(BIN)/twin fly
+
+# Debian packages behind the tests that look at pictures or run the real firmware.
+test-tools:
+	@bash .ci/test-tools
+
+test: env test-tools
+	$(BIN)/python -m pytest tests --durations=8
+
+bench: env
+	$(BIN)/python -m tests.benchmarks
+
+lint: env
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: env
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+meshes: env
+	$(BIN)/python -m meshes.generate
+
+docs-check: env
+	$(BIN)/python .ci/docs_check.py
+
+# Renews the pinned lock; needs uv. The lock carries no registry address.
+lock:
+	uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
+	  --no-header --no-annotate --no-emit-index-url --extra dev --extra sysid pyproject.toml -o .ci/lock.txt
+
+clean:
+	rm -rf $(VENV) build dist

@@ -1,0 +1,1 @@
+"""From measurement to knowledge: recordings, identified models, responses, comparisons."""

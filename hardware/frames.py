@@ -1,0 +1,74 @@
+"""The frozen values that travel between the seats: command, sensor readings, estimated state."""
+
+from dataclasses import dataclass
+
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+
+
+class HardwareError(ValueError):
+    """A mistake at the desk (port, calibration, fault name), told in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalCommand:
+    """What the controller asks of the gimbal.
+
+    Attributes
+    ----------
+    time_ns : experiment time of the decision [ns]
+    angle : commanded gimbal angle about x (ring) and y (holder) [rad]
+    """
+
+    time_ns: int
+    angle: Pair
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalState:
+    """What is known of the gimbal, by simulation or by sensors.
+
+    Attributes
+    ----------
+    time_ns : experiment time the state belongs to [ns]
+    angle : gimbal angle about x and y [rad]
+    rate : its time derivative [rad/s]
+    sigma : standard deviation of the angle; zero where the state is exact [rad]
+    healthy : false while a sensor behind the state is known to be wrong
+    """
+
+    time_ns: int
+    angle: Pair
+    rate: Pair = (0.0, 0.0)
+    sigma: Pair = (0.0, 0.0)
+    healthy: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFrame:
+    """One telemetry frame in SI units, before any fusion.
+
+    Attributes
+    ----------
+    time_ns : experiment time at which the device sampled, through the clock estimate [ns]
+    device_us : the device's own clock, unwrapped [µs]
+    potentiometer : x_a, x_b, y_a, y_b as fractions of the supply [1]
+    gyro, accelerometer : holder IMU, sensor frame [rad/s], [m/s²]
+    base_gyro, base_accelerometer : base IMU, sensor frame [rad/s], [m/s²]
+    pulse : pulse widths in force for servo x, servo y, turntable [s]
+    switches : limit switches +x, −x, +y, −y
+    joystick : deflection of its two axes, −1…1
+    flags : status bits as sent by the firmware
+    """
+
+    time_ns: int
+    device_us: int
+    potentiometer: tuple[float, float, float, float]
+    gyro: Triple
+    accelerometer: Triple
+    base_gyro: Triple
+    base_accelerometer: Triple
+    pulse: Triple
+    switches: tuple[bool, bool, bool, bool]
+    joystick: Pair
+    flags: int

@@ -1,0 +1,1 @@
+"""The simulation of a thrust-vector-control gimbal and the meeting point of desk and analysis."""

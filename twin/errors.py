@@ -1,0 +1,9 @@
+"""The base of every error the twin raises for its user."""
+
+
+class TwinError(ValueError):
+    """A mistake of the user's, told in one line; the command line maps it to exit code 2."""
+
+
+class DivergenceError(RuntimeError):
+    """A simulation that left the finite numbers; the command line maps it to exit code 1."""
