@@ -1,0 +1,156 @@
+"""What a recording holds: entity paths, component names, units, and the way to storage and back.
+
+Names are paths without the leading slash (`gimbal/command`). Values are SI inside; what people read
+in a plot is stored in the unit they read it in. The sensors' readings are stored as they came, in
+SI: a replay repeats a run bit for bit from them, and a detour through degrees would cost the last
+bit.
+"""
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+SCHEMA = "tvc-twin/recording/1"
+
+APPLICATION = "tvc_twin"
+PROPERTY = "run"
+TIME = "time"
+WALL_TIME = "wall_time"
+EVENTS = "/events"
+HEALTH = "/health"
+WORLD = "/world"
+
+Kind = Literal["continuous", "sampled", "counter"]
+
+
+class AnalysisError(ValueError):
+    """A measurement or file that cannot be used, told in one line."""
+
+
+# Stored units that differ from SI: how many stored units one SI unit is.
+_PER_SI: Mapping[tuple[str, str], float] = MappingProxyType(
+    {
+        ("rad", "deg"): 180.0 / math.pi,
+        ("rad/s", "deg/s"): 180.0 / math.pi,
+        ("s", "ms"): 1e3,
+        ("s", "µs"): 1e6,
+        ("m", "µm"): 1e6,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One vector signal of a recording.
+
+    Attributes
+    ----------
+    name : path without the leading slash
+    entity : path in the recording
+    components : names of the k components
+    unit : SI unit of the values inside [k]
+    stored_unit : unit of the values in the file
+    kind : `continuous` is finite in every row; `sampled` may hold NaN where nothing was measured;
+        `counter` holds whole numbers that start at zero
+    """
+
+    name: str
+    entity: str
+    components: tuple[str, ...]
+    unit: str
+    stored_unit: str
+    kind: Kind = "continuous"
+
+    @property
+    def scale(self) -> float:
+        """Stored units per SI unit."""
+        return 1.0 if self.unit == self.stored_unit else _PER_SI[self.unit, self.stored_unit]
+
+    def to_stored(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Values (..., k) in SI as they stand in the file."""
+        return np.asarray(values, dtype=np.float64) * self.scale
+
+    def from_stored(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Values (..., k) of the file in SI."""
+        return np.asarray(values, dtype=np.float64) / self.scale
+
+
+def _signal(
+    name: str, components: str, unit: str, stored: str | None = None, kind: Kind = "continuous"
+) -> Signal:
+    return Signal(name, f"/{name}", tuple(components.split()), unit, stored or unit, kind)
+
+
+_TABLE = (
+    # angle about x (ring) and y (holder)
+    _signal("gimbal/command", "x y", "rad", "deg"),
+    _signal("gimbal/simulated", "x y", "rad", "deg"),
+    _signal("gimbal/measured", "x y", "rad", "deg", "sampled"),
+    _signal("gimbal/sigma", "x y", "rad", "deg", "sampled"),
+    _signal("gimbal/rate/simulated", "x y", "rad/s", "deg/s"),
+    _signal("gimbal/rate/measured", "x y", "rad/s", "deg/s", "sampled"),
+    # motion of the body frame (origin on the gimbal pivot) in the world, east-north-up
+    _signal("vehicle/position", "x y z", "m"),
+    _signal("vehicle/velocity", "x y z", "m/s"),
+    _signal("vehicle/attitude", "w x y z", "1"),
+    _signal("vehicle/rate", "x y z", "rad/s", "deg/s"),  # in the body frame
+    _signal("vehicle/tilt", "x y", "rad", "deg"),  # nose from the vertical, about world x and y
+    _signal("vehicle/mass", "mass", "kg"),
+    _signal("vehicle/thrust", "thrust", "N"),
+    _signal("vehicle/angle_of_attack", "angle", "rad", "deg", "sampled"),  # NaN without airspeed
+    _signal("vehicle/airspeed", "speed", "m/s"),
+    # wanted nose direction, as vehicle/tilt; and the rotation still missing, about body x and y
+    _signal("control/setpoint", "x y", "rad", "deg"),
+    _signal("control/error", "x y", "rad", "deg"),
+    # the rig's readings, exactly as received
+    _signal("sensors/potentiometer", "x_a x_b y_a y_b", "1", kind="sampled"),  # of the supply
+    _signal("sensors/gyro", "x y z", "rad/s", kind="sampled"),
+    _signal("sensors/accelerometer", "x y z", "m/s²", kind="sampled"),
+    _signal("sensors/base_gyro", "x y z", "rad/s", kind="sampled"),
+    _signal("sensors/base_accelerometer", "x y z", "m/s²", kind="sampled"),
+    _signal("sensors/pulse", "x y turntable", "s", "µs", "sampled"),
+    _signal("sensors/switches", "x_plus x_minus y_plus y_minus", "1", kind="sampled"),
+    _signal("sensors/joystick", "x y", "1", kind="sampled"),
+    _signal("sensors/device_time", "time", "s", kind="sampled"),  # the device's own clock
+    _signal("sensors/flags", "flags", "1", kind="sampled"),
+    # did the run keep its time
+    _signal("timing/lateness", "lateness", "s", "ms"),
+    _signal("timing/sensor_age", "age", "s", "ms", "sampled"),
+    _signal("timing/round_trip", "time", "s", "ms", "sampled"),
+    _signal("link/lost", "frames", "1", kind="counter"),
+    _signal("link/crc_errors", "frames", "1", kind="counter"),
+    # the pushrod linkage: gap of the closed loops, and servo shaft angles
+    _signal("linkage/closure", "x y", "m", "µm"),
+    _signal("linkage/servo", "x y", "rad", "deg"),
+)
+
+SIGNALS: Mapping[str, Signal] = MappingProxyType({signal.name: signal for signal in _TABLE})
+ENTITIES: Mapping[str, Signal] = MappingProxyType({signal.entity: signal for signal in _TABLE})
+
+
+def signal(name: str) -> Signal:
+    """Return the signal of that name, or say which names there are.
+
+    Raises
+    ------
+    AnalysisError
+        if there is no such signal; the message lists the valid names.
+    """
+    try:
+        return SIGNALS[name]
+    except KeyError:
+        raise AnalysisError(unknown("signal", name, SIGNALS)) from None
+
+
+def unknown(what: str, name: str, valid: Iterable[str]) -> str:
+    """One line that says a name is none, which one may have been meant, and which there are."""
+    names = sorted(valid)
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f" (did you mean '{close[0]}'?)" if close else ""
+    return f"no {what} '{name}'{hint}; there are: {', '.join(names) or 'none'}"
