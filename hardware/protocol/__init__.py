@@ -1,0 +1,79 @@
+"""The rig's wire protocol: bytes in, frozen messages out, no input or output of its own.
+
+>>> wire = Encoder().encode(Command(pulse=(3000, 3100, 0), timeout_ms=100, mode=Mode.DRIVE))
+>>> decoder = Decoder()
+>>> decoder.receive_data(wire)
+>>> decoder.next_event().message.pulse
+(3000, 3100, 0)
+"""
+
+from hardware.protocol import messages as constants
+from hardware.protocol.codec import (
+    DELIMITER,
+    MAX_ENCODED,
+    MAX_PAYLOAD,
+    Counters,
+    Decoder,
+    Encoder,
+    Frame,
+    Unknown,
+    crc16,
+    encode,
+)
+from hardware.protocol.defaults import default_config, hello, plausible
+from hardware.protocol.messages import (
+    BAUD,
+    MESSAGES,
+    PROTOCOL,
+    Arm,
+    Board,
+    Command,
+    Config,
+    Disarm,
+    Flags,
+    Hello,
+    HelloRequest,
+    Message,
+    Mode,
+    Ping,
+    Pong,
+    Telemetry,
+)
+from hardware.protocol.table import LAYOUT
+from hardware.protocol.wire import layout, scale
+
+__all__ = [
+    "BAUD",
+    "DELIMITER",
+    "LAYOUT",
+    "MAX_ENCODED",
+    "MAX_PAYLOAD",
+    "MESSAGES",
+    "PROTOCOL",
+    "Arm",
+    "Board",
+    "Command",
+    "Config",
+    "Counters",
+    "Decoder",
+    "Disarm",
+    "Encoder",
+    "Flags",
+    "Frame",
+    "Hello",
+    "HelloRequest",
+    "Message",
+    "Mode",
+    "Ping",
+    "Pong",
+    "Telemetry",
+    "Unknown",
+    "constants",
+    "crc16",
+    "default_config",
+    "encode",
+    "hello",
+    "layout",
+    "plausible",
+    "scale",
+]
