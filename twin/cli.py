@@ -1,0 +1,109 @@
+"""The `twin` command: arguments to configurations, results to a summary, errors to exit codes."""
+
+import contextlib
+import io
+import json
+import os
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from types import FrameType
+from typing import Annotated, NoReturn
+
+import tyro
+
+from analysis.schema import AnalysisError
+from hardware.frames import HardwareError
+from twin.configuration import Doctor, Fly, Step, View
+from twin.errors import DivergenceError, TwinError
+
+MISTAKE, FAILED = 2, 1
+Command = (
+    Annotated[Fly, tyro.conf.subcommand("fly")]
+    | Annotated[Step, tyro.conf.subcommand("step")]
+    | Annotated[View, tyro.conf.subcommand("view")]
+    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run one command and end the process with 0, 1 (a check failed) or 2 (the user's mistake)."""
+    signal.signal(signal.SIGTERM, _terminate)
+    arguments = sys.argv[1:] if arguments is None else arguments
+    try:
+        command = _parse(list(arguments))
+        sys.exit(_dispatch(command))
+    except (TwinError, AnalysisError, HardwareError) as error:
+        _say(f"twin: {error}")
+        sys.exit(MISTAKE)
+    except DivergenceError as error:
+        _say(f"twin: {error}")
+        sys.exit(FAILED)
+    except KeyboardInterrupt:
+        _say("twin: interrupted; what was recorded until now is kept")
+        sys.exit(128 + signal.SIGINT)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(FAILED)
+
+
+def _parse(arguments: list[str]) -> object:
+    """Return the command's configuration; tyro's box of advice is folded into one line."""
+    told = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(told):
+            return tyro.cli(
+                Command,  # type: ignore[arg-type]  a union of dataclasses is what tyro takes
+                prog="twin",
+                description="Digital twin of a thrust-vector-control gimbal and its vehicle.",
+                args=arguments,
+                config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
+            )
+    except SystemExit as end:
+        if end.code in (0, None):
+            raise
+        lines = [line.strip("│ ") for line in told.getvalue().splitlines() if line.startswith("│")]
+        rule = next((k for k, line in enumerate(lines) if line.startswith("─")), len(lines))
+        raise TwinError(f"{' '.join(lines[:rule])} (`twin --help` lists what there is)") from None
+
+
+def _dispatch(command: object) -> int:
+    """Each command's own imports are made here, so that one does not pay for another's."""
+    match command:
+        case Fly():
+            from twin.experiments import fly
+
+            result = fly(command)
+            _report(result.as_dict(), result.text(), as_json=command.json)
+            return 0
+        case Step():
+            from twin.experiments import step
+
+            response = step(command)
+            _report(response.as_dict(), response.text(), as_json=command.json)
+            return 0
+        case View():
+            from twin import viewer
+
+            viewer.view(command.recording, web=command.web, port=command.port)
+            return 0
+        case Doctor():
+            from twin import doctor
+
+            findings = doctor.examine()
+            _report(doctor.as_dict(findings), doctor.table(findings), as_json=command.json)
+            return 0
+    raise AssertionError(command)
+
+
+def _report(numbers: Mapping[str, object], text: str, *, as_json: bool) -> None:
+    print(json.dumps(numbers, allow_nan=False) if as_json else text)
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:  # noqa: ARG001  a handler's signature
+    """Leave through the `finally` blocks, so that a recording gets its footer."""
+    raise SystemExit(128 + number)

@@ -1,0 +1,112 @@
+"""What each command can be told; the command line is derived from these."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+Programme = Literal["hold", "step", "doublet", "pitch-over", "point"]
+Seat = Literal["linkage", "transfer-function"]
+Integrator = Literal["implicitfast", "euler", "rk4", "ab1", "ab2", "ab3", "ab4"]
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # --json, and no --no-json
+
+
+@dataclass(frozen=True)
+class Run:
+    """What every run of the twin can be told."""
+
+    gimbal: Seat = "linkage"
+    """Who moves the gimbal: servos and pushrods, or an identified model."""
+    model: Path | None = None
+    """Identified model (JSON) for `--gimbal transfer-function`; the shipped reference without it."""
+    vehicle: Path | None = None
+    """MJCF file in place of the reference vehicle."""
+    mechanism: Path | None = None
+    """MJCF file in place of the reference mechanism."""
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()  # noqa: A003
+    """NAME=VALUE, any named model parameter, for example gimbal_holder.mass=0.05. Repeatable."""
+    set_from: Path | None = None
+    """JSON file of such names and values."""
+    integrator: Integrator = "implicitfast"
+    """How the physics steps."""
+    dt: float | None = None
+    """Physics step [s]; the scene's own, 1 ms, without it."""
+    clock: Literal["lockstep", "wall"] = "lockstep"
+    """As fast as it goes, or in real time."""
+    seed: int = 0
+    """Of everything random."""
+    out: Path | None = None
+    """Recording to write; runs/<command>.rrd without it."""
+    json: Flag = False
+    """Print the numbers as one JSON object instead of a summary."""
+
+
+@dataclass(frozen=True)
+class Fly(Run):
+    """Fly the vehicle headless and record it."""
+
+    scene: str = "flight"
+    """A shipped scene, or an MJCF file."""
+    motor: Path | None = None
+    """RASP .eng file in place of the vehicle's own motor."""
+    programme: Programme = "hold"
+    """What the attitude is to do: hold the launch direction, step, doublet, pitch over, or steer to
+    a point."""
+    target: tuple[float, float, float] | None = None
+    """A fixed point to steer to: east, north, up from the launch point [m]."""
+    target_range_m: float = 500.0
+    """Distance of the point of `--programme point`."""
+    off_axis_deg: tuple[float, float] = (0.0, 0.0)
+    """Its direction from the launch direction: to the right, and up."""
+    amplitude_deg: float = 5.0
+    """Of the step, doublet or pitch-over."""
+    at_s: float = 3.0
+    """When the step, doublet or pitch-over begins."""
+    control_hz: float = 250.0
+    """Rate of the controller."""
+    duration_s: float = 120.0
+    """Longest flight; it ends earlier on the ground, or once a point has been passed."""
+
+
+@dataclass(frozen=True)
+class Step(Run):
+    """Command steps to a clamped gimbal and record its response."""
+
+    scene: str = "bench"
+    """A shipped scene, or an MJCF file."""
+    amplitude_deg: float = 5.0
+    """Height of the steps, either way from zero."""
+    axis: Literal["x", "y", "both"] = "both"
+    """Axis stepped; `both` takes one after the other."""
+    repeats: int = 3
+    """Steps per axis and direction."""
+    hold_s: float = 0.8
+    """Time between two steps."""
+    control_hz: float = 500.0
+    """Rate of commands and of recorded rows."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Open a recording in the Rerun viewer."""
+
+    recording: Annotated[Path, tyro.conf.Positional]
+    """A recording (.rrd)."""
+    web: Flag = False
+    """Serve it to a browser on this machine instead of opening a window."""
+    port: int = 9090
+    """Port of `--web`, on loopback only."""
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Say what this machine has, what it lacks, and what to do about it."""
+
+    json: Flag = False
+    """Print the findings as one JSON object."""
+
+
+def as_properties(config: Run) -> dict[str, object]:
+    """Return a run's configuration as JSON values, for the recording."""
+    return {k: str(v) if isinstance(v, Path) else v for k, v in asdict(config).items()}

@@ -1,0 +1,125 @@
+"""The loop: controller → command → gimbal → state → vehicle, one row a tick. There is no other."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.frames import GimbalCommand, GimbalState, Pair
+from twin.clock import Clock, Ledger
+from twin.plant import Plant
+
+Array = NDArray[np.float64]
+
+
+class Gimbal(Protocol):
+    """The gimbal seat: takes commands, tells the state that moves the vehicle's gimbal joints."""
+
+    def send(self, command: GimbalCommand) -> None:
+        """Pass one command on; never blocks."""
+
+    def poll(self) -> GimbalState:
+        """The latest known state; never blocks."""
+
+
+class Controller(Protocol):
+    """The controller seat: one gimbal angle a tick from whatever it can see."""
+
+    def update(self, time: float, gimbal: GimbalState) -> Pair:
+        """Gimbal angle to command now [rad], `time` in experiment time [s]."""
+
+
+class Rows(Protocol):
+    """What the loop needs of a recorder."""
+
+    def commit(self, time_ns: int, wall_ns: int) -> None:
+        """Keep the row that the probes have filled."""
+
+
+Probe = tuple[Array, Array]  # where a value lies, and its place in the recorder's row
+
+
+@dataclass(frozen=True)
+class Seats:
+    """Who sits where in one run."""
+
+    plant: Plant
+    gimbal: Gimbal
+    controller: Controller
+    clock: Clock
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a loop ended.
+
+    Attributes
+    ----------
+    ticks : control ticks begun
+    ended : why, in words
+    """
+
+    ticks: int
+    ended: str
+
+
+def run(
+    seats: Seats,
+    *,
+    steps_per_tick: int,
+    duration_ns: int,
+    command: Array,
+    each_tick: Sequence[Callable[[int], None]] = (),
+    stop: Callable[[], str | None] = lambda: None,
+    ledger: Ledger | None = None,
+) -> Outcome:
+    """Run the seats until `duration_ns` of experiment time or until `stop` gives a reason.
+
+    Parameters
+    ----------
+    steps_per_tick : physics steps between two commands
+    command : (2,) array that holds the latest command, for whoever records it [rad]
+    each_tick : called with the tick's time [ns] after the command is sent and before the plant
+        moves on, so that what they read belongs to one instant
+
+    Raises
+    ------
+    DivergenceError : the plant left the finite numbers
+    """
+    plant, gimbal, controller, clock = seats.plant, seats.gimbal, seats.controller, seats.clock
+    ticks = 0
+    time_ns = plant.time_ns
+    while time_ns < duration_ns:
+        late = clock.wait(time_ns)
+        if ledger is not None:
+            ledger.enter(late)
+        angle = controller.update(time_ns * 1e-9, gimbal.poll())
+        command[0], command[1] = angle
+        gimbal.send(GimbalCommand(time_ns, angle))
+        for act in each_tick:
+            act(time_ns)
+        ticks += 1
+        plant.advance(steps_per_tick)
+        time_ns = plant.time_ns
+        reason = stop()
+        if reason is not None:
+            return Outcome(ticks, reason)
+    return Outcome(ticks, "time")
+
+
+def fill(row: Array, slices: Mapping[str, slice], sources: Mapping[str, Array]) -> list[Probe]:
+    """Pair every source with its place in a row, once, so that a tick only copies.
+
+    Raises
+    ------
+    ValueError : a source whose size is not its signal's
+    """
+    probes = []
+    for name, source in sources.items():
+        place = row[slices[name]]
+        if place.shape != source.shape:
+            raise ValueError(f"{name} has {source.shape} values, its signal {place.shape}")
+        probes.append((source, place))
+    return probes

@@ -1,0 +1,181 @@
+"""From files and overrides to a compiled model whose needed names have been checked."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from analysis.transfer_function import TransferFunctionModel
+from twin import overrides as override
+from twin.compose import MJCF, compose, one_line
+from twin.errors import TwinError
+
+Seat = Literal["linkage", "transfer-function"]
+REFERENCE_GIMBAL = MJCF / "gimbal.json"
+AXES = ("x", "y")
+LARGEST_DT = 0.02  # s; the 50 Hz frame of a hobby servo, past which no gimbal motion is resolved
+
+# What the loop reads and writes by name; docs/vehicles.md explains each.
+NEEDED: Mapping[str, tuple[tuple[mujoco.mjtObj, str], ...]] = {
+    "vehicle": (
+        (mujoco.mjtObj.mjOBJ_BODY, "vehicle"),
+        (mujoco.mjtObj.mjOBJ_JOINT, "vehicle"),
+        (mujoco.mjtObj.mjOBJ_SITE, "gimbal_nozzle"),
+    ),
+    "gimbal": (
+        (mujoco.mjtObj.mjOBJ_JOINT, "gimbal_x"),
+        (mujoco.mjtObj.mjOBJ_JOINT, "gimbal_y"),
+        (mujoco.mjtObj.mjOBJ_BODY, "gimbal_holder"),
+    ),
+    "linkage": (
+        (mujoco.mjtObj.mjOBJ_ACTUATOR, "gimbal_servo_x"),
+        (mujoco.mjtObj.mjOBJ_ACTUATOR, "gimbal_servo_y"),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """What a run's model is made of; everything here goes into the recording.
+
+    Attributes
+    ----------
+    scene : a shipped scene's name or an MJCF file
+    gimbal : who moves the gimbal joints: the servos and rods, or an identified model
+    transfer_function : file of the identified model; the shipped reference where None
+    vehicle, mechanism : MJCF files in place of the scene's own
+    motor : RASP `.eng` file in place of the vehicle's own motor
+    overrides : named parameters, see `twin.overrides`
+    dt : physics step [s]; the scene's own where None
+    """
+
+    scene: str = "flight"
+    gimbal: Seat = "linkage"
+    transfer_function: Path | None = None
+    vehicle: Path | None = None
+    mechanism: Path | None = None
+    motor: Path | None = None
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    dt: float | None = None
+
+
+@dataclass(frozen=True)
+class TwinModel:
+    """A compiled model and what was decided on the way.
+
+    Attributes
+    ----------
+    mj : the compiled model; the plant of a run is its only writer
+    gimbal : the seat that moves the gimbal; `fixed` where the vehicle has no gimbal
+    sha256 : digest of the compiled model, the same for the same physics
+    """
+
+    mj: mujoco.MjModel
+    gimbal: Literal["linkage", "transfer-function", "fixed"]
+    sha256: str
+
+
+def load(config: ModelConfig) -> TwinModel:
+    """Compile the model of a run.
+
+    Raises
+    ------
+    TwinError : a file, name or number that cannot be used, in one line
+    """
+    spec = compose(config.scene, config.vehicle, config.mechanism)
+    if config.dt is not None:
+        spec.option.timestep = _checked_dt(config.dt)
+    seat = _seat(spec, config)
+    if seat == "transfer-function":
+        _exchange_actuation(spec, config.transfer_function)
+    if config.motor is not None:
+        _exchange_motor(spec, config.motor)
+    model = _compiled(spec)
+    override.apply(model, config.overrides)
+    _require(model, seat)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    return TwinModel(mj=model, gimbal=seat, sha256=digest(model))
+
+
+def digest(model: mujoco.MjModel) -> str:
+    """SHA-256 of a compiled model's bytes."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return hashlib.sha256(buffer.tobytes()).hexdigest()
+
+
+def _checked_dt(dt: float) -> float:
+    if not 0 < dt <= LARGEST_DT:
+        raise TwinError(f"--dt {dt}: the physics step must lie in 0 < dt ≤ {LARGEST_DT} s")
+    return dt
+
+
+def _seat(
+    spec: mujoco.MjSpec, config: ModelConfig
+) -> Literal["linkage", "transfer-function", "fixed"]:
+    joints = {joint.name for joint in spec.joints}
+    if joints.isdisjoint({"gimbal_x", "gimbal_y"}):
+        return "fixed"
+    return config.gimbal
+
+
+def _exchange_actuation(spec: mujoco.MjSpec, file: Path | None) -> None:
+    """Take servos and rods out of the mechanism and let an identified model move the joints.
+
+    Horns stay where they are as dead weight; rods are a gram each and go, since without their
+    loops they would have to be led by hand.
+    """
+    from twin.native import actuator
+
+    for equality in list(spec.equalities):
+        if equality.name.startswith("gimbal_"):
+            spec.delete(equality)
+    for sensor in list(spec.sensors):
+        if sensor.objname.startswith(("gimbal_servo_", "gimbal_rod_")):
+            spec.delete(sensor)
+    for motion in list(spec.actuators):
+        if motion.name.startswith("gimbal_"):
+            spec.delete(motion)
+    for joint in list(spec.joints):
+        if joint.name.startswith("gimbal_servo_"):
+            spec.delete(joint)
+    for axis in AXES:
+        rod = spec.body(f"gimbal_rod_{axis}")
+        if rod is not None:
+            spec.delete(rod)
+    identified = TransferFunctionModel.read(file or REFERENCE_GIMBAL)
+    actuator.attach(spec, identified, spec.option.timestep)
+
+
+def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> None:
+    from twin.motor import Motor, apply_motor
+
+    apply_motor(spec, Motor.from_eng(file))
+
+
+def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise TwinError(f"the model does not compile: {one_line(error)}") from error
+
+
+def _require(model: mujoco.MjModel, seat: str) -> None:
+    """Refuse a model that lacks a name the loop needs, naming all that are missing."""
+    groups = ["gimbal"] if seat != "fixed" else []
+    if seat == "linkage":
+        groups.append("linkage")
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "vehicle") >= 0:
+        groups.append("vehicle")
+    missing = [
+        f"{str(kind.name).removeprefix('mjOBJ_').lower()} {name!r}"
+        for group in groups
+        for kind, name in NEEDED[group]
+        if mujoco.mj_name2id(model, kind, name) < 0
+    ]
+    if missing:
+        raise TwinError(f"the model lacks {', '.join(missing)}; docs/vehicles.md lists what each is")

@@ -1,0 +1,167 @@
+"""Any named parameter of a compiled model, changed from the command line or a file."""
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from twin.errors import TwinError
+
+NAME = re.compile(r"(?P<owner>[A-Za-z0-9_/-]+)(?:\.(?P<attribute>[a-z]+))?(?:\[(?P<index>\d+)\])?")
+LARGEST_FILE = 1_000_000  # bytes
+
+# attribute -> (object type, how the compiled model stores it)
+ATTRIBUTES: Mapping[str, tuple[mujoco.mjtObj, str]] = {
+    "mass": (mujoco.mjtObj.mjOBJ_BODY, "body_mass"),
+    "inertia": (mujoco.mjtObj.mjOBJ_BODY, "body_inertia"),
+    "pos": (mujoco.mjtObj.mjOBJ_BODY, "body_pos"),
+    "stiffness": (mujoco.mjtObj.mjOBJ_JOINT, "jnt_stiffness"),
+    "range": (mujoco.mjtObj.mjOBJ_JOINT, "jnt_range"),
+    "damping": (mujoco.mjtObj.mjOBJ_JOINT, "dof_damping"),
+    "armature": (mujoco.mjtObj.mjOBJ_JOINT, "dof_armature"),
+    "frictionloss": (mujoco.mjtObj.mjOBJ_JOINT, "dof_frictionloss"),
+    "ctrlrange": (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator_ctrlrange"),
+    "forcerange": (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator_forcerange"),
+}
+OPTIONS = ("gravity",)
+
+
+def parse(items: Iterable[str], file: Path | None = None) -> dict[str, float]:
+    """Overrides from a JSON file of `{"name": number}` and, over them, from `NAME=VALUE` texts.
+
+    Raises
+    ------
+    TwinError : a text without `=`, a value that is no finite number, a file that is no such JSON
+    """
+    values = _from_file(file) if file else {}
+    for item in items:
+        name, equals, text = item.partition("=")
+        if not equals:
+            raise TwinError(f"--set {item!r}: write NAME=VALUE, for example air_drag=0.5")
+        values[name.strip()] = _number(text, f"--set {item!r}")
+    return values
+
+
+def _from_file(file: Path) -> dict[str, float]:
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise TwinError(f"{file} is larger than {LARGEST_FILE} bytes")
+        content = json.loads(file.read_text())
+    except OSError as error:
+        raise TwinError(f"cannot read overrides {file}: {error.strerror}") from error
+    except ValueError as error:
+        if isinstance(error, TwinError):
+            raise
+        raise TwinError(f"{file} is not JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise TwinError(f'{file}: overrides are one JSON object, {{"name": number, …}}')
+    return {str(name): _number(value, f"{file}: {name}") for name, value in content.items()}
+
+
+def _number(value: object, where: str) -> float:
+    try:
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError
+        number = float(value)
+    except ValueError:
+        raise TwinError(f"{where}: {value!r} is not a number") from None
+    if not math.isfinite(number):
+        raise TwinError(f"{where}: {value} is not finite")
+    return number
+
+
+def apply(model: mujoco.MjModel, overrides: Mapping[str, float]) -> None:
+    """Write overrides into a compiled model and renew what MuJoCo derives from them.
+
+    A name is a numeric (`wind_speed`, `air_strip[3]`), an element and attribute
+    (`vehicle.mass`, `gimbal_x.damping`, `gimbal_x.range[1]`) or an option (`gravity[2]`).
+    A body's inertia follows an overridden mass in proportion.
+
+    Raises
+    ------
+    TwinError : no such name; the message lists the nearest ones
+    """
+    for name, value in overrides.items():
+        match = NAME.fullmatch(name)
+        if match is None:
+            raise TwinError(f"{name!r} is no parameter name; {_examples()}")
+        _write(model, name, value, match["owner"], match["attribute"], match["index"])
+    if overrides:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _write(
+    model: mujoco.MjModel, name: str, value: float, owner: str, attribute: str | None, at: str | None
+) -> None:
+    if attribute is None:
+        _assign(_plain(model, owner), at, value, name)
+        return
+    if attribute not in ATTRIBUTES:
+        raise TwinError(f"{name}: no attribute {attribute!r}; valid: {', '.join(ATTRIBUTES)}")
+    kind, field = ATTRIBUTES[attribute]
+    index = mujoco.mj_name2id(model, kind, owner)
+    if index < 0:
+        known = _names(model, kind)
+        raise TwinError(f"{name}: no {_word(kind)} {owner!r}; valid: {', '.join(known)}")
+    if field.startswith("dof_"):
+        index = int(model.jnt_dofadr[index])
+    array = getattr(model, field)
+    if attribute == "mass":
+        if value <= 0:
+            raise TwinError(f"{name}: a mass of {value} kg is not positive")
+        model.body_inertia[index] *= value / model.body_mass[index]
+    _assign(array[index : index + 1] if array.ndim == 1 else array[index], at, value, name)
+
+
+def _plain(model: mujoco.MjModel, owner: str) -> np.ndarray:
+    """The array of a numeric or of an option."""
+    if owner in OPTIONS:
+        option = getattr(model.opt, owner)
+        if isinstance(option, np.ndarray):
+            return option
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, owner)
+    if index < 0:
+        known = [*_names(model, mujoco.mjtObj.mjOBJ_NUMERIC), *OPTIONS]
+        near = get_close_matches(owner, known, n=3)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise TwinError(f"no parameter {owner!r}{hint} Valid: {', '.join(known)}; {_examples()}")
+    start = int(model.numeric_adr[index])
+    return np.asarray(model.numeric_data[start : start + int(model.numeric_size[index])])
+
+
+def _assign(array: np.ndarray, at: str | None, value: float, name: str) -> None:
+    if at is None and array.size > 1:
+        raise TwinError(f"{name} has {array.size} values; write {name}[0] to {name}[{array.size - 1}]")
+    index = int(at or 0)
+    if index >= array.size:
+        raise TwinError(f"{name}: index {index} is past the last, {array.size - 1}")
+    array[index] = value
+
+
+def _names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
+    names = []
+    index = 0
+    count = {
+        mujoco.mjtObj.mjOBJ_BODY: model.nbody,
+        mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
+        mujoco.mjtObj.mjOBJ_ACTUATOR: model.nu,
+        mujoco.mjtObj.mjOBJ_NUMERIC: model.nnumeric,
+    }[kind]
+    for index in range(count):
+        name = mujoco.mj_id2name(model, kind, index)
+        if name:
+            names.append(name)
+    return names
+
+
+def _word(kind: mujoco.mjtObj) -> str:
+    return str(kind.name).removeprefix("mjOBJ_").lower()
+
+
+def _examples() -> str:
+    return "or BODY.mass, JOINT.damping, ACTUATOR.forcerange[1], gravity[2]"
