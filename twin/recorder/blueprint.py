@@ -1,0 +1,185 @@
+"""How a recording looks when a person opens it: only views whose signals were recorded."""
+
+from collections.abc import Sequence
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from analysis import schema
+from twin.recorder.poses import VEHICLE, Poses
+
+COMMAND = (150, 150, 150)
+SIMULATED = (60, 140, 255)
+MEASURED = (255, 140, 30)
+X, Y, Z, W = (230, 80, 80), (90, 190, 90), (80, 130, 240), (180, 120, 220)
+
+# One colour for one meaning: what was asked, what the model did, what was measured.
+_MEANING = {
+    "gimbal/command": COMMAND,
+    "gimbal/simulated": SIMULATED,
+    "gimbal/measured": MEASURED,
+    "gimbal/rate/simulated": SIMULATED,
+    "gimbal/rate/measured": MEASURED,
+    "control/setpoint": COMMAND,
+    "vehicle/tilt": SIMULATED,
+}
+_BY_COMPONENT = {"x": X, "y": Y, "z": Z, "w": W}
+_CYCLE = (X, Y, Z, W, (200, 180, 60), (80, 190, 200))
+
+# Overlays drawn once per axis: title, unit, signals.
+_PER_AXIS = (
+    ("Gimbal", ("gimbal/command", "gimbal/simulated", "gimbal/measured")),
+    ("Attitude", ("control/setpoint", "vehicle/tilt")),
+    ("Gimbal rate", ("gimbal/rate/simulated", "gimbal/rate/measured")),
+)
+_GROUPS = (
+    ("Control error", ("control/error",)),
+    ("Angle of attack", ("vehicle/angle_of_attack",)),
+    ("Airspeed", ("vehicle/airspeed",)),
+    ("Position", ("vehicle/position",)),
+    ("Velocity", ("vehicle/velocity",)),
+    ("Body rate", ("vehicle/rate",)),
+    ("Thrust", ("vehicle/thrust",)),
+    ("Mass", ("vehicle/mass",)),
+    ("Timing", ("timing/lateness", "timing/sensor_age", "timing/round_trip")),
+    ("Link", ("link/lost", "link/crc_errors")),
+    ("Potentiometers", ("sensors/potentiometer",)),
+    ("Gyro", ("sensors/gyro",)),
+    ("Accelerometer", ("sensors/accelerometer",)),
+    ("Base gyro", ("sensors/base_gyro",)),
+    ("Pulse width", ("sensors/pulse",)),
+    ("Loop closure", ("linkage/closure",)),
+    ("Servo angle", ("linkage/servo",)),
+)
+_TABS = (
+    (
+        "Vehicle",
+        ("Airspeed", "Angle of attack", "Position", "Velocity", "Body rate", "Thrust", "Mass"),
+    ),
+    ("Sensors", ("Potentiometers", "Gyro", "Accelerometer", "Base gyro", "Pulse width")),
+    ("Linkage", ("Servo angle", "Loop closure")),
+    ("Timing", ("Timing", "Link")),
+)
+
+
+def style(name: str) -> rr.SeriesLines:
+    """Colours and legend of one signal's lines."""
+    signal = schema.SIGNALS[name]
+    last = name.rsplit("/", 1)[-1]
+    single = len(signal.components) == 1
+    if name in _MEANING:
+        colors = [_MEANING[name]] * len(signal.components)
+    else:
+        colors = [
+            _BY_COMPONENT.get(c, _CYCLE[k % len(_CYCLE)]) for k, c in enumerate(signal.components)
+        ]
+    names = [last.replace("_", " ") if single else f"{last} {c}" for c in signal.components]
+    if name in _MEANING:
+        names = [last] * len(signal.components)
+    return rr.SeriesLines(colors=colors, names=names, widths=[1.5] * len(colors))
+
+
+def build(names: Sequence[str], poses: Poses | None) -> rrb.Blueprint:
+    """Return the blueprint for the recorded signals and, if there is one, the 3D scene."""
+    recorded = set(names)
+    plots = {title: _plot(title, members) for title, members in _present(_GROUPS, recorded)}
+    main = [
+        _axis(title, members, axis)
+        for title, members in _present(_PER_AXIS[:1], recorded)
+        for axis in (0, 1)
+    ]
+    if "Control error" in plots:
+        main.append(plots["Control error"])
+    if "Timing" in plots:
+        main.append(plots["Timing"])
+    tabs = [rrb.Vertical(*main, name="Gimbal")] if main else []
+    attitude = [
+        _axis(title, members, axis)
+        for title, members in _present(_PER_AXIS[1:], recorded)
+        for axis in (0, 1)
+    ]
+    if attitude:
+        tabs.append(rrb.Vertical(*attitude, name="Attitude"))
+    for tab, titles in _TABS:
+        if views := [plots[title] for title in titles if title in plots]:
+            tabs.append(rrb.Vertical(*views, name=tab))
+    left = [_log()] if poses is None else [_scene(poses), _log()]
+    body = rrb.Horizontal(
+        rrb.Vertical(*left, row_shares=[4, 1][-len(left) :]),
+        rrb.Tabs(*tabs, active_tab=0),
+        column_shares=[1, 1],
+    )
+    return rrb.Blueprint(
+        body,
+        rrb.TimePanel(state="collapsed", timeline=schema.TIME),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _present(
+    table: Sequence[tuple[str, tuple[str, ...]]], recorded: set[str]
+) -> list[tuple[str, list[str]]]:
+    found = ((title, [m for m in members if m in recorded]) for title, members in table)
+    return [(title, members) for title, members in found if members]
+
+
+def _plot(title: str, members: Sequence[str]) -> rrb.TimeSeriesView:
+    unit = schema.SIGNALS[members[0]].stored_unit
+    return rrb.TimeSeriesView(
+        name=title if unit == "1" else f"{title} [{unit}]",
+        contents=[schema.SIGNALS[m].entity for m in members],
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        axis_x=rrb.TimeAxis(link=rrb.components.LinkAxis.LinkToGlobal),
+    )
+
+
+def _axis(title: str, members: Sequence[str], axis: int) -> rrb.TimeSeriesView:
+    """Overlay one component of several signals."""
+    visible = [k == axis for k in range(2)]
+    unit = schema.SIGNALS[members[0]].stored_unit
+    return rrb.TimeSeriesView(
+        name=f"{title} {'xy'[axis]} [{unit}]",
+        contents=[schema.SIGNALS[m].entity for m in members],
+        overrides={
+            schema.SIGNALS[m].entity: rr.SeriesLines.from_fields(
+                visible_series=visible
+            ).visualizer()
+            for m in members
+        },
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        axis_x=rrb.TimeAxis(link=rrb.components.LinkAxis.LinkToGlobal),
+    )
+
+
+def _scene(poses: Poses) -> rrb.Spatial3DView:
+    eye = (
+        rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            tracking_entity=f"{schema.WORLD}/{VEHICLE}",
+            position=(-1.6, -2.2, 1.0),
+            look_target=(0.0, 0.0, 0.4),
+            eye_up=(0.0, 0.0, 1.0),
+        )
+        if poses.has_vehicle
+        else None
+    )
+    return rrb.Spatial3DView(
+        name="Vehicle" if poses.has_vehicle else "Scene",
+        origin=schema.WORLD,
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=eye,
+        overrides={
+            f"{schema.WORLD}/trail": rrb.VisibleTimeRanges(
+                timeline=schema.TIME,
+                start=rrb.TimeRangeBoundary.infinite(),
+                end=rrb.TimeRangeBoundary.cursor_relative(nanos=0),
+            )
+        },
+    )
+
+
+def _log() -> rrb.TextLogView:
+    return rrb.TextLogView(name="Events", contents=[schema.EVENTS, schema.HEALTH])

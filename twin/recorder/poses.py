@@ -1,0 +1,158 @@
+"""The moving part of the 3D scene: decimated body poses, trail and thrust arrow."""
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from analysis import schema
+from twin.recorder import columns
+from twin.recorder.scene import BodyMesh, bodies
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+VEHICLE = "vehicle"
+NOZZLE = "gimbal_nozzle"
+TRAIL_EVERY = 5  # poses to a piece of trail
+PATH_POINTS = 2048  # kept of the whole path; halved when full, so memory stays flat
+METRES_PER_NEWTON = 0.02  # length of the thrust arrow
+
+# Rerun takes a negative radius in points of the screen.
+TRAIL_RADIUS, PATH_RADIUS = -1.5, -0.75
+TRAIL_COLOR = (60, 140, 255)
+PATH_COLOR = (150, 150, 150, 120)
+THRUST_COLOR = (255, 210, 60)
+
+
+class Poses:
+    """A ring of body poses of one model, and what is drawn from it.
+
+    Parameters
+    ----------
+    model : compiled model whose bodies are drawn
+    period_ns : experiment time between two poses [ns]
+    capacity : poses kept before `full` turns true
+    """
+
+    def __init__(self, model: mujoco.MjModel, period_ns: int, capacity: int = 256) -> None:
+        drawn = bodies(model)
+        self.fixed = [b for b in drawn if not b.moves]
+        self.moving = [b for b in drawn if b.moves]
+        self.has_vehicle = any(b.name == VEHICLE for b in self.moving)
+        self.full = False
+        self._model = model
+        self._index = np.array([b.body for b in self.moving], dtype=np.intp)
+        self._period = period_ns
+        self._due = -(2**62)
+        self._n = 0
+        self._time = np.zeros(capacity, dtype=np.int64)
+        self._position = np.zeros((capacity, len(self.moving), 3))
+        self._attitude = np.zeros((capacity, len(self.moving), 4))
+        self._nozzle = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, NOZZLE)
+        self._jet = np.zeros((capacity, 2, 3))  # nozzle position, unit thrust direction
+        self._trail = np.zeros((0, 3))
+        self._skip = 0
+        self._path = np.zeros((PATH_POINTS, 3))
+        self._path_n, self._path_every, self._path_seen = 0, 1, 0
+
+    def add(self, time_ns: int, data: mujoco.MjData) -> None:
+        """Keep the poses of `data` if the next ones are due, else return at once."""
+        if time_ns < self._due or self.full:
+            return
+        self._due = time_ns - time_ns % self._period + self._period
+        n = self._n
+        self._time[n] = time_ns
+        np.take(data.xpos, self._index, axis=0, out=self._position[n])
+        np.take(data.xquat, self._index, axis=0, out=self._attitude[n])
+        if self._nozzle >= 0:
+            self._jet[n, 0] = data.site_xpos[self._nozzle]
+            self._jet[n, 1] = data.site_xmat[self._nozzle, 2::3]
+        self._n = n + 1
+        self.full = self._n == len(self._time)
+
+    def start(self, stream: rr.RecordingStream) -> None:
+        """Write what does not change: meshes, colours, poses of what never moves."""
+        stream.log(schema.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        data = mujoco.MjData(self._model)
+        mujoco.mj_forward(self._model, data)
+        for body in self.fixed + self.moving:
+            path = f"{schema.WORLD}/{body.name}"
+            stream.log(path, _mesh(body), static=True)
+            if not body.moves:
+                xyzw = np.roll(data.xquat[body.body], -1)
+                pose = rr.Transform3D(translation=data.xpos[body.body], quaternion=xyzw)
+                stream.log(path, pose, static=True)
+        trail = rr.LineStrips3D.from_fields(colors=[TRAIL_COLOR], radii=[TRAIL_RADIUS])
+        stream.log(f"{schema.WORLD}/trail", trail, static=True)
+        arrow = rr.Arrows3D.from_fields(colors=[THRUST_COLOR], radii=[0.006])
+        stream.log(f"{schema.WORLD}/thrust", arrow, static=True)
+
+    @property
+    def times(self) -> Stamps:
+        """Experiment times of the poses kept and not yet drained (n,) [ns]."""
+        return self._time[: self._n]
+
+    def drain(self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats) -> None:
+        """Send the kept poses and empty the ring.
+
+        Parameters
+        ----------
+        stream : where to
+        wall : time since 1970 of each pose (n,) [ns]
+        thrust : thrust at each pose (n,) [N]
+        """
+        n = self._n
+        stamps = columns.times(self.times, wall)
+        for k, body in enumerate(self.moving):
+            pose = columns.transforms(self._position[:n, k], self._attitude[:n, k])
+            stream.send_columns(f"{schema.WORLD}/{body.name}", stamps, pose)
+            if body.name == VEHICLE:
+                self._drain_trail(stream, wall, self._position[:n, k])
+        if self._nozzle >= 0:
+            vectors = (METRES_PER_NEWTON * thrust)[:, None] * self._jet[:n, 1]
+            arrows = columns.arrows(self._jet[:n, 0] - vectors, vectors)
+            stream.send_columns(f"{schema.WORLD}/thrust", stamps, arrows)
+        self._n, self.full = 0, False
+
+    def finish(self, stream: rr.RecordingStream) -> None:
+        """Write the whole path as one thin line, visible at any time."""
+        if self._path_n > 1:
+            line = rr.LineStrips3D(
+                [self._path[: self._path_n]], colors=[PATH_COLOR], radii=[PATH_RADIUS]
+            )
+            stream.log(f"{schema.WORLD}/path", line, static=True)
+
+    def _drain_trail(self, stream: rr.RecordingStream, wall: Stamps, position: Floats) -> None:
+        pick = slice(self._skip, None, TRAIL_EVERY)
+        self._skip = (self._skip - len(position)) % TRAIL_EVERY
+        points = position[pick]
+        chain = np.vstack([self._trail, points])
+        pieces = len(chain) - 1
+        if pieces > 0:
+            stamps = columns.times(self.times[pick][-pieces:], wall[pick][-pieces:])
+            piece = columns.segments(chain[:-1], chain[1:])
+            stream.send_columns(f"{schema.WORLD}/trail", stamps, piece)
+        self._trail = chain[-1:].copy()
+        for point in points:
+            self._keep(point)
+
+    def _keep(self, point: Floats) -> None:
+        self._path_seen += 1
+        if self._path_seen % self._path_every:
+            return
+        self._path[self._path_n] = point
+        self._path_n += 1
+        if self._path_n == PATH_POINTS:
+            self._path[: PATH_POINTS // 2] = self._path[::2].copy()
+            self._path_n //= 2
+            self._path_every *= 2
+
+
+def _mesh(body: BodyMesh) -> rr.Mesh3D:
+    return rr.Mesh3D(
+        vertex_positions=body.triangles.vertices.astype(np.float32),
+        vertex_normals=body.triangles.normals.astype(np.float32),
+        triangle_indices=body.triangles.faces,
+        vertex_colors=body.colors,
+    )

@@ -1,0 +1,242 @@
+"""The recorder: preallocated rows in, columns into one file once a simulated second."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from analysis import schema
+from twin.errors import TwinError
+from twin.recorder import blueprint, columns
+from twin.recorder.poses import Poses
+
+DRAIN_NS = 1_000_000_000
+THRUST = "vehicle/thrust"
+
+
+class RecorderError(TwinError):
+    """A recording that cannot be written, told in one line."""
+
+
+class Recorder:
+    """Writes a run into one Rerun file: `<path>.partial` while it runs, `<path>` once closed.
+
+    Fill `row` through `slices`, then `commit`; a value left alone is NaN.
+
+    Parameters
+    ----------
+    path : file to write, ending in `.rrd`
+    signals : names of `analysis.schema.SIGNALS` to record
+    properties : what describes the run; anything `json` can write. Equal properties give equal
+        recording ids, so a run on the wall clock should carry its date.
+    model : model whose bodies are drawn; None leaves the 3D scene out
+    pose_period_ns : experiment time between two drawn poses [ns]
+    capacity : rows kept at most before they are written
+    serve : port on the loopback interface where a viewer may watch, besides the file
+
+    Raises
+    ------
+    RecorderError
+        if a signal is unknown, the properties are not JSON, the file cannot be written, or the
+        port is taken; nothing has run then.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        signals: Sequence[str],
+        properties: Mapping[str, object],
+        model: mujoco.MjModel | None = None,
+        pose_period_ns: int = 20_000_000,
+        capacity: int = 4096,
+        serve: int | None = None,
+    ) -> None:
+        self.path = Path(path)
+        self._partial = self.path.with_name(self.path.name + ".partial")
+        self._signals = _signals(signals)
+        text = _json(properties)
+        _claim(self.path, self._partial)
+        self._layout(capacity)
+        self._poses = None if model is None else Poses(model, pose_period_ns)
+        self._texts: list[tuple[str, int, int, str, str]] = []
+        self._last_wall = 0
+        self._open = True
+        self._stream = self._start(text, serve)
+
+    def _layout(self, capacity: int) -> None:
+        width = sum(len(s.components) for s in self._signals)
+        ends = np.cumsum([len(s.components) for s in self._signals]).tolist()
+        self.slices: dict[str, slice] = {
+            s.name: slice(end - len(s.components), end)
+            for s, end in zip(self._signals, ends, strict=True)
+        }
+        self._scale = np.array([s.scale for s in self._signals for _ in s.components])
+        self._block = np.full((capacity, width), np.nan)
+        self._rows = list(self._block)
+        self._time = np.zeros(capacity, dtype=np.int64)
+        self._wall = np.zeros(capacity, dtype=np.int64)
+        self._n = 0
+        self._capacity = capacity
+        self._due = -(2**62)
+        self.row: NDArray[np.float64] = self._rows[0]
+
+    def _start(self, text: str, serve: int | None) -> rr.RecordingStream:
+        digest = hashlib.sha256(text.encode()).hexdigest()[:32]
+        # Rerun's own properties carry the time of day, which would spoil the comparison of runs.
+        stream = rr.RecordingStream(
+            schema.APPLICATION, recording_id=digest, send_properties=False, default_enabled=True
+        )
+        sinks: list[rr.FileSink | rr.GrpcServerSink] = []
+        try:
+            sinks.append(rr.FileSink(self._partial))
+            if serve is not None:
+                sinks.append(rr.GrpcServerSink("127.0.0.1", serve, server_memory_limit="256MiB"))
+            names = [s.name for s in self._signals]
+            stream.set_sinks(*sinks, default_blueprint=blueprint.build(names, self._poses))
+        except (RuntimeError, OSError, ValueError) as error:
+            self._partial.unlink(missing_ok=True)
+            raise RecorderError(f"cannot record to {self.path}: {_line(error)}") from None
+        stream.send_property(schema.PROPERTY, rr.AnyValues(schema=schema.SCHEMA, json=text))
+        for name in names:
+            stream.log(schema.SIGNALS[name].entity, blueprint.style(name), static=True)
+        if self._poses:
+            self._poses.start(stream)
+        return stream
+
+    def commit(self, time_ns: int, wall_ns: int) -> None:
+        """Take `row` as the state at `time_ns` of the experiment and `wall_ns` since 1970 [ns].
+
+        Allocates nothing but once a simulated second, when the rows are written.
+        """
+        n = self._n
+        self._time[n] = time_ns
+        self._wall[n] = wall_ns
+        n += 1
+        self._n = n
+        if n == self._capacity or time_ns >= self._due:
+            self._due = time_ns - time_ns % DRAIN_NS + DRAIN_NS
+            self.drain()
+            n = 0
+        self.row = self._rows[n]
+
+    def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
+        """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
+        if self._poses is None:
+            return
+        if self._poses.full:
+            self.drain()
+        self._poses.add(time_ns, data)
+
+    def event(self, time_ns: int, text: str, level: str = "INFO") -> None:
+        """Add a line to the events of the run; level INFO, WARN or ERROR."""
+        self._texts.append((schema.EVENTS, time_ns, self._wall_now(), text, level))
+
+    def health(self, time_ns: int, text: str) -> None:
+        """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
+        self._texts.append((schema.HEALTH, time_ns, self._wall_now(), text, "INFO"))
+
+    def drain(self) -> None:
+        """Write what is kept; called by `commit` in time, so seldom of use elsewhere."""
+        n = self._n
+        time, wall = self._time[:n].copy(), self._wall[:n].copy()
+        stored = self._block[:n] * self._scale
+        self._drain_poses(time, wall)
+        if n:
+            stamps = columns.times(time, wall)
+            for name, part in self.slices.items():
+                entity = schema.SIGNALS[name].entity
+                self._stream.send_columns(entity, stamps, columns.scalars(stored[:, part]))
+            self._last_wall = int(wall[-1])
+        for entity, at, wall_at, text, level in self._texts:
+            stamps = columns.times(np.array([at]), np.array([wall_at]))
+            self._stream.send_columns(entity, stamps, columns.texts([text], [level]))
+        self._texts.clear()
+        self._block[:n] = np.nan
+        self._n = 0
+        self.row = self._rows[0]
+
+    def close(self) -> None:
+        """Write the rest and give the file its name; a second call does nothing."""
+        if not self._open:
+            return
+        self._open = False
+        try:
+            self.drain()
+            if self._poses:
+                self._poses.finish(self._stream)
+        finally:
+            self._stream.flush()
+            self._stream.disconnect()
+        self._partial.replace(self.path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._open and error is not None and not isinstance(error, KeyboardInterrupt):
+            last = int(self._time[self._n - 1]) if self._n else self._due - DRAIN_NS
+            self.event(max(last, 0), f"run ended early: {_line(error)}", "ERROR")
+        self.close()
+
+    def _wall_now(self) -> int:
+        return int(self._wall[self._n - 1]) if self._n else self._last_wall
+
+    def _drain_poses(self, time: NDArray[np.int64], wall: NDArray[np.int64]) -> None:
+        if self._poses is None or not self._poses.times.size:
+            return
+        at = self._poses.times
+        if not len(time):
+            time, wall = at[:1], np.array([self._last_wall])
+        nearest = np.minimum(np.searchsorted(time, at), len(time) - 1)
+        thrust = np.zeros(len(at))
+        if THRUST in self.slices and self._n:
+            thrust = np.nan_to_num(self._block[nearest, self.slices[THRUST].start])
+        self._poses.drain(self._stream, wall[nearest], thrust)
+
+
+def _signals(names: Sequence[str]) -> list[schema.Signal]:
+    try:
+        found = [schema.signal(name) for name in dict.fromkeys(names)]
+    except schema.AnalysisError as error:
+        raise RecorderError(str(error)) from None
+    if not found:
+        raise RecorderError("a recording needs at least one signal")
+    return found
+
+
+def _json(properties: Mapping[str, object]) -> str:
+    try:
+        return json.dumps(dict(properties), sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise RecorderError(f"properties of a run must be JSON: {error}") from None
+
+
+def _claim(path: Path, partial: Path) -> None:
+    """Fail before anything runs if the file cannot be written."""
+    if path.suffix != ".rrd":
+        raise RecorderError(f"a recording's name ends in .rrd, not '{path.name}'")
+    if path.is_dir():
+        raise RecorderError(f"cannot record to {path}: it is a folder")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb"):
+            pass
+    except OSError as error:
+        raise RecorderError(f"cannot record to {path}: {error.strerror or error}") from None
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
