@@ -1,0 +1,404 @@
+"""Which sensor is wrong: parity, innovations and plausibility, and what to do about it.
+
+Three witnesses stand by each axis: two potentiometers and the gyro. Two that agree against the
+third name it. A supply error moves all four potentiometers by one common factor, which no other
+single fault does. Frame by frame, a reading further than `GATE` from the prediction is an outlier;
+slowly, each potentiometer is compared with an angle dead-reckoned from the gyro.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import cos, exp, radians, sqrt
+
+from hardware.frames import Pair, Triple
+
+POTENTIOMETERS = 4
+SENSORS = (
+    "potentiometer_x_a",
+    "potentiometer_x_b",
+    "potentiometer_y_a",
+    "potentiometer_y_b",
+    "gyro",
+    "supply",
+)
+GYRO, SUPPLY = 4, 5
+Quad = tuple[float, float, float, float]
+
+GATE = 4.5  # σ; two Gaussian outliers of one sensor meet within 100 ms once in 60 hours
+CERTAIN = 9.0  # σ; one is enough
+RAIL = 0.02  # fraction of the supply no wired potentiometer reaches within ±10° of mid-travel
+ODD_SCORE, BAD_SCORE = 0.05, 1.0
+SCORE_TIME = 0.1  # s; evidence fades with it
+SMOOTHING = 0.016  # s; of the potentiometers' distance from the dead-reckoned angle
+LEAK = 0.25  # s; with which the dead-reckoned angle is drawn to the estimate
+SETTLING = 1.5  # s; the gyro's bias is not yet known before
+CLEAN_TIME = 2.0  # s without evidence before a sensor is trusted again
+PROOF = radians(1.0)  # motion a potentiometer must have followed before it is trusted again
+FROZEN = 10  # equal gyro readings in a row: its noise moves the last digit every time
+DRIFT = radians(0.45)  # distance that counts when at rest: 6 σ plus potentiometer linearity
+LAG = 1.5e-3  # s; what stays of the gyro's delay while moving
+
+
+class State(StrEnum):
+    """Health of one sensor."""
+
+    OK = "ok"
+    SUSPECT = "suspect"
+    FAULTY = "faulty"
+    RECOVERING = "recovering"
+
+
+class Sign(StrEnum):
+    """What the evidence of a frame says of one sensor."""
+
+    CLEAN = "clean"
+    ODD = "odd"
+    BAD = "bad"
+    PROVEN = "proven"  # clean for `CLEAN_TIME` and, for a potentiometer, moved with the gimbal
+
+
+# A pair that is missing leaves the state as it is.
+TRANSITIONS: dict[tuple[State, Sign], State] = {
+    (State.OK, Sign.ODD): State.SUSPECT,
+    (State.OK, Sign.BAD): State.FAULTY,
+    (State.SUSPECT, Sign.CLEAN): State.OK,
+    (State.SUSPECT, Sign.BAD): State.FAULTY,
+    (State.SUSPECT, Sign.PROVEN): State.OK,
+    (State.FAULTY, Sign.CLEAN): State.RECOVERING,
+    (State.RECOVERING, Sign.ODD): State.FAULTY,
+    (State.RECOVERING, Sign.BAD): State.FAULTY,
+    (State.RECOVERING, Sign.PROVEN): State.OK,
+}
+NAMED = (State.FAULTY, State.RECOVERING)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One frame in angles and rates.
+
+    Attributes
+    ----------
+    dt : time since the previous frame [s]
+    fraction : potentiometer readings [1]
+    angle : the same as angles [rad]
+    gain : angle per full supply, signed [rad]
+    gyro : raw reading of the holder gyro [rad/s]
+    rate : calibrated x rate · cos y, and y rate, bias not removed [rad/s]
+    """
+
+    dt: float
+    fraction: Quad
+    angle: Quad
+    gain: Quad
+    gyro: Triple
+    rate: Pair
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What the filters expect before they see the frame.
+
+    Attributes
+    ----------
+    angle, rate, bias : per axis [rad], [rad/s], [rad/s]
+    variance : of each potentiometer's innovation [rad²]
+    tolerance : what each potentiometer's map leaves open [rad]
+    gyro_delay : by which the gyro's reading is late [s]
+    """
+
+    angle: Pair
+    rate: Pair
+    bias: Pair
+    variance: Quad
+    tolerance: Quad = (0.0, 0.0, 0.0, 0.0)
+    gyro_delay: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """How the filters should treat this frame.
+
+    Attributes
+    ----------
+    use : per potentiometer
+    use_gyro : per axis
+    supply_sigma : standard deviation of a common supply error; 0 keeps the usual one [1]
+    forget : per axis, (angle, bias) standard deviations to add; None leaves the filter [rad], [rad/s]
+    """
+
+    use: tuple[bool, bool, bool, bool]
+    use_gyro: tuple[bool, bool]
+    supply_sigma: float = 0.0
+    forget: tuple[Pair | None, Pair | None] = (None, None)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A sensor that is known to be wrong.
+
+    Attributes
+    ----------
+    sensor : one of `SENSORS`
+    kind : glitch, open, deviating, frozen, bias or sag
+    since : time of the monitor at which it was named [s]
+    """
+
+    sensor: str
+    kind: str
+    since: float
+
+
+@dataclass(slots=True)
+class _Track:
+    """Evidence on one sensor and the state that follows from it."""
+
+    index: int
+    state: State = State.OK
+    score: float = 0.0
+    kind: str = ""
+    since: float = 0.0
+    clean: float = 0.0
+    lowest: float = 0.0
+    highest: float = 0.0
+
+    def sign(self) -> Sign:
+        if self.score >= BAD_SCORE:
+            return Sign.BAD
+        if self.score > ODD_SCORE:
+            return Sign.ODD
+        moved = self.index >= GYRO or self.highest - self.lowest >= PROOF
+        return Sign.PROVEN if self.clean >= CLEAN_TIME and moved else Sign.CLEAN
+
+
+@dataclass(slots=True)
+class _Axis:
+    """Dead-reckoned angle of one axis and each potentiometer's smoothed distance from it."""
+
+    free: float = 0.0
+    bias: float = 0.0
+    distance: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    doubtful: float = 0.0  # s for which the potentiometers disagree and none can be named
+
+
+class Monitor:
+    """Watches the sensors of one rig; `listener(sensor, old, new, kind)` hears every change."""
+
+    def __init__(self, listener: Callable[[str, State, State, str], None] | None = None) -> None:
+        self.listener = listener
+        self.time = 0.0
+        self._tracks = tuple(_Track(i) for i in range(len(SENSORS)))
+        self._axes = (_Axis(), _Axis())
+        self._running = 0.0  # s since `begin`
+        self._last_gyro: Triple | None = None
+        self._equal = 0
+        self._named = 0
+
+    @property
+    def healthy(self) -> bool:
+        """No sensor is named and no axis is in doubt."""
+        return self._named == 0 and all(a.doubtful < 0.5 for a in self._axes)
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The sensors that are named."""
+        return tuple(
+            Fault(SENSORS[t.index], t.kind, t.since) for t in self._tracks if t.state in NAMED
+        )
+
+    @property
+    def states(self) -> dict[str, State]:
+        """State of every sensor by name."""
+        return {SENSORS[t.index]: t.state for t in self._tracks}
+
+    def describe(self) -> str:
+        """Return the health in one line."""
+        parts = [f"{f.sensor} {f.kind}" for f in self.faults]
+        parts += [
+            f"potentiometers of {name} disagree"
+            for name, axis in zip("xy", self._axes, strict=True)
+            if axis.doubtful >= 0.5 and not parts
+        ]
+        return ", ".join(parts) or "ok"
+
+    def begin(self, reading: Reading) -> tuple[bool, bool, bool, bool]:
+        """Start afresh on a first frame, or after a gap; tell which potentiometers are wired."""
+        a, b, c, d = (RAIL < f < 1 - RAIL for f in reading.fraction)
+        self._running = 0.0
+        self._last_gyro, self._equal = None, 0
+        for axis in self._axes:
+            axis.distance = [0.0, 0.0]
+            axis.doubtful = 0.0
+        self._pending_start = True
+        return (a, b, c, d)
+
+    def inspect(self, reading: Reading, prediction: Prediction) -> Remedy:
+        """Judge one frame before the filters take it in."""
+        dt = reading.dt
+        self.time += dt
+        self._running += dt
+        fade = exp(-dt / SCORE_TIME)
+        for track in self._tracks:
+            track.score *= fade
+        rest, supply = self._without_supply(reading, prediction)
+        use = self._outliers(reading, prediction, rest, supply)
+        self._frozen(reading)
+        self._dead_reckon(reading, prediction, rest)
+        if self._running > SETTLING:
+            self._compare(prediction)
+        forget = self._advance(prediction, dt)
+        gyro = self._tracks[GYRO]
+        usable = not (gyro.state is State.FAULTY and gyro.kind == "frozen")
+        marginal = supply or self._tracks[SUPPLY].state in NAMED
+        return Remedy(
+            use=(use[0], use[1], use[2], use[3]),
+            use_gyro=(usable, usable),
+            supply_sigma=1.0 if marginal else 0.0,
+            forget=forget,
+        )
+
+    def _accuse(self, index: int, weight: float, kind: str) -> None:
+        track = self._tracks[index]
+        track.score = min(track.score + weight, 2.0)
+        if track.state not in NAMED or kind == "open":
+            track.kind = kind
+
+    def _without_supply(self, r: Reading, p: Prediction) -> tuple[list[float], bool]:
+        """Return the innovations [rad] freed of a common supply error, and whether there is one."""
+        rest = [r.angle[i] - p.angle[i // 2] for i in range(POTENTIOMETERS)]
+        known = self._tracks[SUPPLY].state in NAMED
+        outlying = sum(rest[i] ** 2 > GATE**2 * p.variance[i] for i in range(POTENTIOMETERS))
+        if outlying < 2 and not known:
+            return rest, False
+        wired = [
+            i
+            for i in range(POTENTIOMETERS)
+            if self._tracks[i].state not in NAMED and RAIL < r.fraction[i] < 1 - RAIL
+        ]
+        if len(wired) < 3:
+            return rest, False
+        slope = [f * g for f, g in zip(r.fraction, r.gain, strict=True)]
+        weight = sum(slope[i] ** 2 / p.variance[i] for i in wired)
+        error = sum(slope[i] * rest[i] / p.variance[i] for i in wired) / weight
+        fitted = [rest[i] - slope[i] * error for i in range(POTENTIOMETERS)]
+        fits = all(fitted[i] ** 2 < GATE**2 * p.variance[i] for i in wired)
+        if not fits:
+            return rest, False
+        if error * error * weight > GATE**2:
+            self._accuse(SUPPLY, 0.3, "sag")
+            return fitted, True
+        return (fitted, True) if known else (rest, False)
+
+    def _outliers(
+        self, r: Reading, p: Prediction, rest: list[float], supply: bool
+    ) -> list[bool]:
+        """Return which potentiometers may be used in this frame."""
+        use = [True] * POTENTIOMETERS
+        for a in (0, 2):
+            b = a + 1
+            pair = p.variance[a] + p.variance[b]
+            agree = (rest[a] - rest[b]) ** 2 < GATE**2 * pair
+            alone = self._excluded(a) or self._excluded(b)
+            for i in (a, b):
+                if not RAIL < r.fraction[i] < 1 - RAIL:
+                    self._accuse(i, 0.6, "open")
+                    use[i] = False
+                    continue
+                z2 = rest[i] ** 2 / p.variance[i]
+                # Potentiometers that agree against the prediction speak of the gyro, not of one.
+                if z2 > GATE**2 and (alone or not agree) and not supply:
+                    self._accuse(i, 1.0 if z2 > CERTAIN**2 else 0.6, "glitch")
+                    use[i] = False
+                elif self._excluded(i):
+                    use[i] = False
+        return use
+
+    def _excluded(self, index: int) -> bool:
+        """A named potentiometer stays out unless it is right most of the time."""
+        track = self._tracks[index]
+        return track.state in NAMED and track.kind != "glitch"
+
+    def _frozen(self, r: Reading) -> None:
+        self._equal = self._equal + 1 if r.gyro == self._last_gyro else 0
+        self._last_gyro = r.gyro
+        if self._equal >= FROZEN:
+            self._accuse(GYRO, 1.0, "frozen")
+
+    def _dead_reckon(self, r: Reading, p: Prediction, rest: list[float]) -> None:
+        smooth = min(1.0, r.dt / SMOOTHING)
+        cosine = (cos(p.angle[1]), 1.0)
+        wrong_gyro = self._tracks[GYRO].state in NAMED
+        for index, axis in enumerate(self._axes):
+            if self._running <= r.dt or wrong_gyro or self._running < SETTLING:
+                axis.bias = p.bias[index]
+            axis.free += (r.rate[index] - axis.bias) / cosine[index] * r.dt
+            late = p.rate[index] * p.gyro_delay
+            offset = p.angle[index] - (axis.free + late)
+            if self._running <= r.dt:
+                axis.free += offset
+                offset = 0.0
+            for k in (0, 1):
+                i = 2 * index + k
+                if self._glitching(i, rest[i], p.variance[i]):
+                    continue
+                axis.distance[k] += smooth * (rest[i] + offset - axis.distance[k])
+            parity = axis.distance[0] - axis.distance[1]
+            if abs(parity) < 0.5 * DRIFT or self._excluded(2 * index) or self._excluded(2 * index + 1):
+                leak = LEAK if not wrong_gyro else 0.1 * LEAK
+                axis.free += offset * min(1.0, r.dt / leak)
+                axis.bias += (p.bias[index] - axis.bias) * min(1.0, r.dt)
+
+    def _glitching(self, i: int, rest: float, variance: float) -> bool:
+        """Single wrong readings are counted as outliers and must not look like a drift too."""
+        track = self._tracks[i]
+        return track.kind == "glitch" and track.state in NAMED and rest * rest > GATE**2 * variance
+
+    def _compare(self, p: Prediction) -> None:
+        for index, axis in enumerate(self._axes):
+            a, b = axis.distance
+            margin = DRIFT + LAG * abs(p.rate[index]) + max(p.tolerance[2 * index : 2 * index + 2])
+            if abs(a - b) > margin:
+                self._disagree(index, a, b, margin)
+            elif abs(a) > margin and abs(b) > margin and a * b > 0:
+                self._accuse(GYRO, 0.2, "bias")
+            elif self._excluded(2 * index) and abs(b) > margin:
+                pass  # one potentiometer left: it and the gyro disagree, neither can be named
+
+    def _disagree(self, index: int, a: float, b: float, margin: float) -> None:
+        if abs(a) > abs(b) + 0.5 * margin:
+            self._accuse(2 * index, 0.2, "deviating")
+        elif abs(b) > abs(a) + 0.5 * margin:
+            self._accuse(2 * index + 1, 0.2, "deviating")
+        elif not (self._excluded(2 * index) or self._excluded(2 * index + 1)):
+            self._axes[index].doubtful += 0.002
+
+    def _advance(self, p: Prediction, dt: float) -> tuple[Pair | None, Pair | None]:
+        """Move every sensor's state along `TRANSITIONS`; return what the filters should forget."""
+        forget: tuple[Pair | None, Pair | None] = (None, None)
+        for track in self._tracks:
+            if track.score <= ODD_SCORE and track.state is State.OK:
+                continue
+            angle = p.angle[min(track.index, 3) // 2]
+            track.clean = 0.0 if track.score > ODD_SCORE else track.clean + dt
+            if track.clean == 0.0:
+                track.lowest = track.highest = angle
+            track.lowest, track.highest = min(track.lowest, angle), max(track.highest, angle)
+            new = TRANSITIONS.get((track.state, track.sign()), track.state)
+            if new is track.state:
+                continue
+            if new is State.FAULTY and track.state not in NAMED:
+                track.since = self.time
+                if track.index == GYRO:
+                    forget = (self._lost(0), self._lost(1))
+            self._change(track, new)
+        return forget
+
+    def _lost(self, index: int) -> Pair:
+        a, b = self._axes[index].distance
+        return abs(a + b) / 2 + DRIFT, radians(30.0)
+
+    def _change(self, track: _Track, new: State) -> None:
+        old, track.state = track.state, new
+        self._named = sum(t.state in NAMED for t in self._tracks)
+        if self.listener is not None:
+            self.listener(SENSORS[track.index], old, new, track.kind)
