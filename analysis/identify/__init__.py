@@ -1,0 +1,1 @@
+"""From commands, gyro and potentiometer to a continuous-time model with honest uncertainty."""

@@ -1,0 +1,357 @@
+"""The fit of one axis: which samples, which parameters, and the projected least-squares problem.
+
+Poles and delays are searched; numerators, offsets, biases and initial motion enter linearly and are
+solved for in every step (variable projection: G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10,
+1973; the Jacobian in the form of L. Kaufman, BIT 15, 1975, whose Gauss–Newton step on the searched
+parameters is that of the whole problem).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.basis import Denominator, denominator, over_single, over_square
+from analysis.identify.modal import impulse_response, modal_response
+from analysis.identify.records import Record
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Which parameters the model of one axis has.
+
+    Attributes
+    ----------
+    poles, zeros : of every channel into this axis
+    inputs : number of commands
+    own : every channel has a denominator of its own; otherwise they share one
+    delays : fixed delay of every command [s], NaN where it is free (inputs,)
+    frequency : scale of s in the numerators [rad/s], to keep the columns comparable
+    """
+
+    poles: int
+    zeros: int
+    inputs: int
+    own: bool
+    delays: tuple[float, ...]
+    frequency: float = 1.0
+
+    @property
+    def groups(self) -> int:
+        """Number of denominators."""
+        return self.inputs if self.own else 1
+
+    @property
+    def free_delays(self) -> tuple[int, ...]:
+        """Commands whose delay is searched."""
+        return tuple(i for i, d in enumerate(self.delays) if np.isnan(d))
+
+    @property
+    def size(self) -> int:
+        """Number of searched parameters."""
+        return self.groups * self.poles + len(self.free_delays)
+
+    def group(self, column: int) -> slice:
+        """Where the denominator of a command's channel stands in θ."""
+        first = (column if self.own else 0) * self.poles
+        return slice(first, first + self.poles)
+
+    def delay(self, theta: Array, column: int) -> float:
+        """Delay of a command's channel [s]."""
+        if not np.isnan(self.delays[column]):
+            return self.delays[column]
+        return float(theta[self.groups * self.poles + self.free_delays.index(column)])
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """The samples of one record that speak about one axis."""
+
+    time: Array  # (n,)
+    input_time: Array  # (k,)
+    input: Array  # (k, p)
+    angle_rows: Rows
+    rate_rows: Rows
+    free: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Everything known at one θ.
+
+    Rows: angles of all records, then rates. `jacobian` is weighted and complete: searched, then
+    linear parameters.
+    """
+
+    theta: Array
+    linear: Array
+    residual: Array  # unweighted, measured − model (rows,)
+    weighted: Array  # (rows,)
+    projected: Array  # ∂weighted/∂θ with the linear parameters following (rows, θ)
+    basis: Array  # weighted columns of the linear parameters (rows, linear)
+    slope: Array  # weighted ∂model/∂θ at fixed linear parameters (rows, θ)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Weighted least squares of one axis over all records."""
+
+    layout: Layout
+    parts: tuple[Part, ...]
+    measured: Array  # (rows,)
+    is_rate: NDArray[np.bool_]  # (rows,)
+    owner: NDArray[np.intp]  # record of each row (rows,)
+    time: Array  # (rows,)
+    weight: Array  # 1/sigma of each row, 0 where it does not count (rows,)
+    shared_offset: bool = True
+    cache: dict[bytes, Solution] = field(default_factory=dict, compare=False, repr=False)
+
+    def weighed(self, weight: Array) -> "Problem":
+        """The same problem with other weights."""
+        return replace(self, weight=weight, cache={})
+
+    def with_layout(self, layout: Layout) -> "Problem":
+        """The same samples for another structure."""
+        return replace(self, layout=layout, cache={})
+
+    @property
+    def numerators(self) -> int:
+        """Number of numerator coefficients: they come first among the linear parameters."""
+        return self.layout.inputs * (self.layout.zeros + 1)
+
+    def solve(self, theta: Array) -> Solution:
+        """Best linear parameters and derivatives at θ."""
+        key = theta.tobytes()
+        if key not in self.cache:
+            self.cache.clear()
+            self.cache[key] = self._solve(theta)
+        return self.cache[key]
+
+    def _solve(self, theta: Array) -> Solution:
+        signals = [self._signals(theta, part) for part in self.parts]
+        phi = self._columns([s.values for s in signals])
+        basis = phi * self.weight[:, None]
+        scale = np.linalg.norm(basis, axis=0)
+        scale[scale == 0.0] = 1.0
+        q, r = np.linalg.qr(basis / scale)
+        # a column the weights have emptied (a step held out) keeps a zero pivot: solve around it
+        solved = np.linalg.lstsq(r, q.T @ (self.measured * self.weight), rcond=1e-12)[0]
+        linear = solved / scale
+        residual = self.measured - phi @ linear
+        slope = self._slope(theta, signals, linear) * self.weight[:, None]
+        projected = -(slope - q @ (q.T @ slope))
+        return Solution(theta, linear, residual, residual * self.weight, projected, basis, slope)
+
+    def predict(self, theta: Array, linear: Array) -> Array:
+        """Model output of every row at given parameters (rows,)."""
+        return self._columns([self._signals(theta, p).values for p in self.parts]) @ linear
+
+    # The layout of the linear parameters: numerators of each command, angle offset(s), gyro bias of
+    # each record, then the initial motion of each record that has one.
+    def _columns(self, values: Sequence["_Values"]) -> Array:
+        blocks = [np.concatenate([v.angle for v in values] + [v.rate for v in values])]
+        if not self.is_rate.all():
+            if self.shared_offset:
+                blocks.append((~self.is_rate).astype(float)[:, None])
+            else:
+                blocks.append(self._per_record(~self.is_rate))
+        if self.is_rate.any():
+            blocks.append(self._per_record(self.is_rate))
+        for index, value in enumerate(values):
+            if value.free_angle is not None and value.free_rate is not None:
+                columns = np.zeros((len(self.measured), value.free_angle.shape[1]))
+                mine = self.owner == index
+                columns[mine & ~self.is_rate] = value.free_angle
+                columns[mine & self.is_rate] = value.free_rate
+                blocks.append(columns)
+        return np.hstack(blocks)
+
+    def _per_record(self, rows: NDArray[np.bool_]) -> Array:
+        with_rows = [i for i in range(len(self.parts)) if (rows & (self.owner == i)).any()]
+        return np.stack([rows & (self.owner == i) for i in with_rows], axis=1).astype(float)
+
+    def _signals(self, theta: Array, part: Part) -> "_Signals":
+        layout = self.layout
+        dens = [denominator(theta[layout.group(j)]) for j in range(layout.groups)]
+        states, angle, rate = [], [], []
+        for j in range(layout.inputs):
+            den = dens[j if layout.own else 0]
+            state = _states(part, den, j, layout.delay(theta, j))
+            weights_a, weights_r = _channel_weights(den, layout)
+            columns = state[part.angle_rows] @ weights_a
+            columns[:, 0] += part.input[0, j]
+            angle.append(columns)
+            rate.append(state[part.rate_rows] @ weights_r)
+            states.append(state)
+        values = _Values(np.hstack(angle), np.hstack(rate))
+        motions: list[Array] = []
+        if part.free:
+            motions = [_free_states(part, den) for den in dens]
+            pairs = [_free_weights(den, layout) for den in dens]
+            values.free_angle = np.hstack(
+                [m[part.angle_rows] @ a for m, (a, _) in zip(motions, pairs, strict=True)]
+            )
+            values.free_rate = np.hstack(
+                [m[part.rate_rows] @ r for m, (_, r) in zip(motions, pairs, strict=True)]
+            )
+        return _Signals(values, dens, states, motions)
+
+    def _slope(self, theta: Array, signals: Sequence["_Signals"], linear: Array) -> Array:
+        layout = self.layout
+        coefficients = linear[: self.numerators].reshape(layout.inputs, layout.zeros + 1)
+        free_at = len(linear) - sum(layout.groups * layout.poles for p in self.parts if p.free)
+        angle, rate = [], []
+        for part, signal in zip(self.parts, signals, strict=True):
+            a = np.zeros((len(part.angle_rows), layout.size))
+            r = np.zeros((len(part.rate_rows), layout.size))
+            for j in range(layout.inputs):
+                den, state = signal.dens[j if layout.own else 0], signal.states[j]
+                wa, wr = _gradient_weights(den, layout, coefficients[j])
+                where = np.arange(layout.size)[layout.group(j)]
+                if j in layout.free_delays:
+                    column = layout.groups * layout.poles + layout.free_delays.index(j)
+                    where = np.append(where, column)
+                else:
+                    wa, wr = wa[:, : layout.poles], wr[:, : layout.poles]
+                a[:, where] += state[part.angle_rows] @ wa
+                r[:, where] += state[part.rate_rows] @ wr
+            for g, motion in enumerate(signal.motions):
+                part_linear = linear[free_at : free_at + layout.poles]
+                wa, wr = _free_gradient(signal.dens[g], layout, part_linear)
+                a[:, layout.group(g)] += motion[part.angle_rows] @ wa
+                r[:, layout.group(g)] += motion[part.rate_rows] @ wr
+                free_at += layout.poles
+            angle.append(a)
+            rate.append(r)
+        return np.concatenate(angle + rate)
+
+
+@dataclass(slots=True)
+class _Values:
+    angle: Array
+    rate: Array
+    free_angle: Array | None = None
+    free_rate: Array | None = None
+
+
+@dataclass(slots=True)
+class _Signals:
+    values: _Values
+    dens: list[Denominator]
+    states: list[Array]
+    motions: list[Array]
+
+
+def assemble(
+    records: Sequence[Record], axis: int, layout: Layout, *, shared_offset: bool = True
+) -> Problem:
+    """Collect the samples of one axis from all records, every row weighing the same."""
+    parts, angle, rate = [], [], []
+    for r in records:
+        a_rows, r_rows = _measured_rows(r.angle, axis), _measured_rows(r.rate, axis)
+        parts.append(Part(r.time, r.input_time, r.input, a_rows, r_rows, r.initial == "free"))
+        angle.append(np.zeros(0) if r.angle is None else r.angle[a_rows, axis])
+        rate.append(np.zeros(0) if r.rate is None else r.rate[r_rows, axis])
+    counts = [len(x) for x in angle + rate]
+    owner = np.repeat(np.tile(np.arange(len(records)), 2), counts)
+    stamps = [p.time[p.angle_rows] for p in parts] + [p.time[p.rate_rows] for p in parts]
+    is_rate = np.repeat([False, True], [sum(map(len, angle)), sum(map(len, rate))])
+    measured = np.concatenate(angle + rate)
+    return Problem(
+        layout,
+        tuple(parts),
+        measured,
+        is_rate,
+        owner,
+        np.concatenate(stamps),
+        np.ones(len(measured)),
+        shared_offset,
+    )
+
+
+def _measured_rows(values: Array | None, axis: int) -> Rows:
+    if values is None:
+        return np.zeros(0, dtype=np.intp)
+    return np.flatnonzero(np.isfinite(values[:, axis]))
+
+
+def _states(part: Part, den: Denominator, column: int, delay: float) -> Array:
+    """Real and imaginary parts of the modes' states, and the delayed input (n, 4·modes + 1)."""
+    moved = part.input[:, column] - part.input[0, column]
+    changes = np.flatnonzero(np.diff(moved, prepend=0.0) != 0.0)
+    single, double, held = modal_response(
+        part.time, part.input_time[changes], moved[changes], den.poles, delay
+    )
+    return np.hstack([single.real, -single.imag, double.real, -double.imag, held[:, None]])
+
+
+def _free_states(part: Part, den: Denominator) -> Array:
+    single, double = impulse_response(part.time - part.time[0], den.poles)
+    none = np.zeros((len(part.time), 1))
+    return np.hstack([single.real, -single.imag, double.real, -double.imag, none])
+
+
+def _stack(
+    single: NDArray[np.complex128], double: NDArray[np.complex128] | None, through: Array
+) -> Array:
+    if double is None:
+        double = np.zeros_like(single)
+    return np.vstack([single.real, single.imag, double.real, double.imag, through[None, :]])
+
+
+def _powers(den: Denominator, layout: Layout, highest: int, extra: int) -> Array:
+    """Rows a₀ (s/ω)ᵏ sᵉˣᵗʳᵃ, k = 0…highest, descending powers."""
+    width = highest + extra + 1
+    rows = np.zeros((highest + 1, width))
+    for k in range(highest + 1):
+        rows[k, width - 1 - k - extra] = den.coefficients[-1] / layout.frequency**k
+    return rows
+
+
+def _channel_weights(den: Denominator, layout: Layout) -> tuple[Array, Array]:
+    """Weights of the numerator columns on the states: φₖ = a₀ (s/ω)ᵏ/A for angle, sφₖ for rate."""
+    pair = []
+    for extra in (0, 1):
+        single, through = over_single(_powers(den, layout, layout.zeros, extra), den)
+        pair.append(_stack(single, None, through))
+    return pair[0], pair[1]
+
+
+def _gradient_weights(den: Denominator, layout: Layout, b: Array) -> tuple[Array, Array]:
+    """Weights of ∂(Σ bₖφₖ)/∂θ of the channel and, in the last column, ∂/∂delay = −s·."""
+    pair = []
+    for extra in (0, 1):
+        powers = _powers(den, layout, layout.zeros, extra)
+        numerator = b @ powers  # includes a₀
+        a0 = den.coefficients[-1]
+        rows = []
+        for change in den.gradient:
+            relative = change[-1] / a0  # ∂a₀/a₀
+            rows.append(np.convolve(numerator, relative * den.coefficients - change))
+        single, double, through = over_square(np.array(rows), den)
+        late, late_through = over_single(np.append(-numerator, 0.0)[None, :], den)
+        pair.append(np.hstack([_stack(single, double, through), _stack(late, None, late_through)]))
+    return pair[0], pair[1]
+
+
+def _free_weights(den: Denominator, layout: Layout) -> tuple[Array, Array]:
+    pair = []
+    for extra in (0, 1):
+        powers = _powers(den, layout, den.order - 1, extra) / den.coefficients[-1]
+        single, through = over_single(powers, den)
+        pair.append(_stack(single, None, through))
+    return pair[0], pair[1]
+
+
+def _free_gradient(den: Denominator, layout: Layout, c: Array) -> tuple[Array, Array]:
+    pair = []
+    for extra in (0, 1):
+        numerator = c @ (_powers(den, layout, den.order - 1, extra) / den.coefficients[-1])
+        rows = np.array([-np.convolve(numerator, change) for change in den.gradient])
+        single, double, through = over_square(rows, den)
+        pair.append(_stack(single, double, through))
+    return pair[0], pair[1]

@@ -1,0 +1,234 @@
+"""Validated measurements: what was commanded, and what gyro and potentiometer saw."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.identify.errors import IdentificationError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Initial = Literal["rest", "free"]
+
+MAX_SAMPLES = 20_000_000
+_LARGEST = 1e9  # no gimbal reads more, in any unit: a larger number is a broken file
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One run of a gimbal: held commands with stamps of their own, and sampled angle and rate.
+
+    Attributes
+    ----------
+    time : sample times [s], strictly increasing, any spacing (n,)
+    input_time : times at which the command takes a new value [s] (k,)
+    input : the value it holds from then on [rad] (k, p)
+    angle : potentiometer angle [rad], NaN where there is no reading (n, q), or None
+    rate : gyro rate [rad/s], NaN where there is no reading (n, q), or None
+    initial : `rest` if the gimbal stood still when the record starts, `free` if it may have moved
+    name : how messages call the record
+    inputs, outputs : names of the p commands and q axes
+
+    Raises
+    ------
+    IdentificationError
+        for stamps that do not increase, wrong shapes, readings that are not finite numbers.
+    """
+
+    time: Array
+    input_time: Array
+    input: Array
+    angle: Array | None = None
+    rate: Array | None = None
+    initial: Initial = "rest"
+    name: str = "record"
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.angle is None and self.rate is None:
+            raise IdentificationError(f"{self.name}: neither angle nor rate; give at least one")
+        time = _stamps(self.time, "time", self.name)
+        input_time = _stamps(self.input_time, "command time", self.name)
+        values = _columns(self.input, len(input_time), "command", self.name)
+        if not np.isfinite(values).all():
+            raise IdentificationError(f"{self.name}: the command holds values that are no numbers")
+        angle = _outputs(self.angle, len(time), "angle", self.name)
+        rate = _outputs(self.rate, len(time), "rate", self.name)
+        if angle is not None and rate is not None and angle.shape != rate.shape:
+            raise IdentificationError(
+                f"{self.name}: {angle.shape[1]} angles but {rate.shape[1]} rates; "
+                "give one of each per axis"
+            )
+        measured = angle if angle is not None else rate
+        assert measured is not None
+        settings: dict[str, object] = {
+            "time": time,
+            "input_time": input_time,
+            "input": values,
+            "angle": angle,
+            "rate": rate,
+            "inputs": tuple(self.inputs) or _names(values.shape[1]),
+            "outputs": tuple(self.outputs) or _names(measured.shape[1]),
+        }
+        for field, value in settings.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, field, value)
+
+    @property
+    def size(self) -> int:
+        """Number of sample times."""
+        return len(self.time)
+
+    @property
+    def duration(self) -> float:
+        """Time from first to last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def period(self) -> float:
+        """Median spacing of the samples [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    def changes(self, column: int | None = None) -> NDArray[np.intp]:
+        """Rows of `input` at which the command (or one column of it) takes another value."""
+        moved = np.diff(self.input, axis=0) != 0.0
+        chosen = moved.any(axis=1) if column is None else moved[:, column]
+        return np.flatnonzero(chosen) + 1
+
+    def held_input(self, times: Array) -> Array:
+        """Command (..., p) that holds at the given times; before the first stamp, the first."""
+        row = np.searchsorted(self.input_time, times, side="right") - 1
+        return self.input[np.clip(row, 0, None)]
+
+    def without(self, rows: Mask) -> "Record":
+        """The record with the chosen samples (n,) taken as not measured."""
+        keep = np.where(rows[:, None], math.nan, 0.0)
+        return replace(
+            self,
+            angle=None if self.angle is None else self.angle + keep,
+            rate=None if self.rate is None else self.rate + keep,
+        )
+
+
+def record(
+    time: ArrayLike,
+    command: ArrayLike,
+    *,
+    angle: ArrayLike | None = None,
+    rate: ArrayLike | None = None,
+    command_time: ArrayLike | None = None,
+    before: ArrayLike | None = None,
+    scale: float = 1.0,
+    input_scale: float | None = None,
+    gyro_delay: float = 0.0,
+    initial: Initial = "rest",
+    name: str = "record",
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+) -> Record:
+    """Build a record from columns as they stand in a file.
+
+    Without stamps of their own the commands change at the sample that first shows them.
+
+    Parameters
+    ----------
+    time : sample times [s] (n,)
+    command : commanded angle (n, p), or (k, p) with `command_time` [s] (k,)
+    angle, rate : readings (n, q)
+    before : the command (p,) that held before the first stamp, where it was another
+    scale : radians per unit of angle, and of rate per second (pi/180 for degrees)
+    input_scale : the same for the command; as `scale` if left out
+    gyro_delay : delay of the gyro's own filter [s]; taken out of the rate readings
+    """
+    stamps = np.asarray(time, dtype=np.float64)
+    values = _table(command) * (scale if input_scale is None else input_scale)
+    own = stamps if command_time is None else np.asarray(command_time, dtype=np.float64)
+    if len(values) != len(own):
+        raise IdentificationError(f"{name}: {len(values)} commands but {len(own)} stamps for them")
+    if before is not None and len(own):
+        first = np.atleast_1d(np.asarray(before, dtype=np.float64)) * (
+            scale if input_scale is None else input_scale
+        )
+        own = np.concatenate([[own[0] - 1.0], own])
+        values = np.concatenate([np.broadcast_to(first, (1, values.shape[1])), values])
+    angles = None if angle is None else _table(angle) * scale
+    rates = None if rate is None else _table(rate) * scale
+    if gyro_delay and rates is not None:
+        stamps, angles, rates = _advance_rate(stamps, angles, rates, gyro_delay)
+    return Record(stamps, own, values, angles, rates, initial, name, tuple(inputs), tuple(outputs))
+
+
+def merge_stamps(
+    angle_time: Array, angle: Array, rate_time: Array, rate: Array
+) -> tuple[Array, Array, Array]:
+    """Two sensors with stamps of their own on one axis of time, NaN where one is silent."""
+    time = np.union1d(angle_time, rate_time)
+    angles = np.full((len(time), angle.shape[1]), math.nan)
+    rates = np.full((len(time), rate.shape[1]), math.nan)
+    angles[np.searchsorted(time, angle_time)] = angle
+    rates[np.searchsorted(time, rate_time)] = rate
+    return time, angles, rates
+
+
+def _advance_rate(
+    time: Array, angle: Array | None, rate: Array, delay: float
+) -> tuple[Array, Array | None, Array]:
+    """Date every gyro reading back to when its filter's output was true."""
+    if angle is None:
+        return time - delay, None, rate
+    return merge_stamps(time, angle, time - delay, rate)
+
+
+def _names(count: int) -> tuple[str, ...]:
+    return ("x", "y")[:count] if count <= 2 else tuple(f"{i + 1}" for i in range(count))
+
+
+def _table(values: ArrayLike) -> Array:
+    array = np.asarray(values, dtype=np.float64)
+    return array[:, None] if array.ndim == 1 else array
+
+
+def _stamps(values: ArrayLike, what: str, name: str) -> Array:
+    time = np.array(values, dtype=np.float64)
+    if time.ndim != 1 or len(time) < 1 or (what == "time" and len(time) < 3):
+        raise IdentificationError(f"{name}: {what} must be a column of at least 3 stamps")
+    if len(time) > MAX_SAMPLES:
+        raise IdentificationError(f"{name}: {len(time)} stamps; {MAX_SAMPLES} at most")
+    if not np.isfinite(time).all():
+        row = int(np.flatnonzero(~np.isfinite(time))[0])
+        raise IdentificationError(f"{name}: {what} of sample {row} is {time[row]}, not a number")
+    backwards = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(backwards):
+        row = int(backwards[0])
+        raise IdentificationError(
+            f"{name}: {what} runs from {time[row]:g} s to {time[row + 1]:g} s at sample {row + 1}; "
+            f"stamps must increase ({len(backwards)} do not)"
+        )
+    return time
+
+
+def _columns(values: ArrayLike, rows: int, what: str, name: str) -> Array:
+    table = np.array(_table(values))
+    if table.ndim != 2 or len(table) != rows or table.shape[1] < 1:
+        raise IdentificationError(f"{name}: {what} has shape {table.shape}, expected ({rows}, ...)")
+    if np.abs(table[np.isfinite(table)]).max(initial=0.0) > _LARGEST:
+        raise IdentificationError(f"{name}: {what} holds values beyond {_LARGEST:g}")
+    return table
+
+
+def _outputs(values: ArrayLike | None, rows: int, what: str, name: str) -> Array | None:
+    if values is None:
+        return None
+    table = _columns(values, rows, what, name)
+    if np.isinf(table).any():
+        raise IdentificationError(f"{name}: {what} holds infinite readings")
+    missing = np.isnan(table).all(axis=0)
+    if missing.any():
+        raise IdentificationError(f"{name}: {what} {int(np.argmax(missing)) + 1} has no reading")
+    return table
