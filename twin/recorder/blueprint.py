@@ -1,12 +1,30 @@
 """How a recording looks when a person opens it: only views whose signals were recorded."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from analysis import schema
 from twin.recorder.poses import VEHICLE, Poses
+
+
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """Where a 3D view looks from and at [m], and which bodies it follows, best first."""
+
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+    follows: tuple[str, ...]
+
+
+VEHICLE_EYE = Eye((-1.3, -1.8, 0.9), (0.0, 0.0, 0.3), (VEHICLE,))
+GIMBAL_EYE = Eye(
+    (-0.2, -0.25, 0.1), (0.0, 0.0, 0.0), ("gimbal_holder", "gimbal_motor", "gimbal_ring")
+)
+VEHICLE_VIEW = "Vehicle"
+SKY = (24, 30, 40)
 
 COMMAND = (150, 150, 150)
 SIMULATED = (60, 140, 255)
@@ -74,8 +92,6 @@ def style(name: str) -> rr.SeriesLines:
             _BY_COMPONENT.get(c, _CYCLE[k % len(_CYCLE)]) for k, c in enumerate(signal.components)
         ]
     names = [last.replace("_", " ") if single else f"{last} {c}" for c in signal.components]
-    if name in _MEANING:
-        names = [last] * len(signal.components)
     return rr.SeriesLines(colors=colors, names=names, widths=[1.5] * len(colors))
 
 
@@ -90,8 +106,6 @@ def build(names: Sequence[str], poses: Poses | None) -> rrb.Blueprint:
     ]
     if "Control error" in plots:
         main.append(plots["Control error"])
-    if "Timing" in plots:
-        main.append(plots["Timing"])
     tabs = [rrb.Vertical(*main, name="Gimbal")] if main else []
     attitude = [
         _axis(title, members, axis)
@@ -103,9 +117,8 @@ def build(names: Sequence[str], poses: Poses | None) -> rrb.Blueprint:
     for tab, titles in _TABS:
         if views := [plots[title] for title in titles if title in plots]:
             tabs.append(rrb.Vertical(*views, name=tab))
-    left = [_log()] if poses is None else [_scene(poses), _log()]
     body = rrb.Horizontal(
-        rrb.Vertical(*left, row_shares=[4, 1][-len(left) :]),
+        _left(poses),
         rrb.Tabs(*tabs, active_tab=0),
         column_shares=[1, 1],
     )
@@ -117,6 +130,14 @@ def build(names: Sequence[str], poses: Poses | None) -> rrb.Blueprint:
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _left(poses: Poses | None) -> rrb.View | rrb.Container:
+    if poses is None:
+        return _log()
+    first, *others = _scenes(poses)
+    below = rrb.Horizontal(*others, _log()) if others else _log()
+    return rrb.Vertical(first, below, row_shares=[5, 2])
 
 
 def _present(
@@ -154,32 +175,47 @@ def _axis(title: str, members: Sequence[str], axis: int) -> rrb.TimeSeriesView:
     )
 
 
-def _scene(poses: Poses) -> rrb.Spatial3DView:
-    eye = (
-        rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            tracking_entity=f"{schema.WORLD}/{VEHICLE}",
-            position=(-1.6, -2.2, 1.0),
-            look_target=(0.0, 0.0, 0.4),
-            eye_up=(0.0, 0.0, 1.0),
-        )
-        if poses.has_vehicle
-        else None
+def _scenes(poses: Poses) -> list[rrb.Spatial3DView]:
+    names = [body.name for body in poses.moving]
+    views = [_scene(VEHICLE_VIEW if poses.has_vehicle else "Scene", None, VEHICLE_EYE, names)]
+    inner = [name for name in names if name.startswith("gimbal_")]
+    if poses.has_vehicle and inner:
+        views.append(_scene("Gimbal", inner, GIMBAL_EYE, inner))
+    return views
+
+
+def _scene(
+    title: str, only: Sequence[str] | None, eye: Eye, drawn: Sequence[str]
+) -> rrb.Spatial3DView:
+    """3D view that follows the first drawn body of `eye.follows`, which needs its own geometry."""
+    target = next((name for name in eye.follows if name in drawn), None)
+    controls = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=eye.position,
+        look_target=eye.target,
+        eye_up=(0.0, 0.0, 1.0),
+        tracking_entity=None if target is None else f"{schema.WORLD}/{target}",
+    )
+    history = rrb.VisibleTimeRanges(
+        timeline=schema.TIME,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(nanos=0),
     )
     return rrb.Spatial3DView(
-        name="Vehicle" if poses.has_vehicle else "Scene",
+        name=title,
         origin=schema.WORLD,
+        contents="$origin/**" if only is None else [f"$origin/{name}" for name in only],
+        background=SKY,
         line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=eye,
-        overrides={
-            f"{schema.WORLD}/trail": rrb.VisibleTimeRanges(
-                timeline=schema.TIME,
-                start=rrb.TimeRangeBoundary.infinite(),
-                end=rrb.TimeRangeBoundary.cursor_relative(nanos=0),
-            )
-        },
+        eye_controls=controls,
+        overrides={f"{schema.WORLD}/trail": history} if only is None else None,
     )
 
 
 def _log() -> rrb.TextLogView:
-    return rrb.TextLogView(name="Events", contents=[schema.EVENTS, schema.HEALTH])
+    kind = rrb.encodings.TextLogColumnKind
+    return rrb.TextLogView(
+        name="Events",
+        contents=[schema.EVENTS, schema.HEALTH],
+        columns=rrb.TextLogColumns(text_log_columns=[kind.LogLevel, kind.Body]),
+    )

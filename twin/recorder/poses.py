@@ -85,7 +85,7 @@ class Poses:
                 stream.log(path, pose, static=True)
         trail = rr.LineStrips3D.from_fields(colors=[TRAIL_COLOR], radii=[TRAIL_RADIUS])
         stream.log(f"{schema.WORLD}/trail", trail, static=True)
-        arrow = rr.Arrows3D.from_fields(colors=[THRUST_COLOR], radii=[0.006])
+        arrow = rr.Arrows3D.from_fields(colors=[THRUST_COLOR], radii=[0.01])
         stream.log(f"{schema.WORLD}/thrust", arrow, static=True)
 
     @property

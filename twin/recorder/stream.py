@@ -21,6 +21,9 @@ DRAIN_NS = 1_000_000_000
 THRUST = "vehicle/thrust"
 
 
+Stamps = NDArray[np.int64]
+
+
 class RecorderError(TwinError):
     """A recording that cannot be written, told in one line."""
 
@@ -66,7 +69,7 @@ class Recorder:
         _claim(self.path, self._partial)
         self._layout(capacity)
         self._poses = None if model is None else Poses(model, pose_period_ns)
-        self._texts: list[tuple[str, int, int, str, str]] = []
+        self._texts: list[tuple[str, int, str, str]] = []
         self._last_wall = 0
         self._open = True
         self._stream = self._start(text, serve)
@@ -85,7 +88,7 @@ class Recorder:
         self._wall = np.zeros(capacity, dtype=np.int64)
         self._n = 0
         self._capacity = capacity
-        self._due = -(2**62)
+        self._due = DRAIN_NS
         self.row: NDArray[np.float64] = self._rows[0]
 
     def _start(self, text: str, serve: int | None) -> rr.RecordingStream:
@@ -137,31 +140,50 @@ class Recorder:
 
     def event(self, time_ns: int, text: str, level: str = "INFO") -> None:
         """Add a line to the events of the run; level INFO, WARN or ERROR."""
-        self._texts.append((schema.EVENTS, time_ns, self._wall_now(), text, level))
+        self._texts.append((schema.EVENTS, time_ns, text, level))
 
     def health(self, time_ns: int, text: str) -> None:
         """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
-        self._texts.append((schema.HEALTH, time_ns, self._wall_now(), text, "INFO"))
+        self._texts.append((schema.HEALTH, time_ns, text, "INFO"))
 
     def drain(self) -> None:
         """Write what is kept; called by `commit` in time, so seldom of use elsewhere."""
         n = self._n
         time, wall = self._time[:n].copy(), self._wall[:n].copy()
-        stored = self._block[:n] * self._scale
-        self._drain_poses(time, wall)
-        if n:
-            stamps = columns.times(time, wall)
-            for name, part in self.slices.items():
-                entity = schema.SIGNALS[name].entity
-                self._stream.send_columns(entity, stamps, columns.scalars(stored[:, part]))
-            self._last_wall = int(wall[-1])
-        for entity, at, wall_at, text, level in self._texts:
-            stamps = columns.times(np.array([at]), np.array([wall_at]))
-            self._stream.send_columns(entity, stamps, columns.texts([text], [level]))
+        if self._poses and self._poses.times.size:
+            self._drain_poses(self._poses, time, wall)
+        for entity, at, text, level in self._texts:
+            stamps = np.array([at], dtype=np.int64)
+            when = columns.times(stamps, self._wall_at(stamps, time, wall))
+            self._stream.send_columns(entity, when, columns.texts([text], [level]))
         self._texts.clear()
-        self._block[:n] = np.nan
+        if n:
+            self._drain_rows(time, wall)
+
+    def _drain_rows(self, time: Stamps, wall: Stamps) -> None:
+        stored = self._block[: self._n] * self._scale
+        when = columns.times(time, wall)
+        for name, part in self.slices.items():
+            entity = schema.SIGNALS[name].entity
+            self._stream.send_columns(entity, when, columns.scalars(stored[:, part]))
+        self._last_wall = int(wall[-1])
+        self._block[: self._n] = np.nan
         self._n = 0
         self.row = self._rows[0]
+
+    def _drain_poses(self, poses: Poses, time: Stamps, wall: Stamps) -> None:
+        at = poses.times
+        thrust = np.zeros(len(at))
+        if THRUST in self.slices and self._n:
+            known = self._block[: self._n, self.slices[THRUST].start]
+            thrust = np.nan_to_num(np.interp(at, time, known))
+        poses.drain(self._stream, self._wall_at(at, time, wall), thrust)
+
+    def _wall_at(self, at: Stamps, time: Stamps, wall: Stamps) -> Stamps:
+        """Time since 1970 of the rows nearest after `at` (k,); the last known one without rows."""
+        if not len(time):
+            return np.full(len(at), self._last_wall)
+        return wall[np.minimum(np.searchsorted(time, at), len(time) - 1)]
 
     def close(self) -> None:
         """Write the rest and give the file its name; a second call does nothing."""
@@ -190,21 +212,6 @@ class Recorder:
             last = int(self._time[self._n - 1]) if self._n else self._due - DRAIN_NS
             self.event(max(last, 0), f"run ended early: {_line(error)}", "ERROR")
         self.close()
-
-    def _wall_now(self) -> int:
-        return int(self._wall[self._n - 1]) if self._n else self._last_wall
-
-    def _drain_poses(self, time: NDArray[np.int64], wall: NDArray[np.int64]) -> None:
-        if self._poses is None or not self._poses.times.size:
-            return
-        at = self._poses.times
-        if not len(time):
-            time, wall = at[:1], np.array([self._last_wall])
-        nearest = np.minimum(np.searchsorted(time, at), len(time) - 1)
-        thrust = np.zeros(len(at))
-        if THRUST in self.slices and self._n:
-            thrust = np.nan_to_num(self._block[nearest, self.slices[THRUST].start])
-        self._poses.drain(self._stream, wall[nearest], thrust)
 
 
 def _signals(names: Sequence[str]) -> list[schema.Signal]:
