@@ -1,0 +1,304 @@
+"""Recordings as validated time series: the reader of the twin's own files."""
+
+import json
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis import schema
+from analysis.schema import AnalysisError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from rerun.chunk import Chunk
+
+MAGIC = b"RRF2"  # first bytes of every file of Rerun's current format
+MAX_BYTES = 4 * 2**30  # a day of flight; more is a mistake or an attack
+MAX_PROPERTIES = 16 * 2**20  # characters of JSON
+
+
+class RecordingError(AnalysisError):
+    """A file that is no sound recording, told in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeSeries:
+    """One vector signal over time, in SI; checked on creation, read-only afterwards.
+
+    Attributes
+    ----------
+    name : name of the signal, as in `analysis.schema.SIGNALS` where it is one of them
+    time : experiment time (n,) [s], never decreasing
+    values : (n, k) [unit]; NaN where nothing was measured, never infinite
+    unit : SI unit of the values
+    components : names of the k columns
+
+    Raises
+    ------
+    RecordingError
+        if shapes do not fit, time runs backwards or is not finite, or a value is infinite.
+    """
+
+    name: str
+    time: NDArray[np.float64]
+    values: NDArray[np.float64]
+    unit: str
+    components: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Check once, so that nothing downstream checks again."""
+        time = np.ascontiguousarray(self.time, dtype=np.float64)
+        values = np.ascontiguousarray(self.values, dtype=np.float64)
+        if time.ndim != 1 or values.shape != (len(time), len(self.components)):
+            raise RecordingError(
+                f"{self.name}: {values.shape} values do not fit {time.shape} stamps and "
+                f"{len(self.components)} components"
+            )
+        if not np.isfinite(time).all():
+            raise RecordingError(f"{self.name}: a time stamp is not a finite number")
+        if len(time) and (back := np.diff(time) < 0.0).any():
+            at = int(np.argmax(back))
+            raise RecordingError(
+                f"{self.name}: time runs backwards from {time[at]:.9g} s to {time[at + 1]:.9g} s"
+            )
+        if np.isinf(values).any():
+            raise RecordingError(f"{self.name}: a value is infinite")
+        for name, array in (("time", time), ("values", values)):
+            view = array.view()
+            view.setflags(write=False)
+            object.__setattr__(self, name, view)
+
+    @property
+    def time_ns(self) -> NDArray[np.int64]:
+        """Experiment time (n,) in whole nanoseconds, exact below 104 days (2⁵³ ns)."""
+        return np.rint(self.time * 1e9).astype(np.int64)
+
+    def column(self, component: str) -> NDArray[np.float64]:
+        """Return one component (n,) by name.
+
+        Raises
+        ------
+        RecordingError
+            if there is no such component; the message lists the valid names.
+        """
+        if component not in self.components:
+            raise RecordingError(schema.unknown("component", component, self.components))
+        return self.values[:, self.components.index(component)]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A line of text in a recording: experiment time [s], level (INFO, WARN, ERROR), text."""
+
+    time: float
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What one run left behind.
+
+    Attributes
+    ----------
+    properties : configuration, versions, model hash, seed; as the run gave them
+    series : signals by name, in SI
+    events, health : text over time
+    """
+
+    properties: dict[str, object]
+    series: Mapping[str, TimeSeries]
+    events: tuple[Event, ...] = ()
+    health: tuple[Event, ...] = ()
+
+    def __getitem__(self, name: str) -> TimeSeries:
+        """Return the signal of that name.
+
+        Raises
+        ------
+        RecordingError
+            if it was not recorded; the message lists what was.
+        """
+        if name not in self.series:
+            raise RecordingError(schema.unknown("recorded signal", name, self.series))
+        return self.series[name]
+
+
+def read(path: Path | str) -> Recording:
+    """Read and check a recording of the twin.
+
+    Parameters
+    ----------
+    path : an `.rrd` file; also one whose end is missing, as far as it goes, if `twin view` has
+        repaired it
+
+    Raises
+    ------
+    RecordingError
+        if the file is missing, is no recording of the twin, is cut off, has another schema
+        version, or holds impossible numbers.
+    """
+    path = Path(path)
+    _check_file(path)
+    content = _Content(path)
+    # Rust panics arrive as BaseException; a stranger's file must not end the process with one.
+    try:
+        for chunk in _chunks(path):
+            content.take(chunk)
+    except (RecordingError, MemoryError, KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:
+        raise RecordingError(f"{path}: {_damaged(error)}") from None
+    return content.recording()
+
+
+def _check_file(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(MAGIC))
+        size = path.stat().st_size
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from None
+    if start != MAGIC:
+        raise RecordingError(f"{path}: not a Rerun recording (.rrd)")
+    if size > MAX_BYTES:
+        raise RecordingError(
+            f"{path}: {size / 2**30:.1f} GiB; at most {MAX_BYTES / 2**30:.0f} read"
+        )
+
+
+def _chunks(path: Path) -> "list[Chunk]":
+    from rerun.chunk import RrdReader
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # a missing footer, the mark of a file cut off, only warns
+        reader = RrdReader(path)
+    if not (stores := reader.recordings()):
+        raise RecordingError(f"{path}: holds no recording")
+    wanted = [*schema.ENTITIES, schema.EVENTS, schema.HEALTH, f"/__properties/{schema.PROPERTY}"]
+    return reader.stream(store=stores[0]).filter(content=wanted).to_chunks()
+
+
+def _damaged(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    reason = "its end is missing" if "no footer" in text else text[:160]
+    return f"damaged or cut off ({reason}); `twin view FILE` repairs what can be repaired"
+
+
+@dataclass
+class _Content:
+    """What has been read so far, still as stored."""
+
+    path: Path
+    text: str | None = None
+    parts: dict[str, list[tuple[NDArray[np.int64], NDArray[np.float64]]]] = field(
+        default_factory=dict
+    )
+    lines: dict[str, list[Event]] = field(default_factory=dict)
+
+    def take(self, chunk: "Chunk") -> None:
+        entity = chunk.entity_path
+        if entity.startswith("/__properties"):
+            self._take_properties(chunk.to_record_batch())
+        elif chunk.is_static:
+            return
+        elif entity in (schema.EVENTS, schema.HEALTH):
+            self._take_lines(entity, chunk.to_record_batch())
+        elif entity in schema.ENTITIES:
+            self._take_values(schema.ENTITIES[entity], chunk.to_record_batch())
+
+    def _take_properties(self, batch: "pa.RecordBatch") -> None:
+        values = {name: batch[name].to_pylist() for name in batch.schema.names}
+        found = _first(values.get("schema"))
+        if found != schema.SCHEMA:
+            raise RecordingError(
+                f"{self.path}: schema '{found}'; this version reads '{schema.SCHEMA}'"
+            )
+        self.text = _first(values.get("json"))
+
+    def _take_lines(self, entity: str, batch: "pa.RecordBatch") -> None:
+        texts = batch["TextLog:text"].to_pylist()
+        levels = batch["TextLog:level"].to_pylist()
+        for at, text, level in zip(_times(batch), texts, levels, strict=True):
+            self.lines.setdefault(entity, []).append(
+                Event(float(at) * 1e-9, _first(level) or "INFO", _first(text) or "")
+            )
+
+    def _take_values(self, signal: schema.Signal, batch: "pa.RecordBatch") -> None:
+        if "Scalars:scalars" not in batch.schema.names:
+            return
+        column, width = batch["Scalars:scalars"], len(signal.components)
+        flat = column.flatten().to_numpy(zero_copy_only=False)
+        if flat.size != batch.num_rows * width or column.null_count:
+            raise RecordingError(
+                f"{self.path}: {signal.name} holds {flat.size} values in {batch.num_rows} rows; "
+                f"{width} to a row are right ({', '.join(signal.components)})"
+            )
+        self.parts.setdefault(signal.name, []).append((_times(batch), flat.reshape(-1, width)))
+
+    def recording(self) -> Recording:
+        if self.text is None:
+            raise RecordingError(f"{self.path}: a Rerun file, but no recording of the twin")
+        series = {name: self._series(schema.SIGNALS[name]) for name in sorted(self.parts)}
+        events, health = (
+            tuple(sorted(self.lines.get(entity, ()), key=lambda event: event.time))
+            for entity in (schema.EVENTS, schema.HEALTH)
+        )
+        return Recording(
+            _properties(self.path, self.text), MappingProxyType(series), events, health
+        )
+
+    def _series(self, signal: schema.Signal) -> TimeSeries:
+        # The pieces lie in the file in any order; each is in order itself.
+        parts = sorted(self.parts[signal.name], key=lambda part: int(part[0][0]))
+        time = np.concatenate([stamps for stamps, _ in parts])
+        values = np.concatenate([values for _, values in parts])
+        if signal.kind != "sampled" and not (sound := np.isfinite(values).all(axis=1)).all():
+            at = float(time[int(np.argmin(sound))]) * 1e-9
+            raise RecordingError(f"{self.path}: {signal.name} is not a finite number at {at:.9g} s")
+        try:
+            # Division gives the float nearest to the decimal; a product with 1e-9 may be one off.
+            return TimeSeries(
+                signal.name,
+                time / 1e9,
+                signal.from_stored(values),
+                signal.unit,
+                signal.components,
+            )
+        except RecordingError as error:
+            raise RecordingError(f"{self.path}: {error}") from None
+
+
+def _times(batch: "pa.RecordBatch") -> NDArray[np.int64]:
+    import pyarrow as pa
+
+    column = batch[schema.TIME]
+    if column.null_count or not pa.types.is_duration(column.type):
+        raise RecordingError(f"timeline '{schema.TIME}' holds {column.type}, not durations")
+    stamps = column.to_numpy(zero_copy_only=False)
+    return np.asarray(stamps.astype("timedelta64[ns]", copy=False).view(np.int64))
+
+
+def _first(values: object) -> str | None:
+    """Return the single text in Arrow's nested lists, if there is one."""
+    while isinstance(values, list):
+        values = values[0] if values else None
+    return values if isinstance(values, str) else None
+
+
+def _properties(path: Path, text: str) -> dict[str, object]:
+    if len(text) > MAX_PROPERTIES:
+        raise RecordingError(f"{path}: {len(text)} characters of properties; something is wrong")
+    try:
+        properties = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"{path}: properties are not JSON ({error})") from None
+    if not isinstance(properties, dict):
+        raise RecordingError(f"{path}: properties are not a JSON object")
+    return properties
