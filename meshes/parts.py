@@ -1,0 +1,178 @@
+"""The printed parts of the gimbal, each drawn in the frame of the body that carries it.
+
+Which number means what stands beside the numerics `print_*` in mechanism.xml.
+"""
+
+from meshes.drawing import Drawing
+from meshes.solids import Solid, box, disc, hull, rod, sector, tube, union
+
+QUARTER = 90.0
+GAP = 0.1  # mm, so that a printed pocket takes its part
+
+
+def bulkhead(drawing: Drawing) -> Solid:
+    """Collar glued into the tube; its two pads carry the screws of the x axis."""
+    inner, outer, aft, forward, reach = drawing.numeric("print_bulkhead")
+    thread, _, _ = drawing.numeric("print_screw")
+    boss = drawing.numeric("print_ring")[3]
+    pads = union(*(_pad(side, reach, outer, boss + 1.0, aft, forward) for side in (-1, 1)))
+    collar = tube(inner, outer, aft, forward)
+    trim = disc(outer, aft, forward)
+    return collar + (pads ^ trim) - rod((-30, 0, 0), (30, 0, 0), thread)
+
+
+def _pad(
+    side: int, reach: float, outer: float, half: float, aft: float, forward: float
+) -> Solid:
+    inside, outside = sorted((side * reach, side * (outer - 0.6)))
+    return box((inside, -half, aft), (outside, half, forward - 0.5))
+
+
+def ring(drawing: Drawing) -> Solid:
+    """Cardan ring: pivots on the bulkhead's screws about x, carries the holder's screws on y."""
+    inner, outer, half, boss, reach = drawing.numeric("print_ring")
+    _, clearance, _ = drawing.numeric("print_screw")
+    solid = tube(inner, outer, -half, half)
+    for side in (-1, 1):
+        solid += rod((side * (inner + 0.4), 0, 0), (side * reach, 0, 0), boss)
+    solid -= disc(inner, -half - 1, half + 1)
+    holes = rod((-30, 0, 0), (30, 0, 0), clearance) + rod((0, -30, 0), (0, 30, 0), clearance)
+    return solid - holes
+
+
+def holder(drawing: Drawing) -> Solid:
+    """Sleeve that grips the motor, closed forward, with the y axis, both rod balls and the IMU."""
+    bore, outer, aft, boss, reach = drawing.numeric("print_holder")
+    thread, _, _ = drawing.numeric("print_screw")
+    forward = drawing.site("motor_forward")[2]
+    board, half_board = drawing.geom("imu_board"), drawing.geom_size("imu_board")
+    top = board[2] - half_board[2]
+    cap = forward + 1.6
+    solid = disc(outer, aft, forward - 3) + rod((0, 0, forward - 3), (0, 0, cap), outer, bore, 64)
+    cut = [disc(bore, aft - 1, forward), disc(bore - 6, forward - 1, cap + 1)]
+    for side in (-1, 1):
+        solid += rod((0, side * bore, 0), (0, side * reach, 0), boss)
+        cut.append(rod((0, side * (bore + 0.4), 0), (0, side * 30, 0), thread))
+        pillar = (side * (half_board[0] - 1.9), half_board[1] - 1.9)
+        solid += rod((*pillar, forward), (*pillar, top), 1.9)
+        cut.append(rod((*pillar, forward + 0.2), (*pillar, top + 1), thread, segments=16))
+    for name in ("holder_x_ball", "holder_y_ball"):
+        ball = drawing.site(name)
+        outward = ball * (1, 1, 0) / max(abs(ball[:2]))
+        seat = ball - outward * 2.5  # room for the cup to swivel
+        foot = outward * (bore + 0.6) + (0, 0, ball[2])
+        solid += hull(rod(foot, seat, 2.2), rod(foot - (0, 0, 3.5), foot - (0, 0, 3.5) + outward, 2.2))
+        cut.append(rod(foot + outward * 0.2, ball, thread, segments=16))
+    lug, slit = _clamp(bore, outer, aft, thread)
+    solid = union(solid, lug) - union(*cut, slit)
+    return solid - disc(bore, aft - 1, forward)
+
+
+def _clamp(bore: float, outer: float, aft: float, thread: float) -> tuple[Solid, Solid]:
+    """Lug and slit by which a screw tightens the aft end of the sleeve on the motor."""
+    lug = box((bore + 0.4, -3.2, aft), (outer + 3.2, 3.2, aft + 7)).rotate((0, 0, -45))
+    slit = box((bore - 2, -0.5, aft - 1), (outer + 9, 0.5, aft + 12))
+    hole = rod((outer + 1.0, -9, aft + 3.5), (outer + 1.0, 9, aft + 3.5), thread, segments=16)
+    return lug, (slit + hole).rotate((0, 0, -45))
+
+
+def horn(drawing: Drawing) -> Solid:
+    """Servo horn with a splined hub; its outer face is y = 0, the arm points along x."""
+    hub, tip, plate, cover, spline, depth = drawing.numeric("print_horn")
+    thread, clearance, _ = drawing.numeric("print_screw")
+    arm = (drawing.site("horn_x_ball") - drawing.body("horn_x"))[0]
+    floor = cover - depth - 1.2
+    solid = rod((0, floor, 0), (0, cover, 0), hub, segments=48)
+    solid += hull(rod((0, -plate, 0), (0, 0, 0), hub - 0.4), rod((arm, -plate, 0), (arm, 0, 0), tip))
+    bore = rod((0, floor - 1, 0), (0, floor + depth, 0), spline, segments=42)
+    screw = rod((0, -9, 0), (0, 9, 0), clearance)
+    return solid - bore - screw - rod((arm, -9, 0), (arm, 9, 0), thread, segments=16)
+
+
+def rod_end(drawing: Drawing) -> Solid:
+    """Cup that snaps on a ball, the wire's barrel along -z, the stud's opening along y."""
+    cup, half, length, barrel = drawing.numeric("print_rod_end")
+    ball = drawing.site_size("horn_x_ball")[0]
+    wire = drawing.geom_size("rod_x")[0]
+    solid = rod((0, -half, 0), (0, half, 0), cup, segments=36)
+    solid += rod((0, 0, -length), (0, 0, 0), barrel)
+    socket = _sphere(ball + 0.05)
+    mouth = rod((0, -9, 0), (0, 9, 0), ball * 0.82)
+    return solid - socket - mouth - rod((0, 0, -length - 1), (0, 0, -length + 5), wire)
+
+
+def _sphere(radius: float) -> Solid:
+    from manifold3d import Manifold
+
+    return Manifold.sphere(radius, 32)
+
+
+def bracket(drawing: Drawing) -> Solid:
+    """Half shell in the tube with two shelves; each servo is screwed by its ears to two posts."""
+    _, outer, _, _, _ = drawing.numeric("print_bulkhead")
+    inner = drawing.numeric("print_bulkhead")[0]
+    low, low_top, mid, mid_top = drawing.numeric("print_bracket")
+    thread, clearance, _ = drawing.numeric("print_screw")
+    case, half = drawing.geom("servo_x_case"), drawing.geom_size("servo_x_case")
+    rise = drawing.geom("servo_y_case")[2] - case[2]
+    top = case[2] + rise + half[2]
+    shelf = drawing.site("horn_x_ball")[1] - 5.4  # inside the sweep of a horn and its rod
+    passing = drawing.site("horn_x_ball")[1] - 3.8  # a rod alone needs less
+    solid = tube(inner, outer, low, top) ^ sector(40, low, top, -130, 70)
+    solid += disc(outer, low, low_top) + disc(outer, mid, mid_top)
+    solid -= disc(9, low - 1, low_top + 1) + _lightening(mid, mid_top)
+    solid -= box((-6, shelf, low - 1), (6, 40, top + 1))
+    solid -= box((-40, -6, low - 1), (-passing, 6, mid - 1))
+    solid -= box((-40, -6, mid - 1), (-shelf, 6, top + 1))
+    posts = _posts(drawing, low_top, case[2] + half[2])
+    upper = _posts(drawing, mid_top - rise, case[2] + half[2])
+    solid += posts + upper.rotate((0, 0, QUARTER)).translate((0, 0, rise))
+    for azimuth in (-100, -30, 40):
+        for height in (low + 6, top - 6):
+            hole = rod((20, 0, height), (30, 0, height), clearance)
+            solid -= hole.rotate((0, 0, azimuth))
+    pilots = _pilots(drawing, thread)
+    solid -= pilots + pilots.rotate((0, 0, QUARTER)).translate((0, 0, rise))
+    return solid ^ disc(outer, low, top)
+
+
+def _lightening(bottom: float, top: float) -> Solid:
+    holes = [
+        rod((17 * x, 17 * y, bottom - 1), (17 * x, 17 * y, top + 1), 4.0)
+        for x, y in ((0.94, 0.34), (0.34, -0.94))
+    ]
+    return union(disc(5, bottom - 1, top + 1), *holes)
+
+
+def _posts(drawing: Drawing, bottom: float, top: float) -> Solid:
+    """Two posts under the ears of servo x."""
+    case, half = drawing.geom("servo_x_case"), drawing.geom_size("servo_x_case")
+    ears, reach = drawing.geom("servo_x_ears"), drawing.geom_size("servo_x_ears")
+    seat = ears[1] - reach[1]
+    posts = [
+        box(
+            (min(a, b), seat - 8.4, bottom - 0.5),
+            (max(a, b), seat, top),
+        )
+        for a, b in (
+            (case[0] + half[0] + GAP, ears[0] + reach[0]),
+            (case[0] - half[0] - GAP, ears[0] - reach[0]),
+        )
+    ]
+    return union(*posts)
+
+
+def _pilots(drawing: Drawing, thread: float) -> Solid:
+    ears, reach = drawing.geom("servo_x_ears"), drawing.geom_size("servo_x_ears")
+    # 27.8 mm between the ear holes: SG90 data sheet
+    return union(
+        *(
+            rod(
+                (ears[0] + side * 13.9, ears[1] - reach[1] - 7, ears[2]),
+                (ears[0] + side * 13.9, 30, ears[2]),
+                thread,
+                segments=16,
+            )
+            for side in (-1, 1)
+        )
+    )
