@@ -1,0 +1,31 @@
+"""`python -m hardware.firmware`: renew the generated headers, build the ELF, print its size."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from hardware.firmware.build import FirmwareError, build_elf, size, write_generated
+
+
+def main() -> int:
+    """Run the command; 2 when the tools are missing or the sources do not compile."""
+    parser = argparse.ArgumentParser(prog="python -m hardware.firmware", description=__doc__)
+    parser.add_argument("--headers-only", action="store_true", help="only renew the headers")
+    parser.add_argument("--out", type=Path, help="where the ELF goes; default: the user's cache")
+    arguments = parser.parse_args()
+    for path in write_generated():
+        print(f"wrote {path}")
+    if arguments.headers_only:
+        return 0
+    try:
+        elf = build_elf(arguments.out)
+        used = size(elf)
+    except FirmwareError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(f"{elf}: {used.flash} B flash, {used.ram} B RAM")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

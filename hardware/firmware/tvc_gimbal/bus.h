@@ -1,0 +1,21 @@
+// Interrupt-driven I2C master at 400 kHz.
+#pragma once
+#include <stdint.h>
+
+#include "imu.h"
+
+namespace bus {
+
+enum State : uint8_t { FREE, BUSY, DONE, FAILED };
+
+void begin();
+void start(const Transaction& transaction);
+State state();
+// The bytes read, valid in DONE.
+const uint8_t* data();
+// Back to FREE after DONE or FAILED.
+void release();
+// Ends whatever runs and frees a line that a confused sensor holds.
+void recover();
+
+}  // namespace bus
