@@ -1,0 +1,18 @@
+"""The identified model of a gimbal: its file, its exact discretisation, its responses."""
+
+from analysis.transfer_function.channel import Channel
+from analysis.transfer_function.discrete import Discrete, DiscreteChannel, discretise_channel
+from analysis.transfer_function.file import SCHEMA, ModelFileError
+from analysis.transfer_function.model import TransferFunctionModel
+from analysis.transfer_function.servo import Servo
+
+__all__ = [
+    "SCHEMA",
+    "Channel",
+    "Discrete",
+    "DiscreteChannel",
+    "ModelFileError",
+    "Servo",
+    "TransferFunctionModel",
+    "discretise_channel",
+]

@@ -1,0 +1,93 @@
+"""One delayed transfer function and its exact responses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.transfer_function import file
+from analysis.transfer_function.discrete import discretise_channel
+from analysis.transfer_function.file import ModelFileError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One transfer function, num(s)/den(s)·exp(−delay·s).
+
+    Attributes
+    ----------
+    num, den : coefficients in descending powers of s, no more in `num` than in `den`
+    delay : transport delay [s]
+
+    Raises
+    ------
+    ModelFileError
+        Coefficients that are not finite, improper, or without a denominator.
+    """
+
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        num, den = _trimmed(self.num), _trimmed(self.den)
+        object.__setattr__(self, "num", num)
+        object.__setattr__(self, "den", den)
+        if not np.all(np.isfinite([*num, *den, self.delay])):
+            raise ModelFileError("num, den and delay_s must be finite")
+        if den == (0.0,):
+            raise ModelFileError("den is zero; it must hold a polynomial in s")
+        if len(num) > len(den):
+            raise ModelFileError(
+                f"num has degree {len(num) - 1} and den {len(den) - 1}: the channel is improper,"
+                " num must not have the higher degree"
+            )
+        if len(den) > file.LARGEST_ORDER + 1:
+            raise ModelFileError(f"order {len(den) - 1} exceeds {file.LARGEST_ORDER}")
+        if not 0.0 <= self.delay <= file.LONGEST_DELAY:
+            raise ModelFileError(
+                f"delay_s is {self.delay:g}; it must lie in 0 … {file.LONGEST_DELAY:g} s"
+            )
+
+    @property
+    def zero(self) -> bool:
+        """Whether nothing passes through this channel."""
+        return self.num == (0.0,)
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Roots of the denominator, (n,) [rad/s]."""
+        return np.roots(self.den).astype(np.complex128)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole lies in the open left half-plane."""
+        return bool(np.all(self.poles.real < 0.0))
+
+    def frequency_response(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Complex gain at angular frequencies (n,) [rad/s], delay included."""
+        s = 1j * np.asarray(omega, dtype=np.float64)
+        gain = np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-s * self.delay)
+        return np.asarray(gain, dtype=np.complex128)
+
+    def step_response(self, time: ArrayLike) -> Array:
+        """Output (n,) at any times (n,) [s] after a unit step at zero, exact."""
+        t = np.asarray(time, dtype=np.float64) - self.delay
+        out = np.zeros(t.shape)
+        after = t >= 0.0
+        for k in np.flatnonzero(after):
+            step = discretise_channel(self.num, self.den, 0.0, max(float(t.flat[k]), 0.0))
+            out.flat[k] = step.C @ step.now + step.D
+        return out
+
+
+def _trimmed(coefficients: tuple[float, ...]) -> tuple[float, ...]:
+    """Coefficients as floats without leading zeros."""
+    values = tuple(float(c) for c in coefficients)
+    while len(values) > 1 and values[0] == 0.0:
+        values = values[1:]
+    if not values:
+        raise ModelFileError("num and den must not be empty")
+    return values

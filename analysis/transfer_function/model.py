@@ -1,0 +1,236 @@
+"""An identified gimbal: a matrix of delayed transfer functions and the bounds of its servos."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.transfer_function import file
+from analysis.transfer_function.channel import Channel
+from analysis.transfer_function.discrete import Discrete, discretise_channel
+from analysis.transfer_function.file import SCHEMA, ModelFileError
+from analysis.transfer_function.servo import Servo
+
+Array = NDArray[np.float64]
+
+
+_SERVO_KEYS = {
+    "rate_limit_rad_s": "rate_limit",
+    "dead_band_rad": "dead_band",
+    "backlash_rad": "backlash",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class TransferFunctionModel:
+    """The content of one model file.
+
+    Attributes
+    ----------
+    channels : rows are outputs, columns inputs; radians per radian
+    inputs, outputs : names of the axes
+    servo : bounds of the servos, or None for a purely linear model
+    std, fit, source : notes of whoever identified it, any JSON; kept, not used
+    """
+
+    channels: tuple[tuple[Channel, ...], ...]
+    inputs: tuple[str, ...] = ("x", "y")
+    outputs: tuple[str, ...] = ("x", "y")
+    servo: Servo | None = None
+    std: object = field(default=None, compare=False)
+    fit: object = field(default=None, compare=False)
+    source: object = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        rows = len(self.channels)
+        if rows != len(self.outputs):
+            raise ModelFileError(f"channels has {rows} rows for {len(self.outputs)} outputs")
+        for i, row in enumerate(self.channels):
+            if len(row) != len(self.inputs):
+                raise ModelFileError(
+                    f"channels[{i}] has {len(row)} columns for {len(self.inputs)} inputs"
+                )
+        for where, names in (("inputs", self.inputs), ("outputs", self.outputs)):
+            if len(set(names)) != len(names):
+                raise ModelFileError(f"{where} {list(names)} repeats a name")
+
+    @classmethod
+    def second_order(cls, natural_frequency: float, damping: float, delay: float = 0.0) -> Self:
+        """Two equal, uncoupled axes of ωn²/(s² + 2ζωn s + ωn²) [rad/s, 1, s]."""
+        w = natural_frequency
+        axis = Channel((w * w,), (1.0, 2.0 * damping * w, w * w), delay)
+        none = Channel((0.0,), (1.0,))
+        return cls(((axis, none), (none, axis)))
+
+    @classmethod
+    def read(cls, path: Path | str) -> Self:
+        """Read a model file.
+
+        Raises
+        ------
+        ModelFileError
+            The file is missing, too large, or not a model; the message names the key.
+        """
+        path = Path(path)
+        content = file.load(path)
+        try:
+            return cls.from_dict(content)
+        except ModelFileError as error:
+            raise ModelFileError(f"{path}: {error}") from error
+
+    def write(self, path: Path | str) -> None:
+        """Write a model file; a file of that name is replaced in one go.
+
+        Raises
+        ------
+        ModelFileError
+            The folder cannot be written.
+        """
+        file.save(Path(path), self.to_dict())
+
+    @classmethod
+    def from_dict(cls, value: object) -> Self:
+        """Model from the content of a file.
+
+        Raises
+        ------
+        ModelFileError
+            A key is missing, unknown, or holds what cannot be; the message names it.
+        """
+        content = file.mapping(value, "the model")
+        needed = {"schema", "inputs", "outputs", "channels"}
+        if "schema" in content and content["schema"] != SCHEMA:
+            raise ModelFileError(f"schema is {content['schema']!r}, not {SCHEMA!r}")
+        file.keys(content, "the model", needed, {"servo", "std", "fit", "source"})
+        rows = file.sequence(content["channels"], "channels", file.LARGEST_SIZE)
+        return cls(
+            channels=tuple(_row(row, f"channels[{i}]") for i, row in enumerate(rows)),
+            inputs=_names(content["inputs"], "inputs"),
+            outputs=_names(content["outputs"], "outputs"),
+            servo=_servo(content.get("servo")),
+            std=file.free(content.get("std"), "std"),
+            fit=file.free(content.get("fit"), "fit"),
+            source=file.free(content.get("source"), "source"),
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        """Content of the file, ready for JSON."""
+        servo = None
+        if self.servo is not None:
+            servo = {key: getattr(self.servo, name) for key, name in _SERVO_KEYS.items()}
+        return {
+            "schema": SCHEMA,
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            "channels": [
+                [{"num": list(c.num), "den": list(c.den), "delay_s": c.delay} for c in row]
+                for row in self.channels
+            ],
+            "servo": servo,
+            "std": self.std,
+            "fit": self.fit,
+            "source": self.source,
+        }
+
+    def channel(self, output: int | str, input_: int | str) -> Channel:
+        """One transfer function by index or name.
+
+        Raises
+        ------
+        ModelFileError
+            No such axis.
+        """
+        return self.channels[_index(self.outputs, output)][_index(self.inputs, input_)]
+
+    @property
+    def stable(self) -> bool:
+        """Whether every channel that passes anything is stable."""
+        return all(c.stable for row in self.channels for c in row if not c.zero)
+
+    def discretise(self, dt: float) -> Discrete:
+        """Exact zero-order-hold equivalent for a command held over steps of `dt` [s].
+
+        Raises
+        ------
+        ModelFileError
+            `dt` is not positive.
+        """
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise ModelFileError(f"dt is {dt:g} s; it must be positive")
+        return Discrete(
+            dt,
+            tuple(
+                tuple(discretise_channel(c.num, c.den, c.delay, dt) for c in row)
+                for row in self.channels
+            ),
+        )
+
+    def frequency_response(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Complex gains (n, outputs, inputs) at angular frequencies (n,) [rad/s]."""
+        rows = [[c.frequency_response(omega) for c in row] for row in self.channels]
+        return np.moveaxis(np.asarray(rows), 2, 0)
+
+    def step_response(self, time: ArrayLike) -> Array:
+        """Exact outputs (n, outputs, inputs) at any times (n,) [s] after a unit step of each input.
+
+        The servo block is not part of it: its answer depends on amplitude.
+        """
+        rows = [[c.step_response(time) for c in row] for row in self.channels]
+        return np.moveaxis(np.asarray(rows), 2, 0)
+
+
+def _index(names: tuple[str, ...], key: int | str) -> int:
+    if isinstance(key, str):
+        if key not in names:
+            raise ModelFileError(f"no axis {key!r}; there are {', '.join(names)}")
+        return names.index(key)
+    if not 0 <= key < len(names):
+        raise ModelFileError(f"no axis {key}; there are {len(names)}")
+    return key
+
+
+def _names(value: object, where: str) -> tuple[str, ...]:
+    names = file.sequence(value, where, file.LARGEST_SIZE)
+    for i, name in enumerate(names):
+        if not isinstance(name, str) or not 1 <= len(name) <= 64:
+            raise ModelFileError(f"{where}[{i}] must be a name of 1 to 64 characters")
+    return tuple(names)
+
+
+def _row(value: object, where: str) -> tuple[Channel, ...]:
+    row = file.sequence(value, where, file.LARGEST_SIZE)
+    return tuple(_channel(c, f"{where}[{j}]") for j, c in enumerate(row))
+
+
+def _channel(value: object, where: str) -> Channel:
+    content = file.mapping(value, where)
+    file.keys(content, where, {"num", "den"}, {"delay_s"})
+    longest = file.LARGEST_ORDER + 1
+    coefficients = {
+        key: tuple(
+            file.number(c, f"{where}.{key}[{k}]")
+            for k, c in enumerate(file.sequence(content[key], f"{where}.{key}", longest))
+        )
+        for key in ("num", "den")
+    }
+    delay = file.number(content.get("delay_s", 0.0), f"{where}.delay_s")
+    try:
+        return Channel(coefficients["num"], coefficients["den"], delay)
+    except ModelFileError as error:
+        raise ModelFileError(f"{where}: {error}") from error
+
+
+def _servo(value: object) -> Servo | None:
+    if value is None:
+        return None
+    content = file.mapping(value, "servo")
+    file.keys(content, "servo", set(), set(_SERVO_KEYS))
+    return Servo(
+        **{
+            name: file.number(content[key], f"servo.{key}")
+            for key, name in _SERVO_KEYS.items()
+            if content.get(key) is not None
+        }
+    )

@@ -1,0 +1,72 @@
+"""What bounds a servo, step by step: dead band and rate limit before it, backlash behind it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.transfer_function.file import ModelFileError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Servo:
+    """What bounds a real servo; zero switches a part off.
+
+    The parts act in this order: dead band and rate limit on the command, then delay and transfer
+    function, then backlash on the output.
+
+    Attributes
+    ----------
+    rate_limit : fastest change of the position aimed at [rad/s]
+    dead_band : commands closer than this to the one held are ignored, half width [rad]
+    backlash : total play between drive and output [rad]
+    """
+
+    rate_limit: float = 0.0
+    dead_band: float = 0.0
+    backlash: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("rate_limit", "dead_band", "backlash"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise ModelFileError(f"servo {name} is {value:g}; it must be finite and ≥ 0")
+
+
+def shaped_commands(commands: Array, dt: float, rate_limit: float, dead_band: float) -> Array:
+    """Commands (n, k) as they reach the linear part [rad].
+
+    A rate-limited command is a ramp; each step carries the ramp's mean over that step, so that the
+    held value leaves the linear part where the ramp would to second order in `dt`.
+    """
+    held, reached = np.zeros(commands.shape[1]), np.zeros(commands.shape[1])
+    out = np.empty_like(commands)
+    for k, command in enumerate(commands):
+        held = np.where(np.abs(command - held) > dead_band, command, held)
+        if rate_limit == 0.0:
+            out[k] = held
+            continue
+        missing = held - reached
+        reach = rate_limit * dt
+        arrived = np.abs(missing) <= reach
+        short = np.sign(missing) * reach
+        mean = np.where(
+            arrived, held - missing * np.abs(missing) / (2.0 * reach), reached + 0.5 * short
+        )
+        reached = np.where(arrived, held, reached + short)
+        out[k] = mean
+    return out
+
+
+def play(drive: Array, backlash: float) -> Array:
+    """Output (n, k) behind play of total width `backlash` [rad] that starts centred."""
+    if backlash == 0.0:
+        return drive
+    out = np.empty_like(drive)
+    z = np.zeros(drive.shape[1])
+    for k, y in enumerate(drive):
+        z = np.clip(z, y - 0.5 * backlash, y + 0.5 * backlash)
+        out[k] = z
+    return out

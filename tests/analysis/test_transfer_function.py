@@ -1,0 +1,279 @@
+"""The model file and its discretisation, against python-control and closed forms."""
+
+import json
+import os
+import time
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.schema import AnalysisError
+from analysis.transfer_function import Channel, ModelFileError, Servo, TransferFunctionModel
+from tests.conftest import ROOT
+
+SECOND = TransferFunctionModel.second_order(50.0, 0.7, 0.018)
+
+
+def coupled() -> TransferFunctionModel:
+    return TransferFunctionModel(
+        (
+            (
+                Channel((2500.0,), (1.0, 70.0, 2500.0), 0.012),
+                Channel((3.0, 40.0), (1.0, 30.0, 900.0), 0.007),
+            ),
+            (
+                Channel((90.0,), (1.0, 60.0, 1600.0), 0.02),
+                Channel((3.0, 8e4), (1.0, 90.0, 4e3, 8e4), 0.0),
+            ),
+        )
+    )
+
+
+def closed_form(wn: float, zeta: float, t: np.ndarray) -> np.ndarray:
+    """Unit step of the underdamped second order (any control textbook)."""
+    wd = wn * np.sqrt(1 - zeta**2)
+    y = 1 - np.exp(-zeta * wn * t) * (np.cos(wd * t) + zeta * wn / wd * np.sin(wd * t))
+    return np.where(t >= 0, y, 0.0)
+
+
+def test_step_of_second_order_with_any_delay_equals_the_closed_form():
+    t = np.linspace(0, 0.4, 101)
+    for delay in (0.0, 0.018, 0.01234567):
+        model = TransferFunctionModel.second_order(50.0, 0.7, delay)
+        # 1e-12: a matrix exponential of norm ~20 costs a few digits of double precision
+        assert (
+            np.abs(model.step_response(t)[:, 0, 0] - closed_form(50.0, 0.7, t - delay)).max()
+            < 1e-12
+        )
+        assert not model.step_response(t)[:, 0, 1].any()
+
+
+@pytest.mark.parametrize("delay", [0.0, 1e-4, 9.999e-4, 0.001, 0.012, 0.0123456])
+def test_sampled_staircase_is_exact_for_whole_and_fractional_delays(delay):
+    dt = 1e-3
+    discrete = TransferFunctionModel.second_order(50.0, 0.7, delay).discretise(dt)
+    u = np.random.default_rng(1).normal(size=(150, 2))
+    t = np.arange(150) * dt
+    truth = np.zeros(150)  # sum of delayed closed-form steps, one per change of the command
+    for k, change in enumerate(np.diff(u[:, 0], prepend=0.0)):
+        truth += change * closed_form(50.0, 0.7, t - k * dt - delay)
+    assert np.abs(discrete.simulate(u)[:, 0] - truth).max() < 1e-12
+
+
+def test_coupled_system_equals_forced_response_of_python_control():
+    dt = 1e-3  # every delay of the model is a multiple of it
+    model = coupled()
+    u = np.cumsum(np.random.default_rng(2).normal(size=(300, 2)), axis=0) * 0.01
+    y = model.discretise(dt).simulate(u)
+    for i in range(2):
+        truth = np.zeros(300)
+        for j in range(2):
+            c = model.channel(i, j)
+            shift = round(c.delay / dt)
+            held = np.concatenate([np.zeros(shift), u[: 300 - shift, j]])
+            system = control.c2d(control.ss(control.tf(list(c.num), list(c.den))), dt, "zoh")
+            truth += control.forced_response(system, inputs=held).outputs
+        assert np.abs(y[:, i] - truth).max() < 1e-12
+
+
+def test_frequency_response_equals_python_control_with_the_delay_as_phase():
+    w = np.logspace(0, 3, 40)
+    model = coupled()
+    got = model.frequency_response(w)
+    c = model.channel("y", "x")
+    truth = control.tf(list(c.num), list(c.den))(1j * w) * np.exp(-0.02j * w)
+    assert got.shape == (40, 2, 2)
+    np.testing.assert_allclose(got[:, 1, 0], truth, rtol=1e-12)
+
+
+def test_discrete_frequency_response_tends_to_the_continuous_one():
+    dt, w = 1e-4, np.array([5.0, 50.0])
+    A, B, C, D = SECOND.discretise(dt).state_space
+    z = np.exp(1j * w * dt)
+    hold = (1 - np.exp(-1j * w * dt)) / (1j * w * dt)
+    for k in range(2):
+        gain = (C @ np.linalg.solve(z[k] * np.eye(len(A)) - A, B) + D)[0, 0]
+        # the held input's first image lies 2π/dt away, where the gain is (ωn dt/2π)² = 6e-7
+        assert gain == pytest.approx(SECOND.frequency_response(w)[k, 0, 0] * hold[k], rel=1e-6)
+
+
+def test_integrator_and_feedthrough_channels_are_exact():
+    ramp = Channel((1.0,), (1.0, 0.0), 0.0015)
+    t = np.arange(10) * 1e-3
+    np.testing.assert_allclose(ramp.step_response(t), np.maximum(t - 0.0015, 0), atol=1e-15)
+    lead = TransferFunctionModel(((Channel((1.0, 3.0), (1.0, 10.0), 0.0015),),), ("x",), ("x",))
+    y = lead.discretise(1e-3).simulate(np.ones((10, 1)))[:, 0]
+    late = t - 0.0015
+    np.testing.assert_allclose(
+        y, np.where(late >= 0, 0.3 + 0.7 * np.exp(-10 * late), 0), atol=1e-14
+    )
+
+
+def test_rate_limit_moves_the_output_at_that_rate():
+    servo = Servo(rate_limit=4.0)
+    fast = TransferFunctionModel.second_order(500.0, 1.0).discretise(1e-3)
+    y = fast.simulate(np.full((400, 2), 0.8), servo)[:, 0]
+    assert np.diff(y)[50:150] == pytest.approx(4e-3, rel=1e-6)
+    tolerance = 4e-3 * 1e-3  # the staircase of means errs in second order: 0.1 % of one step
+    # a ramp through ωn = 500, ζ = 1 runs 2ζ/ωn = 4 ms behind: y(0.1 s) = 4·(0.1 − 0.004)
+    assert y[100] == pytest.approx(4.0 * 0.096, abs=tolerance)
+
+
+def test_dead_band_holds_and_backlash_lags_by_half_its_width():
+    fast = TransferFunctionModel.second_order(500.0, 1.0).discretise(1e-3)
+    steps = np.repeat([0.01, 0.015, 0.05], 100)[:, None] * np.ones(2)
+    y = fast.simulate(steps, Servo(dead_band=0.008))[:, 0]
+    assert y[[99, 199, 299]] == pytest.approx([0.01, 0.01, 0.05], abs=1e-9)
+    up_down = np.repeat([0.1, 0.0], 200)[:, None] * np.ones(2)
+    z = fast.simulate(up_down, Servo(backlash=0.02))[:, 0]
+    assert z[[199, 399]] == pytest.approx([0.09, 0.01], abs=1e-6)
+
+
+def test_a_model_survives_its_file(tmp_path):
+    path = tmp_path / "model.json"
+    model = coupled()
+    model = TransferFunctionModel(model.channels, servo=Servo(5.0, 0.01, 0.02), source={"run": 3})
+    model.write(path)
+    again = TransferFunctionModel.read(path)
+    assert again == model
+    assert again.source == {"run": 3}
+    assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_beside_it(tmp_path, monkeypatch):
+    path = tmp_path / "model.json"
+    SECOND.write(path)
+    before = path.read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ModelFileError, match="No space left"):
+        coupled().write(path)
+    assert path.read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+GOOD = SECOND.to_dict()
+
+
+def changed(**changes):
+    content = json.loads(json.dumps(GOOD))
+    content.update(changes)
+    return content
+
+
+def with_channel(**changes):
+    content = changed()
+    content["channels"][0][1].update(changes)
+    return content
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ([], "must be an object"),
+        (changed(schema="tvc-twin/transfer-function/9"), "schema"),
+        (changed(chanels=[]), "unknown key 'chanels'"),
+        (changed(inputs=["x"]), r"channels\[0\] has 2 columns for 1 inputs"),
+        (changed(inputs=["x", "x"]), "repeats"),
+        (changed(outputs=[]), "outputs has 0 elements"),
+        (changed(channels=[[1, 2], [3, 4]]), r"channels\[0\]\[0\] must be an object"),
+        (with_channel(num=[]), r"channels\[0\]\[1\].num has 0 elements"),
+        (with_channel(num=[1, 2, 3], den=[1, 2]), "improper"),
+        (with_channel(den=[0, 0]), "den is zero"),
+        (with_channel(num=["1"]), r"num\[0\] must be a number, not a string"),
+        (with_channel(num=[True]), "not a truth value"),
+        (with_channel(num=[1e999]), "finite"),
+        (with_channel(num=[10**400]), "finite"),
+        (with_channel(den=[1.0] * 40), "1 to 21"),
+        (with_channel(delay_s=-0.001), "delay_s is -0.001"),
+        (with_channel(delay_s=3.0), "delay_s is 3"),
+        (with_channel(delay=0.1), "unknown key 'delay'"),
+        (changed(servo={"rate": 1}), "unknown key 'rate'"),
+        (changed(servo={"backlash_rad": -1}), "backlash is -1"),
+        (changed(source=[[[[[[[[[[[]]]]]]]]]]]), "nested"),
+    ],
+)
+def test_bad_content_is_refused_in_one_line_that_names_the_key(content, says):
+    with pytest.raises(AnalysisError, match=says) as caught:
+        TransferFunctionModel.from_dict(content)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "not a JSON file"),
+        ("{", "not a JSON file"),
+        ('{"schema": NaN}', "NaN is not finite"),
+        ("[" * 100_000, "not a JSON file"),
+        (" " * ((1 << 20) + 1), "larger than 1 MiB"),
+        ("\udcff", "not a JSON file"),
+    ],
+)
+def test_hostile_files_are_refused_by_name_in_one_line(tmp_path, text, says):
+    path = tmp_path / "bad.json"
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(ModelFileError, match=says) as caught:
+        TransferFunctionModel.read(path)
+    assert "bad.json" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ModelFileError, match="No such file"):
+        TransferFunctionModel.read(tmp_path / "none.json")
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(
+                ["schema", "inputs", "outputs", "channels", "num", "den", "delay_s", "servo", "std"]
+            ),
+            inner,
+            max_size=5,
+        )
+    ),
+    max_leaves=20,
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(JSON, st.sampled_from(sorted(GOOD)))
+def test_any_json_in_any_place_is_taken_or_refused_and_never_crashes(value, key):
+    try:
+        model = TransferFunctionModel.from_dict(changed(**{key: value}))
+    except ModelFileError:
+        return
+    json.dumps(model.to_dict(), allow_nan=False)
+
+
+def test_stability_is_told():
+    assert SECOND.stable
+    assert not TransferFunctionModel(((Channel((1.0,), (1.0, -1.0)),),), ("x",), ("x",)).stable
+
+
+def test_the_shipped_reference_is_a_plausible_nine_gram_servo():
+    model = TransferFunctionModel.read(ROOT / "mjcf" / "gimbal.json")
+    assert model.stable
+    assert model.inputs == model.outputs == ("x", "y")
+    for axis in "xy":
+        c = model.channel(axis, axis)
+        assert abs(c.frequency_response([0.0])[0] - 1) < 0.02
+        # field notes: 9 g servo, delay of the 20 ms class; −90° well above the attitude loop
+        assert 0.005 <= c.delay <= 0.03
+        assert 30 < abs(c.poles[0]) < 90
+
+
+def test_discretising_a_model_is_quick():
+    begun = time.perf_counter()
+    coupled().discretise(1e-3)
+    assert time.perf_counter() - begun < 0.5
