@@ -1,0 +1,37 @@
+"""A rig without hardware: the firmware's behaviour and the errors of real sensors, over any plant.
+
+>>> from hardware.emulator import Emulator
+>>> rig = Emulator()
+>>> rig.advance_us(10_000)
+>>> len(rig.read()) > 0
+True
+"""
+
+from hardware.emulator.bench import Bench, RigParameters, quiet, reference_rig, sample_rig
+from hardware.emulator.device import Device, Sample
+from hardware.emulator.emulator import Emulator, Unplugged, identity
+from hardware.emulator.injection import FaultNameError, Injection, parse, valid_names
+from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters
+from hardware.emulator.servo import Servo, ServoParameters
+
+__all__ = [
+    "AnalyticPlant",
+    "Bench",
+    "Device",
+    "Emulator",
+    "FaultNameError",
+    "Injection",
+    "Plant",
+    "PlantParameters",
+    "RigParameters",
+    "Sample",
+    "Servo",
+    "ServoParameters",
+    "Unplugged",
+    "identity",
+    "parse",
+    "quiet",
+    "reference_rig",
+    "sample_rig",
+    "valid_names",
+]

@@ -1,0 +1,184 @@
+"""The analog half of a rig: pulses in, voltages and registers out; a real firmware may read it."""
+
+from dataclasses import dataclass, replace
+from math import radians
+
+import numpy as np
+
+from hardware.emulator.injection import POTENTIOMETER_NAMES, Injection
+from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters, sample_parameters
+from hardware.emulator.sensors import Gaussian, ImuPair, SensorParameters
+from hardware.emulator.sensors import sample as sample_sensors
+from hardware.emulator.servo import ServoParameters
+from hardware.frames import Pair, Triple
+from hardware.protocol import constants as c
+
+OPEN_WIRE_TIME = 1e-3  # s; a pull-down of 1 MΩ empties the input's and cable's 1 nF
+
+
+@dataclass(frozen=True, slots=True)
+class RigParameters:
+    """Everything that makes one rig differ from another.
+
+    Attributes
+    ----------
+    plant : mechanism and servos of the analytic plant
+    sensors : their errors
+    skew : by how much the device's clock is fast [1]; a ceramic resonator is good to 5e-3
+    joystick : rest position of its two axes, −1…1
+    """
+
+    plant: PlantParameters
+    sensors: SensorParameters
+    skew: float = 0.0
+    joystick: Pair = (0.0, 0.0)
+
+
+def reference_rig() -> RigParameters:
+    """Return the rig as drawn: no tolerances, only noise, dead band, friction and backlash."""
+    return RigParameters(PlantParameters(), SensorParameters())
+
+
+def sample_rig(seed: int) -> RigParameters:
+    """Return one of many rigs, every tolerance drawn; the same seed gives the same rig."""
+    rng = np.random.default_rng([seed, 1])
+    return RigParameters(
+        plant=sample_parameters(rng),
+        sensors=sample_sensors(rng),
+        skew=float(rng.uniform(-3e-3, 3e-3)),
+    )
+
+
+class Bench:
+    """Servos, gimbal and sensors over any plant.
+
+    Parameters
+    ----------
+    parameters : the rig
+    plant : other physics than the analytic plant; it brings its own servos
+    injections : faults
+    seed : of the sensors' noise
+    """
+
+    def __init__(
+        self,
+        parameters: RigParameters | None = None,
+        plant: Plant | None = None,
+        injections: tuple[Injection, ...] = (),
+        seed: int = 0,
+    ) -> None:
+        self.parameters = parameters or reference_rig()
+        self.plant: Plant = plant or AnalyticPlant(self.parameters.plant)
+        self.injections = injections
+        self.joystick = self.parameters.joystick
+        self.time = 0.0
+        self.dlpf = c.DLPF
+        rng = np.random.default_rng([seed, 2])
+        self._uniform = np.random.default_rng([seed, 3])
+        self._gaussian = Gaussian(rng)
+        self._imus = ImuPair(self.parameters.sensors.imus, np.random.default_rng([seed, 4]))
+        self._held: dict[str, float] = {}
+        self._frozen: list[int] | None = None
+        self._closed = [False] * 4
+        self._shaft: Triple = (0.0, 0.0, 0.0)
+        self._watch_switches()
+
+    def set_pulses(self, pulses: Triple) -> None:
+        """Let the servos see pulse widths [s]; call it when a PWM frame begins."""
+        servos: tuple[ServoParameters, ...] = self.parameters.plant.servos
+        self._shaft = (
+            servos[0].command(pulses[0]),
+            servos[1].command(pulses[1]),
+            servos[2].command(pulses[2]),
+        )
+
+    def advance(self, dt: float) -> None:
+        """Move everything by dt [s], about 1 ms."""
+        self.plant.advance(dt, self._shaft)
+        self.time += dt
+        self._watch_switches()
+        gyro, force = self.plant.holder_imu()
+        base_gyro, base_force = self.plant.base_imu()
+        jump = radians(self._value("gyro", "bias"))
+        truth = np.array([*gyro, *force, *base_gyro, *base_force])
+        if jump:
+            truth[:3] += jump
+        self._imus.advance(dt, truth, c.GYRO_DELAY_S[self.dlpf])
+
+    def _watch_switches(self) -> None:
+        s = self.parameters.sensors
+        x, y = self.plant.angles()
+        for i, angle in enumerate((x, -x, y, -y)):
+            limit = abs(s.switch_angle[i])
+            self._closed[i] = angle >= (limit - s.differential if self._closed[i] else limit)
+
+    def _value(self, target: str, kind: str) -> float:
+        for injection in self.injections:
+            if (
+                injection.target == target
+                and injection.kind == kind
+                and injection.active(self.time)
+            ):
+                return injection.value or 1.0
+        return 0.0
+
+    def potentiometer_codes(self) -> tuple[int, int, int, int]:
+        """Return what the ADC gives for the four potentiometers now."""
+        s = self.parameters.sensors
+        angles = self.plant.angles()
+        supply = 1.0 + s.supply_ripple * self._gaussian()
+        if self.injections:
+            supply *= 1.0 - self._value("supply", "sag")
+        codes = []
+        for i, sensor in enumerate(s.potentiometers):
+            fraction = sensor.fraction(angles[i // 2]) * supply
+            if self.injections:
+                fraction = self._broken(POTENTIOMETER_NAMES[i], fraction)
+            code = fraction * c.ADC_LEVELS + sensor.noise * self._gaussian()
+            codes.append(min(max(int(code), 0), c.ADC_LEVELS - 1))
+        return (codes[0], codes[1], codes[2], codes[3])
+
+    def _broken(self, name: str, fraction: float) -> float:
+        for fault in self.injections:
+            if fault.target != name:
+                continue
+            if not fault.active(self.time):
+                self._held.pop(name, None)
+            elif fault.kind == "glitch":
+                if self._uniform.random() < fault.value:
+                    fraction = self._uniform.random()
+            elif fault.kind == "stuck":
+                fraction = self._held.setdefault(name, fraction)
+            elif fault.kind == "open":
+                fraction *= float(np.exp(-(self.time - fault.start) / OPEN_WIRE_TIME))
+            elif fault.kind == "offset":
+                fraction += fault.value / 240.0
+        return fraction
+
+    def imu_counts(self) -> list[int]:
+        """Return both IMUs' registers (12,): gyro and accelerometer of holder, then of base."""
+        counts = self._imus.counts()
+        if self.injections and self._value("gyro", "frozen"):
+            self._frozen = self._frozen or counts[:6]
+            return self._frozen + counts[6:]
+        self._frozen = None
+        return counts
+
+    def switch_bits(self) -> int:
+        """Return bits 0…3: +x, −x, +y, −y closed."""
+        return sum(closed << i for i, closed in enumerate(self._closed))
+
+    def joystick_codes(self) -> Pair:
+        """Return what the ADC gives for the joystick."""
+        half = c.ADC_LEVELS // 2
+        x, y = (min(max(round(half + half * v), 0), c.ADC_LEVELS - 1) for v in self.joystick)
+        return x, y
+
+
+def quiet(parameters: RigParameters) -> RigParameters:
+    """Return the rig without sensor noise, for tests that look at one effect at a time."""
+    s = parameters.sensors
+    a, b, d, e = (replace(p, noise=0.0) for p in s.potentiometers)
+    return replace(
+        parameters, sensors=replace(s, potentiometers=(a, b, d, e), supply_ripple=0.0)
+    )

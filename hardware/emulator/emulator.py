@@ -1,0 +1,193 @@
+"""A whole rig in one object, in lockstep: write bytes, let time pass, read bytes."""
+
+import hashlib
+from collections import deque
+
+import numpy as np
+
+from hardware.emulator.bench import Bench, RigParameters, reference_rig
+from hardware.emulator.device import BYTE_US, Device, Sample
+from hardware.emulator.injection import Injection
+from hardware.emulator.plant import Plant
+from hardware.frames import Pair, Triple
+from hardware.protocol import Board, constants
+
+TICK_US = 1000  # of the device's clock; the firmware reads its IMUs this often
+FRAME_TICKS = constants.PWM_PERIOD_US // TICK_US
+IMU_AGE_US = (620, 310)  # the two readings are taken one after the other before the sample
+
+
+def identity(parameters: RigParameters) -> int:
+    """Return a number that tells one emulated rig from another, u32."""
+    digest = hashlib.sha256(repr(parameters).encode()).digest()
+    return int.from_bytes(digest[:4], "little")
+
+
+class Unplugged(OSError):
+    """The cable of an emulated rig is out."""
+
+
+class Emulator:
+    """Firmware's behaviour over a bench; the world's clock is `time_us`, the device's is skewed.
+
+    Parameters
+    ----------
+    parameters : the rig; the reference rig when left out
+    plant : other physics than the analytic plant
+    injections : faults, from `injection.parse`
+    seed : of the noise
+    boot_us : device clock when the world's is zero [µs]
+    """
+
+    def __init__(
+        self,
+        parameters: RigParameters | None = None,
+        *,
+        plant: Plant | None = None,
+        injections: tuple[Injection, ...] = (),
+        seed: int = 0,
+        boot_us: int = 0,
+    ) -> None:
+        self.parameters = parameters or reference_rig()
+        self.bench = Bench(self.parameters, plant, injections, seed)
+        self.device = Device(Board.EMULATOR, identity(self.parameters))
+        self.time_us = 0
+        self._boot_us = boot_us
+        self._tick = 0
+        self._tick_s = TICK_US * 1e-6 / (1 + self.parameters.skew)
+        self._latched = self.device.pulse
+        self._incoming: deque[tuple[float, int]] = deque()
+        self._outgoing: deque[tuple[float, bytes]] = deque()
+        self._wire_free = [0.0, 0.0]  # when each direction has sent its last byte [µs, world]
+        self._link_random = np.random.default_rng([seed, 5])
+        self._link_faults = [f for f in injections if f.target == "link"]
+        self.device.hello()
+
+    @property
+    def time_ns(self) -> int:
+        """World time [ns], the clock of a lockstep link."""
+        return self.time_us * 1000
+
+    @property
+    def unplugged(self) -> bool:
+        """The cable is out."""
+        return any(f.kind == "unplug" and f.active(self.time_us * 1e-6) for f in self._link_faults)
+
+    def truth(self) -> tuple[Pair, Pair]:
+        """Return gimbal angles [rad] and rates [rad/s] as they are."""
+        return self.bench.plant.angles(), self.bench.plant.rates()
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the rig; they arrive at the speed of the line.
+
+        Raises
+        ------
+        Unplugged : the cable is out
+        """
+        if self.unplugged:
+            raise Unplugged("rig unplugged")
+        at = max(self._wire_free[0], self.time_us)
+        for byte in self._spoil(data):
+            at += BYTE_US
+            self._incoming.append((at, byte))
+        self._wire_free[0] = at
+
+    def read(self) -> bytes:
+        """Return the bytes that have arrived from the rig.
+
+        Raises
+        ------
+        Unplugged : the cable is out
+        """
+        if self.unplugged:
+            self._incoming.clear()
+            self._outgoing.clear()
+            raise Unplugged("rig unplugged")
+        pieces = []
+        while self._outgoing and self._outgoing[0][0] <= self.time_us:
+            pieces.append(self._outgoing.popleft()[1])
+        return self._spoil(b"".join(pieces)) if pieces else b""
+
+    def close(self) -> None:
+        """Do nothing; there is no port to give back."""
+
+    def advance_us(self, duration: int) -> None:
+        """Let the world's time pass [µs]."""
+        self.time_us += duration
+        while (self._tick + 1) * self._tick_s * 1e6 <= self.time_us:
+            self._advance_tick()
+
+    def _advance_tick(self) -> None:
+        if self._tick % FRAME_TICKS == 0:
+            self._latch()
+        self.bench.advance(self._tick_s)
+        self._tick += 1
+        world_us = self._tick * self._tick_s * 1e6
+        device_us = self._boot_us + self._tick * TICK_US
+        self._receive(world_us, device_us)
+        self.device.update(device_us)
+        if self._tick % self.device.config.telemetry_period_ms == 0:
+            self._report(device_us)
+        self._transmit(world_us)
+
+    def _latch(self) -> None:
+        """Timer1 takes the new widths when a frame begins: its compare registers are doubled."""
+        self._latched = self.device.pulse
+        # A fast clock makes short microseconds, and short pulses.
+        second = constants.TICK / (1 + self.parameters.skew)
+        a, b, c = self._latched
+        pulses: Triple = (a * second, b * second, c * second)
+        self.bench.set_pulses(pulses)
+
+    def _receive(self, world_us: float, device_us: int) -> None:
+        while self._incoming and self._incoming[0][0] <= world_us:
+            at, byte = self._incoming.popleft()
+            received = device_us - int((world_us - at) * (1 + self.parameters.skew))
+            self.device.receive(bytes((byte,)), received, device_us)
+        self.bench.dlpf = self.device.config.dlpf
+
+    def _report(self, device_us: int) -> None:
+        bench = self.bench
+        self.device.report(
+            Sample(
+                device_us=device_us,
+                frame_us=self._tick % FRAME_TICKS * TICK_US,
+                potentiometer=bench.potentiometer_codes(),
+                imu=bench.imu_counts(),
+                imu_age_us=IMU_AGE_US,
+                imu_fresh=(True, True),
+                pulse=self._latched,
+                switches=bench.switch_bits(),
+                joystick=bench.joystick_codes(),
+            )
+        )
+
+    def _transmit(self, world_us: float) -> None:
+        """Move what is queued onto the wire, as far as a tick goes."""
+        queue = self.device.transmit
+        if not queue:
+            return
+        start = max(self._wire_free[1], world_us)
+        room = int((world_us + TICK_US - start) / BYTE_US)
+        if room <= 0:
+            return
+        piece = bytes(queue[:room])
+        del queue[:room]
+        end = start + len(piece) * BYTE_US
+        self._wire_free[1] = end
+        self._outgoing.append((end, piece))
+
+    def _spoil(self, data: bytes) -> bytes:
+        now = self.time_us * 1e-6
+        for fault in self._link_faults:
+            if fault.kind not in ("drop", "corrupt") or not fault.active(now):
+                continue
+            hit = self._link_random.random(len(data)) < fault.value
+            if fault.kind == "drop":
+                data = bytes(b for b, h in zip(data, hit, strict=True) if not h)
+            else:
+                data = bytes(
+                    b ^ (1 << self._link_random.integers(8)) if h else b
+                    for b, h in zip(data, hit, strict=True)
+                )
+        return data

@@ -1,0 +1,110 @@
+"""Faults on request, as strings: `target:kind[:value][@start[-end]]`, times in seconds."""
+
+import math
+from dataclasses import dataclass
+
+from hardware.frames import HardwareError
+
+
+class FaultNameError(HardwareError):
+    """A fault that no rig can have."""
+
+
+POTENTIOMETER_NAMES = (
+    "potentiometer_x_a",
+    "potentiometer_x_b",
+    "potentiometer_y_a",
+    "potentiometer_y_b",
+)
+# kind → (default value, lowest, highest, meaning of the value)
+_POTENTIOMETER = {
+    "glitch": (0.2, 0.0, 1.0, "fraction of readings that are wrong"),
+    "stuck": (0.0, 0.0, 0.0, "no value"),
+    "open": (0.0, 0.0, 0.0, "no value"),
+    "offset": (5.0, -180.0, 180.0, "degrees"),
+}
+VALID: dict[str, dict[str, tuple[float, float, float, str]]] = {
+    **{name: _POTENTIOMETER for name in POTENTIOMETER_NAMES},
+    "supply": {"sag": (0.1, 0.0, 0.9, "fraction of the supply that is missing")},
+    "gyro": {
+        "bias": (20.0, -500.0, 500.0, "degrees per second"),
+        "frozen": (0.0, 0.0, 0.0, "no value"),
+    },
+    "link": {
+        "drop": (0.001, 0.0, 1.0, "fraction of bytes"),
+        "corrupt": (0.001, 0.0, 1.0, "fraction of bytes"),
+        "unplug": (2.0, 0.0, 3600.0, "seconds"),
+    },
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Injection:
+    """One fault in the rig.
+
+    Attributes
+    ----------
+    target, kind : keys of `VALID`
+    value : in the unit `VALID` names
+    start, end : window in rig time [s]
+    """
+
+    target: str
+    kind: str
+    value: float
+    start: float = 0.0
+    end: float = math.inf
+
+    def active(self, time: float) -> bool:
+        """Tell whether the fault is there at a rig time [s]."""
+        return self.start <= time < self.end
+
+
+def valid_names() -> str:
+    """Return every fault that can be asked for, for messages and help."""
+    return ", ".join(f"{target}:{kind}" for target, kinds in VALID.items() for kind in kinds)
+
+
+def _number(text: str, what: str, whole: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise FaultNameError(f"fault {whole!r}: {what} {text!r} is not a number")
+    return value
+
+
+def _window(text: str, whole: str) -> tuple[float, float]:
+    first, dash, last = text.partition("-")
+    start = _number(first, "start", whole)
+    end = _number(last, "end", whole) if dash else math.inf
+    if not 0 <= start < end:
+        raise FaultNameError(f"fault {whole!r}: window {text!r} must be START or START-END, rising")
+    return start, end
+
+
+def parse(text: str) -> Injection:
+    """Return the fault that a string asks for.
+
+    Parameters
+    ----------
+    text : `target:kind[:value][@start[-end]]`, such as `potentiometer_x_a:glitch:0.2@5-8`
+
+    Raises
+    ------
+    FaultNameError : unknown target or kind (the valid ones are listed), or a value out of range
+    """
+    body, at, window = text.partition("@")
+    parts = body.split(":")
+    target, kind = parts[0], parts[1] if len(parts) > 1 else ""
+    if kind not in VALID.get(target, {}) or len(parts) > 3:
+        raise FaultNameError(f"no fault {text!r}; valid are {valid_names()}")
+    default, low, high, meaning = VALID[target][kind]
+    value = _number(parts[2], "value", text) if len(parts) == 3 else default
+    if len(parts) == 3 and not low <= value <= high:
+        raise FaultNameError(f"fault {text!r}: value must be {low:g}…{high:g} ({meaning})")
+    start, end = _window(window, text) if at else (0.0, math.inf)
+    if kind == "unplug":
+        end = min(end, start + value)
+    return Injection(target, kind, value, start, end)

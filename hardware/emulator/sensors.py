@@ -1,0 +1,190 @@
+"""Error models of the rig's sensors: potentiometers on a 10-bit ADC, MPU6050, limit switches."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import pi, radians, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.frames import Triple
+from hardware.protocol import constants as c
+
+TRAVEL = radians(240.0)  # of the potentiometer track
+SWITCH_ANGLE = radians(8.0)
+
+
+class Gaussian:
+    """Standard normal numbers one by one, drawn in blocks because single draws are slow."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._block: Iterator[float] = iter(())
+
+    def __call__(self) -> float:
+        """Return the next number."""
+        for value in self._block:
+            return value
+        self._block = iter(self._rng.standard_normal(4096).tolist())
+        return next(self._block)
+
+
+@dataclass(frozen=True, slots=True)
+class Potentiometer:
+    """Ratiometric: what it reads is a fraction of the ADC's reference.
+
+    Attributes
+    ----------
+    zero : fraction at zero angle [1]
+    direction : +1, or −1 where it faces its twin from the other end of the axis
+    scale : deviation of the track length [1]
+    bend, period, phase : waviness of the track: amplitude [rad], period [rad], phase [rad]
+    noise : of one reading before quantisation, in steps of the ADC [LSB]
+    """
+
+    zero: float = 0.5
+    direction: int = 1
+    scale: float = 1.0
+    bend: float = 0.0
+    period: float = radians(12.0)
+    phase: float = 0.0
+    noise: float = 0.6
+
+    def fraction(self, angle: float) -> float:
+        """Return the reading at an angle [rad], before noise and quantisation [1]."""
+        wave = self.bend * sin(2 * pi * angle / self.period + self.phase)
+        return self.zero + self.direction * self.scale * (angle + wave) / TRAVEL
+
+
+@dataclass(frozen=True, slots=True)
+class Mpu6050:
+    """Offsets and scales of one chip, MPU-6000/6050 product specification 6.1 and 6.2.
+
+    Attributes
+    ----------
+    gyro_bias : zero-rate output [rad/s]
+    gyro_matrix : scale and cross-axis sensitivity, rows of the reading [1]
+    bias_walk : of the zero-rate output while it warms up [rad/s/√s]
+    accelerometer_bias : [m/s²]
+    accelerometer_scale : [1]
+    """
+
+    gyro_bias: Triple = (0.0, 0.0, 0.0)
+    gyro_matrix: tuple[Triple, Triple, Triple] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    bias_walk: float = radians(0.02)
+    accelerometer_bias: Triple = (0.0, 0.0, 0.0)
+    accelerometer_scale: Triple = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorParameters:
+    """All sensors of a rig; limit switches close at their angle and open `differential` before."""
+
+    potentiometers: tuple[Potentiometer, Potentiometer, Potentiometer, Potentiometer] = (
+        Potentiometer(),
+        Potentiometer(direction=-1),
+        Potentiometer(),
+        Potentiometer(direction=-1),
+    )
+    imus: tuple[Mpu6050, Mpu6050] = (Mpu6050(), Mpu6050())
+    supply_ripple: float = 3e-4
+    switch_angle: tuple[float, float, float, float] = (
+        SWITCH_ANGLE,
+        -SWITCH_ANGLE,
+        SWITCH_ANGLE,
+        -SWITCH_ANGLE,
+    )
+    differential: float = radians(0.4)
+
+
+def _imu(rng: np.random.Generator) -> Mpu6050:
+    matrix = np.diag(rng.uniform(0.97, 1.03, 3)) + rng.normal(0, 0.005, (3, 3))
+    bias = np.radians(rng.uniform(-20, 20, 3))
+    return Mpu6050(
+        gyro_bias=tuple(bias.tolist()),
+        gyro_matrix=tuple(tuple(row) for row in matrix.tolist()),
+        accelerometer_bias=tuple(rng.normal(0, 0.25, 3).tolist()),
+        accelerometer_scale=tuple(rng.uniform(0.97, 1.03, 3).tolist()),
+    )
+
+
+def sample(rng: np.random.Generator, switch_sigma: float = radians(0.03)) -> SensorParameters:
+    """Return the sensors of one of many rigs.
+
+    Parameters
+    ----------
+    rng : source of the rig
+    switch_sigma : how well the printed calibration rig holds its switches [rad]
+    """
+    base = SensorParameters()
+    potentiometers = tuple(
+        replace(
+            p,
+            zero=0.5 + rng.uniform(-0.015, 0.015),
+            scale=rng.uniform(0.95, 1.05),
+            bend=radians(0.05),
+            phase=rng.uniform(0, 2 * pi),
+        )
+        for p in base.potentiometers
+    )
+    errors = rng.normal(0, switch_sigma, 4)
+    a, b, d, e = potentiometers
+    return replace(
+        base,
+        potentiometers=(a, b, d, e),
+        imus=(_imu(rng), _imu(rng)),
+        switch_angle=tuple((np.array(base.switch_angle) + errors).tolist()),
+        differential=radians(rng.uniform(0.2, 0.6)),
+    )
+
+
+GYRO_NOISE = radians(0.005)  # rad/s/√Hz, one-sided
+ACCELEROMETER_NOISE = 400e-6 * c.STANDARD_GRAVITY  # m/s²/√Hz
+
+
+class ImuPair:
+    """Both IMUs at once: noise, low-pass and quantisation of 2 × (gyro, accelerometer).
+
+    Vectors are (12,): holder gyro, holder accelerometer, base gyro, base accelerometer.
+    """
+
+    def __init__(self, parameters: tuple[Mpu6050, Mpu6050], rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._matrix = np.zeros((12, 12))
+        self.bias = np.zeros(12)
+        self._noise = np.zeros(12)
+        self._walk = np.zeros(12)
+        self._lsb = np.zeros(12)
+        for k, imu in enumerate(parameters):
+            g, a = slice(6 * k, 6 * k + 3), slice(6 * k + 3, 6 * k + 6)
+            self._matrix[g, g] = imu.gyro_matrix
+            self._matrix[a, a] = np.diag(imu.accelerometer_scale)
+            self.bias[g], self.bias[a] = imu.gyro_bias, imu.accelerometer_bias
+            self._noise[g], self._noise[a] = GYRO_NOISE, ACCELEROMETER_NOISE
+            self._walk[g] = imu.bias_walk
+            self._lsb[g], self._lsb[a] = c.GYRO_SCALE, c.ACCELEROMETER_SCALE
+        self._stage = np.zeros((2, 12))
+        self._draws = np.empty((0, 12))
+        self._at = 0
+        self._primed = False
+
+    def advance(self, dt: float, truth: NDArray[np.float64], delay: float) -> None:
+        """Take in dt [s] of motion (12,) through a low-pass of the given delay [s]."""
+        if self._at >= len(self._draws):
+            self._draws, self._at = self._rng.standard_normal((1024, 12)), 0
+        draw = self._draws[self._at]
+        self._at += 1
+        self.bias += self._walk * (dt**0.5) * draw[::-1]
+        sensed = self._matrix @ truth + self.bias + self._noise * (0.5 / dt) ** 0.5 * draw
+        if not self._primed:
+            self._stage[:] = sensed
+            self._primed = True
+        blend = dt / (dt + delay / 2)  # two first-order stages, each with half of the delay
+        self._stage[0] += blend * (sensed - self._stage[0])
+        self._stage[1] += blend * (self._stage[0] - self._stage[1])
+
+    def counts(self) -> list[int]:
+        """Return the registers (12,), saturated at 16 bit."""
+        codes = np.clip(np.rint(self._stage[1] / self._lsb), -32768, 32767)
+        values: list[int] = codes.astype(int).tolist()
+        return values

@@ -1,0 +1,1 @@
+"""The gimbal seat over a link."""
