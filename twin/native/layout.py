@@ -15,7 +15,7 @@ Compiled code takes the address of a struct and an offset::
 # ruff: noqa: ANN401, ARG001 - numba hands its builders objects that carry no types
 import ctypes
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import mujoco
@@ -114,9 +114,9 @@ def _loader(kind: Any, doc: str) -> Any:
     return intrinsic(load)
 
 
-_load_double = _loader(types.float64, "One mjtNum.")
-_load_int = _loader(types.int32, "One int.")
-_load_size = _loader(types.int64, "One mjtSize.")
+_load_double: Callable[[int], float] = _loader(types.float64, "One mjtNum.")
+_load_int: Callable[[int], int] = _loader(types.int32, "One int.")
+_load_size: Callable[[int], int] = _loader(types.int64, "One mjtSize.")
 _pointer: Any = types.CPointer
 _load_doubles = _loader(_pointer(types.float64), "One pointer to mjtNum.")
 _load_ints = _loader(_pointer(types.int32), "One pointer to int.")

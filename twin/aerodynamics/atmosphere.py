@@ -1,0 +1,94 @@
+"""Air at rest and in motion: ICAO standard atmosphere, mean wind, turbulence."""
+
+from typing import Final
+
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+# ICAO Doc 7488/3, Manual of the ICAO Standard Atmosphere
+SEA_LEVEL_DENSITY: Final = 1.225  # kg/m³
+SEA_LEVEL_TEMPERATURE: Final = 288.15  # K
+LAPSE: Final = 0.0065  # K/m
+GRAVITY: Final = 9.80665  # m/s²
+GAS_CONSTANT: Final = 287.05287  # J/(kg K)
+EARTH_RADIUS: Final = 6356766.0  # m
+TROPOPAUSE: Final = 11000.0  # m, geopotential
+
+_EXPONENT: Final = GRAVITY / (LAPSE * GAS_CONSTANT) - 1.0
+_TROPOPAUSE_RATIO: Final = 1.0 - LAPSE * TROPOPAUSE / SEA_LEVEL_TEMPERATURE
+_TROPOPAUSE_DENSITY: Final = SEA_LEVEL_DENSITY * _TROPOPAUSE_RATIO**_EXPONENT
+_SCALE_HEIGHT: Final = GAS_CONSTANT * SEA_LEVEL_TEMPERATURE * _TROPOPAUSE_RATIO / GRAVITY
+
+MODE: Final = 7  # numbers per gust mode: wave vector (3), direction (3), phase
+
+
+@register_jitable
+def density(altitude: float) -> float:
+    """Density of the ICAO standard atmosphere [kg/m³].
+
+    `altitude` is geometric, above mean sea level [m]; held constant below -5 km and above 20 km,
+    where the two layers modelled here end. Source: ICAO Doc 7488/3, eqs. (8)-(13).
+    """
+    bounded = min(max(altitude, -5000.0), 20000.0)
+    geopotential = EARTH_RADIUS * bounded / (EARTH_RADIUS + bounded)
+    if geopotential <= TROPOPAUSE:
+        ratio = 1.0 - LAPSE * geopotential / SEA_LEVEL_TEMPERATURE
+        return SEA_LEVEL_DENSITY * ratio**_EXPONENT
+    return float(_TROPOPAUSE_DENSITY * np.exp((TROPOPAUSE - geopotential) / _SCALE_HEIGHT))
+
+
+@register_jitable
+def mean_wind(speed: float, height: float, reference: float, exponent: float) -> float:
+    """Mean wind at a height above ground [m/s]: power law, constant with exponent 0.
+
+    `speed` [m/s] holds at the height `reference` [m]; none below the ground. Exponent 1/7 over
+    open country: Counihan (1975), Atmospheric Environment 9, 871-905.
+    """
+    if height <= 0.0:
+        return 0.0
+    if exponent == 0.0:
+        return speed
+    return speed * (height / reference) ** exponent
+
+
+@register_jitable
+def gust(
+    modes: NDArray[np.float64], count: int, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Turbulent velocity of unit variance per component at a point that drifts with the air.
+
+    `modes` (7 count,): see `gust_modes`; x, y, z [m].
+    """
+    u, v, w = 0.0, 0.0, 0.0
+    for k in range(0, MODE * count, MODE):
+        wave = np.cos(modes[k] * x + modes[k + 1] * y + modes[k + 2] * z + modes[k + 6])
+        u += modes[k + 3] * wave
+        v += modes[k + 4] * wave
+        w += modes[k + 5] * wave
+    return u, v, w
+
+
+def gust_modes(seed: int, length: float, count: int) -> NDArray[np.float64]:
+    """Random Fourier modes of isotropic turbulence of unit variance, (7 count,).
+
+    A frozen field: a function of position alone, so it needs no state, and divergence-free, since
+    every mode's direction is normal to its wave vector. Method: Kraichnan (1970), Physics of
+    Fluids 13, 22-31; energy spectrum of von Kármán (1948), PNAS 34, 530-539, of integral
+    `length` [m]. Wave numbers are spaced evenly in the logarithm over the two decades that hold
+    nine tenths of the energy.
+    """
+    rng = np.random.default_rng(seed)
+    edges = np.geomspace(0.3, 30.0, count + 1)
+    centre = np.sqrt(edges[1:] * edges[:-1])  # κ·length
+    energy = centre**4 / (1.0 + centre**2) ** (17 / 6) * np.diff(edges)
+    amplitude = np.sqrt(2.0 * 3.0 * energy / energy.sum())  # Σ amplitude²/2 = 3 components
+    heading = _unit(rng.normal(size=(count, 3)))
+    across = _unit(np.cross(heading, rng.normal(size=(count, 3))))
+    phase = rng.uniform(0.0, 2.0 * np.pi, size=(count, 1))
+    modes = [heading * (centre / length)[:, None], across * amplitude[:, None], phase]
+    return np.hstack(modes).ravel()
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

@@ -1,0 +1,77 @@
+"""The numerics a model carries for the compiled forces: name, size, unit, meaning, default.
+
+docs/aerodynamics.md prints this table (`python -m twin.native.names`); `bind` checks it.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class Numeric:
+    """One `<numeric>` of the MJCF; `size` is the least it must have."""
+
+    name: str
+    size: int
+    unit: str
+    meaning: str
+    default: str
+
+
+NUMERICS: Final = (
+    Numeric("air_enabled", 1, "-", "1: forces of the air act, 0: vacuum", "1"),
+    Numeric("air_model", 1, "-", "crossflow: 0 strip integral, 1 area moments of the thesis", "0"),
+    Numeric("air_altitude", 1, "m", "launch site (world z = 0) above mean sea level", "0"),
+    Numeric("air_crossflow_drag", 1, "-", "crossflow drag coefficient C_dc", "0.84"),
+    Numeric("air_strip_z", 2, "m", "stations of the crossflow quadrature", "from geometry"),
+    Numeric("air_strip_area", 2, "m²", "silhouette b dz of each station", "from geometry"),
+    Numeric("air_reference_area", 1, "m²", "cross-section that coefficients refer to", "π d²/4"),
+    Numeric("air_axial_drag", 1, "-", "axial drag coefficient C_A", "0.5"),
+    Numeric("air_nose_slope", 1, "1/rad", "normal force slope C_Nα of the nose", "2"),
+    Numeric("air_nose_z", 1, "m", "centre of pressure of the nose", "from geometry"),
+    Numeric("air_fin_slope", 1, "1/rad", "C_Nα of all fins together with the body", "from geometry"),
+    Numeric("air_fin_z", 1, "m", "centre of pressure of the fins", "from geometry"),
+    Numeric("air_roll_damping", 1, "m⁴", "slope · Σ∫ c y² dy over the fins", "from geometry"),
+    Numeric("air_thesis_radius", 1, "m", "r_ref of the area-moment form", "from geometry"),
+    Numeric("air_thesis_offset", 1, "m/s", "∂v_ref of the area-moment form", "0.1"),
+    Numeric("wind_speed", 1, "m/s", "mean wind at the reference height", "0"),
+    Numeric("wind_azimuth", 1, "rad", "where it blows to, from east to north", "0"),
+    Numeric("wind_exponent", 1, "-", "power law of height; 0: constant", "1/7"),
+    Numeric("wind_reference_height", 1, "m", "height above ground of `wind_speed`", "10"),
+    Numeric("wind_turbulence", 1, "-", "gust rms per component over `wind_speed`", "0"),
+    Numeric("wind_length", 1, "m", "integral length of the turbulence", "150"),
+    Numeric("wind_seed", 1, "-", "seed of the gusts, a whole number", "0"),
+    Numeric("wind_modes", 7, "-", "written by `bind` from seed and length; zeros", "size 112"),
+    Numeric("ramp_position", 3, "m", "where the lower lug rests", "0 0 0.5"),
+    Numeric("ramp_elevation", 1, "rad", "above the horizon", "0.8727"),
+    Numeric("ramp_azimuth", 1, "rad", "from east to north", "0"),
+    Numeric("ramp_length", 1, "m", "travel of a lug on the ramp; 0: launch by hand", "2"),
+    Numeric("ramp_lug", 2, "m", "stations of the lower and the upper lug; equal: one lug", "-"),
+    Numeric("ramp_stiffness", 1, "N/m", "of a lug against the rail", "15000"),
+    Numeric("ramp_damping", 1, "N s/m", "of a lug against the rail", "60"),
+    Numeric("motor_time", 2, "s", "thrust curve: time after ignition", "H13ST"),
+    Numeric("motor_thrust", 2, "N", "thrust curve; padded with zeros", "H13ST"),
+    Numeric("motor_impulse", 1, "N s", "integral of the thrust curve", "H13ST"),
+    Numeric("motor_ignition", 1, "s", "simulation time of ignition", "0"),
+    Numeric("motor_propellant_mass", 1, "kg", "before ignition", "0.1164"),
+    Numeric("motor_loaded_mass", 1, "kg", "casing and propellant", "0.2034"),
+    Numeric("motor_length", 1, "m", "casing, upward from the nozzle site", "0.2134"),
+    Numeric("motor_diameter", 1, "m", "casing", "0.029"),
+    Numeric("motor_burn", 1, "-", "grain: 0 burns from the core outward, 1 from its end", "1"),
+)
+BODIES: Final = ("vehicle", "gimbal_propellant")
+SITES: Final = ("gimbal_nozzle",)
+INDEX: Final = "native_index"
+
+SLOT: Final = {numeric.name: k for k, numeric in enumerate(NUMERICS)}
+
+
+def table() -> str:
+    """The numerics as a Markdown table."""
+    head = "| numeric | size | unit | meaning | default |\n|---|---|---|---|---|\n"
+    rows = (f"| `{n.name}` | {n.size} | {n.unit} | {n.meaning} | {n.default} |" for n in NUMERICS)
+    return head + "\n".join(rows)
+
+
+if __name__ == "__main__":
+    print(table())
