@@ -112,6 +112,7 @@ class Recorder:
             stream.log(schema.SIGNALS[name].entity, blueprint.style(name), static=True)
         if self._poses:
             self._poses.start(stream)
+        stream.flush()  # what is static comes first, so a file cut off anywhere still has it
         return stream
 
     def commit(self, time_ns: int, wall_ns: int) -> None:

@@ -1,0 +1,145 @@
+"""Chromium without a screen, over its DevTools protocol: open a page, wait, take its picture."""
+
+import base64
+import contextlib
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from twin.viewer.opening import START_SECONDS, ViewerError
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+SETTLE_SECONDS = 60.0
+
+
+def executable() -> str:
+    """Return the browser's path.
+
+    Raises
+    ------
+    ViewerError
+        if there is none.
+    """
+    for name in NAMES:
+        if found := shutil.which(name):
+            return found
+    raise ViewerError(f"no browser found (looked for {', '.join(NAMES)}); Debian: chromium")
+
+
+class Page:
+    """One page of a running browser."""
+
+    def __init__(self, address: str) -> None:
+        from websocket import create_connection
+
+        self._socket = create_connection(address, timeout=SETTLE_SECONDS, suppress_origin=True)
+        self._count = 0
+        self.complaints: list[str] = []
+        self.send("Runtime.enable")
+        self.send("Page.enable")
+
+    def send(self, method: str, **parameters: object) -> dict[str, Any]:
+        """Call a method of the protocol and return its result."""
+        self._count += 1
+        self._socket.send(json.dumps({"id": self._count, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self._socket.recv())
+            if message.get("id") == self._count:
+                if "error" in message:
+                    raise ViewerError(f"browser: {method}: {message['error']['message']}")
+                return dict(message["result"])
+            self._listen(message)
+
+    def picture(self) -> bytes:
+        """Return what the page shows now, as a PNG."""
+        return base64.b64decode(self.send("Page.captureScreenshot", format="png")["data"])
+
+    def close(self) -> None:
+        """Leave the page."""
+        self._socket.close()
+
+    def _listen(self, message: dict[str, Any]) -> None:
+        parameters = message.get("params", {})
+        if message.get("method") == "Runtime.exceptionThrown":
+            self.complaints.append(str(parameters["exceptionDetails"].get("text")))
+        if message.get("method") == "Runtime.consoleAPICalled" and parameters["type"] in (
+            "error",
+            "warning",
+        ):
+            texts = (str(a.get("value", a.get("description"))) for a in parameters["args"])
+            self.complaints.append(f"{parameters['type']}: {' '.join(texts)}")
+
+
+@contextlib.contextmanager
+def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
+    """Open one page in a fresh browser of the given size [pixels]."""
+    with tempfile.TemporaryDirectory(prefix="twin-browser-", ignore_cleanup_errors=True) as home:
+        command = [
+            executable(),
+            "--headless=new",
+            "--disable-gpu",
+            "--enable-unsafe-swiftshader",
+            "--no-sandbox",
+            "--no-first-run",
+            "--hide-scrollbars",
+            "--force-device-scale-factor=1",
+            f"--window-size={size[0]},{size[1]}",
+            f"--user-data-dir={home}",
+            "--remote-debugging-address=127.0.0.1",
+            "--remote-debugging-port=0",
+            "about:blank",
+        ]
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            page = Page(_page_address(process, Path(home) / "DevToolsActivePort"))
+            page.send(
+                "Emulation.setDeviceMetricsOverride",
+                width=size[0],
+                height=size[1],
+                deviceScaleFactor=1,
+                mobile=False,
+            )
+            page.send("Page.navigate", url=url)
+            yield page
+            page.close()
+        finally:
+            process.kill()
+            process.wait()
+
+
+def settled(page: Page, colors: int = 64) -> bytes:
+    """Return the page's picture once it has content and two in a row are the same."""
+    until = time.monotonic() + SETTLE_SECONDS
+    last = b""
+    while time.monotonic() < until:
+        time.sleep(0.5)
+        now = page.picture()
+        if now == last and len(now) > 1000 * colors // 64 * 20:
+            return now
+        last = now
+    raise ViewerError(f"the page does not settle within {SETTLE_SECONDS:.0f} s")
+
+
+def _page_address(process: subprocess.Popen[bytes], ready: Path) -> str:
+    until = time.monotonic() + START_SECONDS
+    while time.monotonic() < until and process.poll() is None:
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            port = int(ready.read_text().splitlines()[0])
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=5) as answer:
+                targets = json.load(answer)
+            for target in targets:
+                if target.get("type") == "page":
+                    return str(target["webSocketDebuggerUrl"])
+        time.sleep(0.1)
+    raise ViewerError("the browser does not start")

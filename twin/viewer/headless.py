@@ -1,0 +1,144 @@
+"""Pictures of a recording without a screen, in the native and in the web viewer."""
+
+import contextlib
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from analysis import schema
+from twin.viewer import browser
+from twin.viewer.opening import LOOPBACK, START_SECONDS, ViewerError, free_port, running, serve_web
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
+
+SETTLE_SECONDS = 30.0
+# What the viewer says about a machine without a graphics card; it is not about the recording.
+HARMLESS = ("Software rasterizer",)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What the viewer showed without a screen.
+
+    Attributes
+    ----------
+    pictures : one PNG per time asked for
+    reports : what views reported, as `view: severity: summary`
+    complaints : warnings and errors of the viewer's log
+    """
+
+    pictures: tuple[Path, ...]
+    reports: tuple[str, ...]
+    complaints: tuple[str, ...]
+
+
+def screenshot(
+    path: Path, times: Sequence[float], out_dir: Path, size: tuple[int, int] = (1600, 900)
+) -> Look:
+    """Picture a recording at the given experiment times [s] in the native viewer, without a screen.
+
+    Parameters
+    ----------
+    path : recording
+    times : experiment times [s]
+    out_dir : folder for the pictures, named `<recording>_<time>.png`
+    size : of the window [pixels]
+
+    Raises
+    ------
+    ViewerError
+        if the viewer does not start (it needs a Vulkan driver such as Mesa's) or does not load.
+    """
+    out_dir.mkdir(parents=True, exist_ok=True)
+    pictures = []
+    with headless(size) as client:
+        _load(client, path)
+        for at in times:
+            client.set_time(schema.TIME, duration=float(at), play_state="paused")
+            picture = out_dir / f"{path.stem}_{at:g}.png"
+            picture.write_bytes(_steady(client))
+            pictures.append(picture)
+        reports = [
+            f"{view.name}: {report.severity}: {report.summary}"
+            for view in client.get_state().views
+            for report in view.reports
+        ]
+        complaints = [
+            f"{entry.level}: {entry.message}"
+            for entry in client.get_logs()
+            if entry.level != "INFO" and not entry.message.startswith(HARMLESS)
+        ]
+    return Look(tuple(pictures), tuple(reports), tuple(complaints))
+
+
+@contextlib.contextmanager
+def headless(size: tuple[int, int]) -> Iterator["ViewerClient"]:
+    """Run a viewer without a screen, with no settings but its defaults; yields its client."""
+    from rerun.experimental import ViewerClient
+
+    port = free_port()
+    options = ["--headless", "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen"]
+    with running([*options, "--window-size", f"{size[0]}x{size[1]}"], port) as process:
+        until = time.monotonic() + START_SECONDS
+        while True:
+            try:
+                client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+                client.get_state()
+                break
+            except Exception as error:
+                if process.poll() is not None or time.monotonic() > until:
+                    raise ViewerError(f"the viewer does not answer: {error}") from None
+                time.sleep(0.1)
+        yield client
+
+
+def web_screenshot(
+    path: Path, picture: Path, *, at: float = 0.0, size: tuple[int, int] = (1600, 900)
+) -> Path:
+    """Picture a recording in the web viewer, in Chromium without a screen.
+
+    Parameters
+    ----------
+    path : recording
+    picture : PNG to write
+    at : experiment time [s]
+    size : of the window [pixels]
+
+    Raises
+    ------
+    ViewerError
+        if there is no Chromium or the page never settles.
+    """
+    with (
+        serve_web(path) as url,
+        browser.opened(f"{url}%23when%3D{schema.TIME}%40{at:g}s", size) as page,
+    ):
+        picture.write_bytes(browser.settled(page))
+    return picture
+
+
+def _load(client: "ViewerClient", path: Path) -> None:
+    client.open(str(path.resolve()))
+    until = time.monotonic() + SETTLE_SECONDS
+    while time.monotonic() < until:
+        state = client.get_state()
+        if state.recordings and not state.loading and state.recordings[0].timelines:
+            return
+        time.sleep(0.1)
+    raise ViewerError(f"the viewer does not load {path}")
+
+
+def _steady(client: "ViewerClient") -> bytes:
+    """Return the picture once two in a row are the same: the first ones are mid-load."""
+    until = time.monotonic() + SETTLE_SECONDS
+    last = b""
+    while time.monotonic() < until:
+        time.sleep(0.2)
+        now = client.take_screenshot()
+        if now == last:
+            return now
+        last = now
+    return last

@@ -1,0 +1,154 @@
+"""Rerun's own program: repair a recording, open it on the screen, serve it to a browser."""
+
+import contextlib
+import importlib.util
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from analysis.recording import MAGIC
+from twin.errors import TwinError
+
+LOOPBACK = "127.0.0.1"
+START_SECONDS = 30.0
+
+
+class ViewerError(TwinError):
+    """A recording that cannot be shown, told in one line."""
+
+
+def binary() -> Path:
+    """Return Rerun's own program; the `rerun` on the path is a wrapper that outlives its parent."""
+    found = importlib.util.find_spec("rerun_cli")
+    if found is None or found.origin is None:
+        raise ViewerError("Rerun's viewer is not installed: pip install 'rerun-sdk'")
+    return Path(found.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
+
+
+def sound(path: Path) -> bool:
+    """Tell whether a recording is complete, its footer included."""
+    done = _rerun("rrd", "verify", str(path))
+    return done.returncode == 0
+
+
+def repaired(path: Path) -> Path:
+    """Return `path` if it is complete, else a fresh file beside it with all that can be saved.
+
+    Raises
+    ------
+    ViewerError
+        if the file is missing, is no recording, or nothing can be saved.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(MAGIC))
+    except OSError as error:
+        raise ViewerError(f"cannot open {path}: {error.strerror or error}") from None
+    if start != MAGIC:
+        raise ViewerError(f"{path}: not a Rerun recording (.rrd)")
+    if path.suffix == ".rrd" and sound(path):
+        return path
+    stem = path.name.removesuffix(".partial").removesuffix(".rrd")
+    fresh = path.with_name(f"{stem}.repaired.rrd")
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".repair-") as folder:
+        part = Path(folder) / fresh.name
+        done = _rerun("rrd", "optimize", "--continue-on-error", str(path), "-o", str(part))
+        if done.returncode != 0 or not part.is_file() or not sound(part):
+            raise ViewerError(f"{path}: nothing in it can be saved")
+        part.replace(fresh)
+    return fresh
+
+
+def view(path: Path, *, web: bool = False, port: int = 0) -> int:
+    """Open a recording on the screen, or with `web` serve it to browsers of this machine alone.
+
+    Repairs a recording that was cut off first. Returns the viewer's exit code.
+
+    Raises
+    ------
+    ViewerError
+        if the recording cannot be opened.
+    """
+    path = repaired(Path(path))
+    if not web:
+        return subprocess.call([str(binary()), "--bind", LOOPBACK, "--port", "auto", str(path)])
+    with serve_web(path, port) as url:
+        print(f"{url}\n(only on this machine; Ctrl-C ends it)", file=sys.stderr)
+        with contextlib.suppress(KeyboardInterrupt):
+            while True:
+                time.sleep(3600.0)
+    return 0
+
+
+@contextlib.contextmanager
+def serve_web(path: Path, port: int = 0) -> Iterator[str]:
+    """Serve a recording to browsers on the loopback interface; yields the address.
+
+    Parameters
+    ----------
+    path : recording
+    port : of the page; 0 takes a free one
+    """
+    page, data = port or free_port(), free_port()
+    options = ["--serve-web", "--bind", LOOPBACK, "--port", str(data)]
+    with running([*options, "--web-viewer-port", str(page), str(path)], page):
+        yield f"http://{LOOPBACK}:{page}?url=rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{data}%2Fproxy"
+
+
+@contextlib.contextmanager
+def running(options: Sequence[str], port: int) -> Iterator[subprocess.Popen[bytes]]:
+    """Run Rerun's program until the end of the block, from when it listens on `port`.
+
+    It starts with empty settings: a picture must not depend on who took it, and Rerun sends
+    no usage data before its second session.
+    """
+    with tempfile.TemporaryDirectory(prefix="twin-viewer-") as home:
+        environment = {**os.environ, **dict.fromkeys(_SETTINGS, home)}
+        process = subprocess.Popen(
+            [str(binary()), *options],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            _await_port(process, port)
+            yield process
+        finally:
+            process.kill()
+            process.wait()
+
+
+_SETTINGS = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME", "XDG_STATE_HOME")
+
+
+def free_port() -> int:
+    """Return a port that was free on the loopback interface a moment ago."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+def _await_port(process: subprocess.Popen[bytes], port: int) -> None:
+    until = time.monotonic() + START_SECONDS
+    while time.monotonic() < until:
+        if process.poll() is not None:
+            raise ViewerError(
+                f"the viewer ended at once with code {process.returncode}; "
+                "without a screen it needs a Vulkan driver (Debian: mesa-vulkan-drivers libvulkan1)"
+            )
+        with contextlib.suppress(OSError), socket.create_connection((LOOPBACK, port), 0.2):
+            return
+        time.sleep(0.05)
+    raise ViewerError(f"the viewer does not listen on port {port} after {START_SECONDS:.0f} s")
+
+
+def _rerun(*options: str) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run(
+        [str(binary()), *options], capture_output=True, stdin=subprocess.DEVNULL, check=False
+    )
