@@ -1,0 +1,35 @@
+"""PID, low-pass, attitude loop, setpoint programmes and the steering demonstration.
+
+Everything works on arrays (..., n): one vehicle or ten thousand run through the same compiled code.
+"""
+
+from twin.control.attitude import AttitudeController, ControlConfig
+from twin.control.authority import control_config
+from twin.control.guidance import FixedPoint
+from twin.control.pid import PID, LowPass, PIDGains
+from twin.control.setpoint import (
+    PROGRAMMES,
+    Doublet,
+    Hold,
+    PitchOver,
+    Setpoint,
+    Step,
+    launch_direction,
+)
+
+__all__ = [
+    "PID",
+    "PROGRAMMES",
+    "AttitudeController",
+    "ControlConfig",
+    "Doublet",
+    "FixedPoint",
+    "Hold",
+    "LowPass",
+    "PIDGains",
+    "PitchOver",
+    "Setpoint",
+    "Step",
+    "control_config",
+    "launch_direction",
+]

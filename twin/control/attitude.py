@@ -1,0 +1,172 @@
+"""Attitude loop: where the nose is, where it should be, and the gimbal angle that turns it there.
+
+The error is taken in body axes, so the loop does not care how far the vehicle has rolled. One motor
+gives no roll moment; roll is left alone.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twin.control.pid import low_pass, pid
+from twin.errors import TwinError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ControlConfig:
+    """Gains in terms of angular acceleration, so that they fit vehicles of any size.
+
+    Attributes
+    ----------
+    kp, ki, kd : angular acceleration per rotation missing [1/s²], its integral [1/s³], rate [1/s]
+    cutoff : of the low-pass on the rate [rad/s]; 0 switches it off
+    limit : largest gimbal angle on each axis [rad]
+    rate_limit : fastest change of the command [rad/s]; 0 switches it off
+    error_limit : rotation missing is taken for no more than this [rad]; bounds the turn rate
+    authority_time, authority : angular acceleration per gimbal angle, thrust·lever/inertia
+        [rad/s² per rad], at times [s]; linear between, held outside
+    authority_floor : below it the gimbal is centred and the integral waits [rad/s² per rad]
+    """
+
+    kp: float = 12.0
+    ki: float = 3.0
+    kd: float = 5.0
+    cutoff: float = 60.0
+    limit: float = math.radians(8.0)
+    rate_limit: float = 0.0
+    error_limit: float = 0.5
+    authority_time: tuple[float, ...] = (0.0,)
+    authority: tuple[float, ...] = (60.0,)
+    authority_floor: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name in ("kp", "ki", "kd", "cutoff", "rate_limit", "authority_floor"):
+            _demand(getattr(self, name) >= 0.0, name, getattr(self, name), "≥ 0")
+        for name in ("limit", "error_limit"):
+            _demand(getattr(self, name) > 0.0, name, getattr(self, name), "> 0")
+        if len(self.authority_time) != len(self.authority) or not self.authority:
+            raise TwinError(
+                f"control authority has {len(self.authority)} values for"
+                f" {len(self.authority_time)} times; it needs one each, and at least one"
+            )
+        if np.any(np.diff(self.authority_time) <= 0.0):
+            raise TwinError("control authority_time must increase")
+
+
+def _demand(good: bool, name: str, value: float, wanted: str) -> None:
+    if not (good and math.isfinite(value)):
+        raise TwinError(f"control {name} is {value:g}; it must be finite and {wanted}")
+
+
+@njit(cache=True, nogil=True)
+def missing_rotation(attitude: Array, nose: Array) -> tuple[float, float]:
+    """Rotation about body x and y that takes the nose to the wanted direction [rad].
+
+    `attitude` (4,) wxyz body to world, `nose` (3,) unit, world. Shortest way; no roll in it.
+    """
+    w, x, y, z = attitude
+    dx, dy, dz = nose
+    bx = (1 - 2 * (y * y + z * z)) * dx + 2 * (x * y + w * z) * dy + 2 * (x * z - w * y) * dz
+    by = 2 * (x * y - w * z) * dx + (1 - 2 * (x * x + z * z)) * dy + 2 * (y * z + w * x) * dz
+    bz = 2 * (x * z + w * y) * dx + 2 * (y * z - w * x) * dy + (1 - 2 * (x * x + y * y)) * dz
+    across = math.sqrt(bx * bx + by * by)
+    angle = math.atan2(across, bz)
+    # sin θ/θ → 1 towards the nose; straight behind it any way round is as short, take x
+    if across < 1e-12:
+        return (0.0, 0.0) if bz > 0.0 else (angle, 0.0)
+    return -by / across * angle, bx / across * angle
+
+
+@njit(cache=True, nogil=True)
+def interpolate(t: float, times: Array, values: Array) -> float:
+    """Value at t of a table, linear between its entries and held outside."""
+    n = len(times)
+    if t <= times[0] or n == 1:
+        return float(values[0])
+    if t >= times[n - 1]:
+        return float(values[n - 1])
+    k = np.searchsorted(times, t)
+    share = (t - times[k - 1]) / (times[k] - times[k - 1])
+    return float(values[k - 1] + share * (values[k] - values[k - 1]))
+
+
+@njit(cache=True, nogil=True)
+def _update(
+    t: float, dt: float, attitude: Array, rate: Array, nose: Array, gains: Array,
+    times: Array, authority: Array, state: Array, error: Array, out: Array,
+) -> None:  # fmt: skip
+    """Rows of `state` (n, 6): filtered rate, integral [rad/s²], last command, of x and y each."""
+    kp, ki, kd, cutoff, limit, rate_limit, error_limit, floor = gains
+    b = interpolate(t, times, authority)
+    for k in range(len(out)):
+        ex, ey = missing_rotation(attitude[k], nose[k])
+        error[k, 0], error[k, 1] = ex, ey
+        shrink = min(1.0, error_limit / max(math.sqrt(ex * ex + ey * ey), 1e-12))
+        for axis in range(2):
+            slope = low_pass(state[k, axis], rate[k, axis], cutoff, dt)
+            state[k, axis] = slope
+            angle = 0.0
+            if b > floor:
+                most = limit * b
+                turn, state[k, 2 + axis] = pid(
+                    shrink * error[k, axis], slope, state[k, 2 + axis],
+                    kp, ki, kd, -most, most, dt,
+                )  # fmt: skip
+                # The thrust acts below the centre of mass: tilted about +x it turns the vehicle
+                # about −x, and likewise about y.
+                angle = -turn / b
+            if rate_limit > 0.0:
+                last = state[k, 4 + axis]
+                angle = min(max(angle, last - rate_limit * dt), last + rate_limit * dt)
+            state[k, 4 + axis] = angle
+            out[k, axis] = angle
+
+
+class AttitudeController:
+    """The attitude loop of n vehicles.
+
+    Attributes
+    ----------
+    error : (n, 2) rotation missing at the last update, about body x and y [rad]
+    """
+
+    def __init__(self, config: ControlConfig | None = None) -> None:
+        self.config = c = config or ControlConfig()
+        self._gains = np.array(
+            [c.kp, c.ki, c.kd, c.cutoff, c.limit, c.rate_limit, c.error_limit, c.authority_floor]
+        )
+        self._times, self._authority = np.array(c.authority_time), np.array(c.authority)
+        self.reset()
+
+    def reset(self, n: int = 1) -> None:
+        """Forget everything; n vehicles from now on."""
+        self._state = np.zeros((n, 6))
+        self.error = np.zeros((n, 2))
+        self._out = np.zeros((n, 2))
+
+    def update(
+        self, t: float, dt: float, attitude: Array, rate: Array, setpoint: Array,
+        out: Array | None = None,
+    ) -> Array:  # fmt: skip
+        """Gimbal angles (..., 2) to command [rad], and write them to `out` (..., 2).
+
+        Parameters
+        ----------
+        t, dt : experiment time, time since the last update [s]
+        attitude : (..., 4) wxyz, body to world
+        rate : (..., 3) in the body frame [rad/s]
+        setpoint : (..., 3) wanted nose direction in the world, unit vectors
+        """
+        if out is None:
+            out = self._out[0] if attitude.ndim == 1 else self._out
+        n = len(self._state)
+        _update(
+            t, dt, attitude.reshape(n, 4), rate.reshape(n, 3), setpoint.reshape(n, 3),
+            self._gains, self._times, self._authority, self._state, self.error, out.reshape(n, 2),
+        )  # fmt: skip
+        return out

@@ -1,0 +1,138 @@
+"""Setpoint programmes: where the nose is to point, over time."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import TwinError
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+UP: Vector = (0.0, 0.0, 1.0)
+
+
+class Setpoint(Protocol):
+    """Whatever says where the nose is to point."""
+
+    def direction(self, t: float, position: Array, velocity: Array) -> Array:
+        """Wanted nose direction (..., 3), unit, for position and velocity (..., 3) in the world."""
+
+
+def launch_direction(elevation: float, azimuth: float = 0.0) -> Vector:
+    """Return (east, north, up), unit, of the model's `ramp_elevation` and `ramp_azimuth` [rad].
+
+    Elevation counts from the horizon, azimuth from east to north.
+    """
+    level = math.cos(elevation)
+    return (level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation))
+
+
+def _unit(vector: Vector, name: str) -> Vector:
+    length = math.sqrt(sum(c * c for c in vector))
+    if not (math.isfinite(length) and length > 0.0):
+        raise TwinError(f"{name} {vector} has no direction")
+    return (vector[0] / length, vector[1] / length, vector[2] / length)
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Hold one direction.
+
+    Attributes
+    ----------
+    launch : direction of launch, world; any length but zero
+    axis : the nose is turned about this world axis. By default a positive angle tips the nose from
+        the vertical down-range (from a vertical launch: to the east).
+    """
+
+    launch: Vector = UP
+    axis: Vector | None = None
+
+    def __post_init__(self) -> None:
+        launch = _unit(self.launch, "launch")
+        axis = self.axis
+        if axis is None:
+            level = _cross(UP, launch)
+            axis = level if math.hypot(*level) > 1e-9 else (0.0, 1.0, 0.0)
+        along = _unit(axis, "axis")
+        if math.hypot(*_cross(along, launch)) < 1e-9:
+            raise TwinError(f"axis {axis} lies along launch {self.launch}; turning does nothing")
+        object.__setattr__(self, "launch", launch)
+        object.__setattr__(self, "axis", along)
+        # Rodrigues' formula at angle a: still + cos(a)·turning + sin(a)·across
+        lengthwise = sum(a * b for a, b in zip(along, launch, strict=True))
+        still = np.array(along) * lengthwise
+        for name, value in (
+            ("_still", still),
+            ("_turning", np.array(launch) - still),
+            ("_across", np.array(_cross(along, launch))),
+        ):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    def angle(self, t: float) -> float:  # noqa: ARG002
+        """Angle from the launch direction [rad]."""
+        return 0.0
+
+    def direction(self, t: float, position: Array, velocity: Array) -> Array:  # noqa: ARG002
+        """Wanted nose direction (..., 3), unit, world."""
+        a = self.angle(t)
+        nose: Array = (
+            self._still + math.cos(a) * self._turning + math.sin(a) * self._across  # type: ignore[attr-defined]
+        )
+        return nose if position.ndim == 1 else np.broadcast_to(nose, position.shape).copy()
+
+
+@dataclass(frozen=True)
+class Step(Hold):
+    """One step of `amplitude` [rad] at `begin` [s]."""
+
+    amplitude: float = math.radians(5.0)
+    begin: float = 3.0
+
+    def angle(self, t: float) -> float:
+        """Angle from the launch direction [rad]."""
+        return self.amplitude if t >= self.begin else 0.0
+
+
+@dataclass(frozen=True)
+class Doublet(Step):
+    """`amplitude` one way for `duration` [s], the other way as long, then back."""
+
+    duration: float = 1.5
+
+    def angle(self, t: float) -> float:
+        """Angle from the launch direction [rad]."""
+        if not self.begin <= t < self.begin + 2.0 * self.duration:
+            return 0.0
+        return self.amplitude if t < self.begin + self.duration else -self.amplitude
+
+
+@dataclass(frozen=True)
+class PitchOver(Step):
+    """Tip over by `amplitude` within `duration` [s] like the start of a gravity turn.
+
+    Half a cosine: the turn begins and ends with no angular acceleration step beyond
+    amplitude·π²/(2·duration²).
+    """
+
+    duration: float = 4.0
+
+    def angle(self, t: float) -> float:
+        """Angle from the launch direction [rad]."""
+        share = min(max((t - self.begin) / self.duration, 0.0), 1.0)
+        return self.amplitude * 0.5 * (1.0 - math.cos(math.pi * share))
+
+
+PROGRAMMES: Mapping[str, type[Hold]] = MappingProxyType(
+    {"hold": Hold, "step": Step, "doublet": Doublet, "pitch-over": PitchOver}
+)
