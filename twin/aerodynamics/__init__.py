@@ -11,6 +11,7 @@ from twin.aerodynamics.body import (
     axial_drag,
     crossflow,
     crossflow_area_moment,
+    crossflow_by_moments,
     normal_force,
     roll_damping,
 )
@@ -20,6 +21,7 @@ __all__ = [
     "axial_drag",
     "crossflow",
     "crossflow_area_moment",
+    "crossflow_by_moments",
     "density",
     "gust",
     "gust_modes",

@@ -82,6 +82,34 @@ def crossflow_area_moment(
 
 
 @register_jitable
+def crossflow_by_moments(
+    vx: float,
+    vy: float,
+    wx: float,
+    wy: float,
+    rho: float,
+    coefficient: float,
+    z: NDArray[np.float64],
+    area: NDArray[np.float64],
+    reference: float,
+    r_ref: float,
+    dv_ref: float,
+) -> Load:
+    """Crossflow drag by the thesis's area-moment form, in the planes xz and yz apart.
+
+    Arguments as for `crossflow`. The form is planar: the two planes do not know of each other,
+    so the load depends on the roll angle (docs/aerodynamics.md says how much).
+    """
+    a0, a1, a2, a3, a4 = area_moments(z, area, reference)
+    c = coefficient
+    a = (c * a0, c * a1, c * a2, c * a3, c * a4)
+    # air passes at -(v + ω×r): in xz -(vx + wy r), in yz -(vy - wx r)
+    fx, my = crossflow_area_moment(-vx, wy, rho, a, r_ref, dv_ref)
+    fy, mx = crossflow_area_moment(-vy, -wx, rho, a, r_ref, dv_ref)
+    return fx, fy, -mx, my
+
+
+@register_jitable
 def normal_force(
     vx: float, vy: float, axial: float, wx: float, wy: float, scale: float, r: float
 ) -> Load:

@@ -1,0 +1,65 @@
+"""Compiled MuJoCo callbacks: the forces of flight and the transfer-function actuator.
+
+Callbacks belong to the process, so they are installed for the length of a `with` block and act
+on every model stepped meanwhile, on any thread; they change only models that carry their
+numerics (`twin.native.names`).
+"""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+import mujoco
+
+from twin.native.index import bind
+from twin.native.layout import LayoutError, verify
+
+__all__ = ["LayoutError", "bind", "installed", "verify"]
+
+_lock = threading.Lock()
+_depth = 0
+_previous: tuple[object, object] = (None, None)
+
+
+@contextmanager
+def installed() -> Iterator[None]:
+    """Install the callbacks for a block; blocks may nest and overlap on several threads.
+
+    The outermost one puts back on leaving what was installed before it.
+
+    Raises
+    ------
+    LayoutError : this MuJoCo lays out its structs differently
+    """
+    _enter()
+    try:
+        yield
+    finally:
+        _leave()
+
+
+def _enter() -> None:
+    global _depth, _previous
+    with _lock:
+        if _depth == 0:
+            verify()
+            from twin.native.forces import passive
+
+            before = (mujoco.get_mjcb_passive(), mujoco.get_mjcb_act_dyn())
+            mujoco.set_mjcb_passive(passive.ctypes)
+            if find_spec("twin.native.actuator") is not None:
+                from twin.native.actuator import act_dyn
+
+                mujoco.set_mjcb_act_dyn(act_dyn.ctypes)
+            _previous = before
+        _depth += 1
+
+
+def _leave() -> None:
+    global _depth
+    with _lock:
+        _depth -= 1
+        if _depth == 0:
+            mujoco.set_mjcb_passive(_previous[0])
+            mujoco.set_mjcb_act_dyn(_previous[1])

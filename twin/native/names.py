@@ -57,6 +57,8 @@ NUMERICS: Final = (
     Numeric("motor_loaded_mass", 1, "kg", "casing and propellant", "0.2034"),
     Numeric("motor_length", 1, "m", "casing, upward from the nozzle site", "0.2134"),
     Numeric("motor_diameter", 1, "m", "casing", "0.029"),
+    Numeric("motor_grain_length", 1, "m", "grain before ignition, centred in the casing", "0.1394"),
+    Numeric("motor_grain_radius", 1, "m", "outer radius of the grain", "0.0125"),
     Numeric("motor_burn", 1, "-", "grain: 0 burns from the core outward, 1 from its end", "1"),
 )
 BODIES: Final = ("vehicle", "gimbal_propellant")

@@ -1,0 +1,333 @@
+"""The compiled passive forces of a vehicle: thrust, jet damping, air, wind and ramp.
+
+One `mjcb_passive` callback for every model in the process: stateless, without Python or the
+interpreter lock, reading all coefficients from the model; models without them are left alone.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numba import cfunc, njit, types
+from numpy.typing import NDArray
+
+from twin import aerodynamics as air
+from twin.native import ramp
+from twin.native.cache import fingerprint
+from twin.native.index import FIRST, NOZZLE, PROPELLANT, VEHICLE, locate
+from twin.native.layout import DATA, MODEL, address, floats, integers, number, size
+from twin.native.names import SLOT
+
+Vector = tuple[float, float, float]
+
+_TIME, _XPOS, _XMAT, _XIPOS = DATA["time"], DATA["xpos"], DATA["xmat"], DATA["xipos"]
+_SITE_XPOS, _SITE_XMAT = DATA["site_xpos"], DATA["site_xmat"]
+_COM, _CDOF, _CVEL, _PASSIVE = (
+    DATA["subtree_com"],
+    DATA["cdof"],
+    DATA["cvel"],
+    DATA["qfrc_passive"],
+)
+_NV, _NBODY, _NSITE = MODEL["nv"], MODEL["nbody"], MODEL["nsite"]
+_NUMERIC, _NNUMERIC = MODEL["numeric_data"], MODEL["nnumericdata"]
+_ROOT, _PARENT, _WELD = MODEL["body_rootid"], MODEL["dof_parentid"], MODEL["body_weldid"]
+_DOF, _DOFS, _MASS = MODEL["body_dofadr"], MODEL["body_dofnum"], MODEL["body_mass"]
+_SITE_BODY = MODEL["site_bodyid"]
+
+
+def _slot(name: str) -> int:
+    return FIRST + 2 * SLOT[name]
+
+
+_AIR, _AIR_MODEL, _ALTITUDE = _slot("air_enabled"), _slot("air_model"), _slot("air_altitude")
+_CROSSFLOW, _AXIAL = _slot("air_crossflow_drag"), _slot("air_axial_drag")
+_STRIP_Z, _STRIP_AREA = _slot("air_strip_z"), _slot("air_strip_area")
+_AREA, _ROLL = _slot("air_reference_area"), _slot("air_roll_damping")
+_NOSE, _NOSE_Z = _slot("air_nose_slope"), _slot("air_nose_z")
+_FIN, _FIN_Z = _slot("air_fin_slope"), _slot("air_fin_z")
+_THESIS_R, _THESIS_DV = _slot("air_thesis_radius"), _slot("air_thesis_offset")
+_WIND, _WIND_AZIMUTH, _WIND_EXPONENT = (
+    _slot("wind_speed"),
+    _slot("wind_azimuth"),
+    _slot("wind_exponent"),
+)
+_WIND_HEIGHT, _TURBULENCE = _slot("wind_reference_height"), _slot("wind_turbulence")
+_MODES = _slot("wind_modes")
+_RAMP, _ELEVATION, _AZIMUTH = _slot("ramp_position"), _slot("ramp_elevation"), _slot("ramp_azimuth")
+_RAMP_LENGTH, _LUG = _slot("ramp_length"), _slot("ramp_lug")
+_STIFFNESS, _DAMPING = _slot("ramp_stiffness"), _slot("ramp_damping")
+_CURVE_TIME, _CURVE_THRUST = _slot("motor_time"), _slot("motor_thrust")
+_IMPULSE, _IGNITION = _slot("motor_impulse"), _slot("motor_ignition")
+_PROPELLANT_MASS, _GRAIN_LENGTH, _BURN = (
+    _slot("motor_propellant_mass"),
+    _slot("motor_grain_length"),
+    _slot("motor_burn"),
+)
+
+
+@njit
+def _value(data: NDArray[np.float64], index: NDArray[np.float64], slot: int) -> float:
+    return data[int(index[slot])]
+
+
+@njit
+def _array(
+    data: NDArray[np.float64], index: NDArray[np.float64], slot: int
+) -> NDArray[np.float64]:
+    start = int(index[slot])
+    return data[start : start + int(index[slot + 1])]
+
+
+@njit
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit
+def _turn(rotation: NDArray[np.float64], v: Vector) -> Vector:
+    """Local to world."""
+    r = rotation
+    return (
+        r[0] * v[0] + r[1] * v[1] + r[2] * v[2],
+        r[3] * v[0] + r[4] * v[1] + r[5] * v[2],
+        r[6] * v[0] + r[7] * v[1] + r[8] * v[2],
+    )
+
+
+@njit
+def _turn_back(rotation: NDArray[np.float64], v: Vector) -> Vector:
+    """World to local."""
+    r = rotation
+    return (
+        r[0] * v[0] + r[3] * v[1] + r[6] * v[2],
+        r[1] * v[0] + r[4] * v[1] + r[7] * v[2],
+        r[2] * v[0] + r[5] * v[1] + r[8] * v[2],
+    )
+
+
+@njit
+def _vector(array: NDArray[np.float64], row: int) -> Vector:
+    return array[3 * row], array[3 * row + 1], array[3 * row + 2]
+
+
+@njit
+def _velocity(m: int, d: int, body: int, point: Vector) -> tuple[Vector, Vector]:
+    """World velocity of a body's point, and the body's angular velocity."""
+    nbody = size(m, _NBODY)
+    root = integers(m, _ROOT, nbody)[body]
+    com = _vector(floats(d, _COM, 3 * nbody), root)
+    cvel = floats(d, _CVEL, 6 * nbody)[6 * body : 6 * body + 6]
+    w = (cvel[0], cvel[1], cvel[2])
+    c = _cross(w, (point[0] - com[0], point[1] - com[1], point[2] - com[2]))
+    return (cvel[3] + c[0], cvel[4] + c[1], cvel[5] + c[2]), w
+
+
+@njit
+def apply_force(m: int, d: int, body: int, point: Vector, force: Vector, torque: Vector) -> None:
+    """Add a force at a point of a body, and a torque, to qfrc_passive; world frame.
+
+    The same as mj_applyFT, along the chain of dofs above the body.
+    """
+    nbody, nv = size(m, _NBODY), size(m, _NV)
+    root = integers(m, _ROOT, nbody)[body]
+    com = _vector(floats(d, _COM, 3 * nbody), root)
+    arm = _cross((point[0] - com[0], point[1] - com[1], point[2] - com[2]), force)
+    t = (torque[0] + arm[0], torque[1] + arm[1], torque[2] + arm[2])
+    moved = integers(m, _WELD, nbody)[body]
+    cdof, passive = floats(d, _CDOF, 6 * nv), floats(d, _PASSIVE, nv)
+    parent = integers(m, _PARENT, nv)
+    dof = integers(m, _DOF, nbody)[moved] + integers(m, _DOFS, nbody)[moved] - 1
+    while dof >= 0 and moved > 0:
+        c = cdof[6 * dof : 6 * dof + 6]
+        passive[dof] += (
+            c[0] * t[0] + c[1] * t[1] + c[2] * t[2] + c[3] * force[0] + c[4] * force[1] + c[5] * force[2]
+        )
+        dof = parent[dof]
+
+
+@njit
+def thrust_at(
+    time: NDArray[np.float64], thrust: NDArray[np.float64], t: float
+) -> float:
+    """Thrust of a piecewise linear curve [N]; zero before its first and after its last point."""
+    low, high = 0, time.size - 1
+    if t < time[low] or t >= time[high]:
+        return 0.0
+    while high - low > 1:
+        middle = (low + high) // 2
+        if t >= time[middle]:
+            low = middle
+        else:
+            high = middle
+    return thrust[low] + (thrust[high] - thrust[low]) * (t - time[low]) / (time[high] - time[low])
+
+
+@njit
+def _motor(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]) -> None:
+    t = number(d, _TIME) - _value(data, index, _IGNITION)
+    force = thrust_at(_array(data, index, _CURVE_TIME), _array(data, index, _CURVE_THRUST), t)
+    impulse = _value(data, index, _IMPULSE)
+    if force == 0.0 or impulse <= 0.0:
+        return
+    site = int(index[NOZZLE])
+    nsite, nbody = size(m, _NSITE), size(m, _NBODY)
+    body = integers(m, _SITE_BODY, nsite)[site]
+    exit = _vector(floats(d, _SITE_XPOS, 3 * nsite), site)
+    axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
+    up = (axis[2], axis[5], axis[8])
+
+    # the gas leaves the grain with one lateral velocity and the nozzle with another
+    full = _value(data, index, _PROPELLANT_MASS)
+    flow = force * full / impulse
+    grain = int(index[PROPELLANT])
+    burnt = 1.0 - floats(m, _MASS, nbody)[grain] / full
+    source = _vector(floats(d, _XIPOS, 3 * nbody), grain)
+    if _value(data, index, _BURN) != 0.0:
+        back = 0.5 * (1.0 - burnt) * _value(data, index, _GRAIN_LENGTH)
+        source = (source[0] - back * up[0], source[1] - back * up[1], source[2] - back * up[2])
+    vehicle = int(index[VEHICLE])
+    com = _vector(floats(d, _COM, 3 * nbody), vehicle)
+    _, w = _velocity(m, d, body, exit)
+    at_exit = _cross(w, (exit[0] - com[0], exit[1] - com[1], exit[2] - com[2]))
+    at_grain = _cross(w, (source[0] - com[0], source[1] - com[1], source[2] - com[2]))
+    jet = (
+        force * up[0] - flow * at_exit[0],
+        force * up[1] - flow * at_exit[1],
+        force * up[2] - flow * at_exit[2],
+    )
+    none = (0.0, 0.0, 0.0)
+    apply_force(m, d, body, exit, jet, none)
+    inflow = (flow * at_grain[0], flow * at_grain[1], flow * at_grain[2])
+    apply_force(m, d, body, source, inflow, none)
+
+
+@njit
+def _wind(d: int, data: NDArray[np.float64], index: NDArray[np.float64], point: Vector) -> Vector:
+    """Velocity of the air at a point, world frame."""
+    speed = _value(data, index, _WIND)
+    if speed == 0.0:
+        return 0.0, 0.0, 0.0
+    height, exponent = _value(data, index, _WIND_HEIGHT), _value(data, index, _WIND_EXPONENT)
+    mean = air.mean_wind(speed, point[2], height, exponent)
+    azimuth = _value(data, index, _WIND_AZIMUTH)
+    east, north = np.cos(azimuth), np.sin(azimuth)
+    sigma = speed * _value(data, index, _TURBULENCE)
+    if sigma == 0.0:
+        return mean * east, mean * north, 0.0
+    modes = _array(data, index, _MODES)
+    drift = speed * number(d, _TIME)  # the frozen field travels with the wind
+    u, v, w = air.gust(
+        modes, modes.size // 7, point[0] - drift * east, point[1] - drift * north, point[2]
+    )
+    return mean * east + sigma * u, mean * north + sigma * v, sigma * w
+
+
+@njit
+def _crossflow(
+    v: Vector, w: Vector, rho: float, station: float, data: NDArray[np.float64], index: NDArray[np.float64]
+) -> air.body.Load:
+    """Crossflow drag by the model the vehicle asks for."""
+    z, area = _array(data, index, _STRIP_Z), _array(data, index, _STRIP_AREA)
+    coefficient = _value(data, index, _CROSSFLOW)
+    if _value(data, index, _AIR_MODEL) == 0.0:
+        return air.crossflow(v[0], v[1], w[0], w[1], 0.5 * rho * coefficient, z, area, station)
+    r_ref, dv_ref = _value(data, index, _THESIS_R), _value(data, index, _THESIS_DV)
+    return air.crossflow_by_moments(
+        v[0], v[1], w[0], w[1], rho, coefficient, z, area, station, r_ref, dv_ref
+    )
+
+
+@njit
+def _air(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]) -> None:
+    body, nbody = int(index[VEHICLE]), size(m, _NBODY)
+    origin = _vector(floats(d, _XPOS, 3 * nbody), body)
+    rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
+    com = _vector(floats(d, _COM, 3 * nbody), body)
+    offset = (com[0] - origin[0], com[1] - origin[1], com[2] - origin[2])
+    station = _turn_back(rotation, offset)[2]  # of the centre of mass along the axis
+    up = _turn(rotation, (0.0, 0.0, station))
+    point = (origin[0] + up[0], origin[1] + up[1], origin[2] + up[2])
+    velocity, rate = _velocity(m, d, body, point)
+    wind = _wind(d, data, index, point)
+    rho = air.density(point[2] + _value(data, index, _ALTITUDE))
+    through = (velocity[0] - wind[0], velocity[1] - wind[1], velocity[2] - wind[2])
+    v, w = _turn_back(rotation, through), _turn_back(rotation, rate)
+
+    q = 0.5 * rho * _value(data, index, _AREA)
+    fx, fy, mx, my = _crossflow(v, w, rho, station, data, index)
+    # a nose lifts only while it leads; fins do both ways
+    nose = air.normal_force(
+        v[0],
+        v[1],
+        max(v[2], 0.0),
+        w[0],
+        w[1],
+        q * _value(data, index, _NOSE),
+        _value(data, index, _NOSE_Z) - station,
+    )
+    fins = air.normal_force(
+        v[0],
+        v[1],
+        abs(v[2]),
+        w[0],
+        w[1],
+        q * _value(data, index, _FIN),
+        _value(data, index, _FIN_Z) - station,
+    )
+    fz = air.axial_drag(v[2], q * _value(data, index, _AXIAL))
+    mz = air.roll_damping(v[2], w[2], 0.5 * rho * _value(data, index, _ROLL))
+    force = _turn(rotation, (fx + nose[0] + fins[0], fy + nose[1] + fins[1], fz))
+    torque = _turn(rotation, (mx + nose[2] + fins[2], my + nose[3] + fins[3], mz))
+    apply_force(m, d, body, point, force, torque)
+
+
+@njit
+def _guide(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]) -> None:
+    length = _value(data, index, _RAMP_LENGTH)
+    body, nbody = int(index[VEHICLE]), size(m, _NBODY)
+    foot, lugs = _array(data, index, _RAMP), _array(data, index, _LUG)
+    origin = _vector(floats(d, _XPOS, 3 * nbody), body)
+    reach = lugs[1] - lugs[0] + length + 1.0
+    away = (origin[0] - foot[0]) ** 2 + (origin[1] - foot[1]) ** 2 + (origin[2] - foot[2]) ** 2
+    if length <= 0.0 or away > reach * reach:
+        return
+    rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
+    direction = ramp.rail(_value(data, index, _ELEVATION), _value(data, index, _AZIMUTH))
+    stiffness, damping = _value(data, index, _STIFFNESS), _value(data, index, _DAMPING)
+    for k in range(2 if lugs[1] != lugs[0] else 1):
+        arm = _turn(rotation, (0.0, 0.0, lugs[k]))
+        point = (origin[0] + arm[0], origin[1] + arm[1], origin[2] + arm[2])
+        offset = (point[0] - foot[0], point[1] - foot[1], point[2] - foot[2])
+        velocity, _ = _velocity(m, d, body, point)
+        force = ramp.guide_force(
+            offset, velocity, direction, length, stiffness, damping, k == 0
+        )
+        apply_force(m, d, body, point, force, (0.0, 0.0, 0.0))
+
+
+@njit
+def add_forces(m: int, d: int) -> None:
+    """Add every force of the vehicle to qfrc_passive; nothing where the model carries none."""
+    carries, index = locate(m)
+    if not carries or index[VEHICLE] < 0:
+        return
+    data = floats(m, _NUMERIC, size(m, _NNUMERIC))
+    if index[_AIR] >= 0 and _value(data, index, _AIR) != 0.0:
+        _air(m, d, data, index)
+    if index[NOZZLE] >= 0 and index[_IMPULSE] >= 0:
+        _motor(m, d, data, index)
+    if index[_RAMP_LENGTH] >= 0:
+        _guide(m, d, data, index)
+
+
+def _compile(sources: str) -> Any:
+    """The callback; `sources` enters numba's cache key, which knows only this file."""
+
+    @cfunc(types.void(types.voidptr, types.voidptr), cache=True)
+    def passive(model: Any, data: Any) -> None:
+        if len(sources) > 0:
+            add_forces(address(model), address(data))
+
+    return passive
+
+
+passive: Final = _compile(fingerprint())

@@ -1,0 +1,78 @@
+"""The launch ramp: a rail that holds the vehicle's lugs until they leave its end."""
+
+import mujoco
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from twin.errors import TwinError
+
+RELEASE = 0.02  # m; the rail lets go of a lug over this stretch, so that forces have no step
+
+
+@register_jitable
+def rail(elevation: float, azimuth: float) -> tuple[float, float, float]:
+    """Unit vector up the rail, world frame."""
+    level = np.cos(elevation)
+    return level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
+
+
+@register_jitable
+def guide_force(
+    offset: tuple[float, float, float],
+    velocity: tuple[float, float, float],
+    direction: tuple[float, float, float],
+    length: float,
+    stiffness: float,
+    damping: float,
+    stop: bool,
+) -> tuple[float, float, float]:
+    """Force of the rail on one lug [N], world frame.
+
+    `offset` of the lug from the rail's foot [m], its `velocity` [m/s], the rail's `direction`;
+    the lug is on the rail while its travel lies below `length` [m]. A spring and damper hold it
+    to the rail's line; with `stop`, another pushes up from the foot and never pulls.
+    """
+    ux, uy, uz = direction
+    travel = offset[0] * ux + offset[1] * uy + offset[2] * uz
+    if travel >= length or length <= 0.0:
+        return 0.0, 0.0, 0.0
+    hold = min(1.0, (length - travel) / RELEASE)
+    hold *= hold * (3.0 - 2.0 * hold)
+    along = velocity[0] * ux + velocity[1] * uy + velocity[2] * uz
+    k, c = hold * stiffness, hold * damping
+    fx = -k * (offset[0] - travel * ux) - c * (velocity[0] - along * ux)
+    fy = -k * (offset[1] - travel * uy) - c * (velocity[1] - along * uy)
+    fz = -k * (offset[2] - travel * uz) - c * (velocity[2] - along * uz)
+    if stop and travel < 0.0:
+        push = max(0.0, -stiffness * travel - damping * along)
+        fx, fy, fz = fx + push * ux, fy + push * uy, fz + push * uz
+    return fx, fy, fz
+
+
+def launch_pose(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Position [m] and quaternion (wxyz) of the vehicle with its lower lug at the rail's foot, (7,).
+
+    Body x points to the ground side of the rail: roll is such that pitching down turns about +y.
+
+    Raises
+    ------
+    TwinError : an elevation beyond ±90 degrees, or a negative length
+    """
+    elevation, azimuth, length = (
+        float(model.numeric(f"ramp_{name}").data[0]) for name in ("elevation", "azimuth", "length")
+    )
+    if not abs(elevation) <= np.pi / 2 + 1e-9:
+        raise TwinError(f"ramp_elevation = {elevation:g} rad: must lie within ±π/2")
+    if not 0 <= length < np.inf:
+        raise TwinError(f"ramp_length = {length:g} m: must be 0 (by hand) or positive")
+    foot, lug = model.numeric("ramp_position").data[:3], model.numeric("ramp_lug").data[0]
+    position = foot - lug * np.array(rail(elevation, azimuth))
+    tilt, turn = (np.pi / 2 - elevation) / 2, azimuth / 2
+    quaternion = (
+        np.cos(turn) * np.cos(tilt),
+        -np.sin(turn) * np.sin(tilt),
+        np.cos(turn) * np.sin(tilt),
+        np.sin(turn) * np.cos(tilt),
+    )
+    return np.array([*position, *quaternion])
