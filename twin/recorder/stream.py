@@ -31,7 +31,8 @@ class RecorderError(TwinError):
 class Recorder:
     """Writes a run into one Rerun file: `<path>.partial` while it runs, `<path>` once closed.
 
-    Fill `row` through `slices`, then `commit`; a value left alone is NaN.
+    Fill `row` through `slices`, then `commit`. The row stays in place, so views of it may be kept;
+    a value left alone keeps its last content, NaN at first.
 
     Parameters
     ----------
@@ -82,14 +83,13 @@ class Recorder:
             for s, end in zip(self._signals, ends, strict=True)
         }
         self._scale = np.array([s.scale for s in self._signals for _ in s.components])
-        self._block = np.full((capacity, width), np.nan)
-        self._rows = list(self._block)
+        self._block = np.zeros((capacity, width))
         self._time = np.zeros(capacity, dtype=np.int64)
         self._wall = np.zeros(capacity, dtype=np.int64)
         self._n = 0
         self._capacity = capacity
         self._due = DRAIN_NS
-        self.row: NDArray[np.float64] = self._rows[0]
+        self.row: NDArray[np.float64] = np.full(width, np.nan)
 
     def _start(self, text: str, serve: int | None) -> rr.RecordingStream:
         digest = hashlib.sha256(text.encode()).hexdigest()[:32]
@@ -121,6 +121,7 @@ class Recorder:
         Allocates nothing but once a simulated second, when the rows are written.
         """
         n = self._n
+        self._block[n] = self.row
         self._time[n] = time_ns
         self._wall[n] = wall_ns
         n += 1
@@ -128,8 +129,6 @@ class Recorder:
         if n == self._capacity or time_ns >= self._due:
             self._due = time_ns - time_ns % DRAIN_NS + DRAIN_NS
             self.drain()
-            n = 0
-        self.row = self._rows[n]
 
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
         """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
@@ -168,9 +167,7 @@ class Recorder:
             entity = schema.SIGNALS[name].entity
             self._stream.send_columns(entity, when, columns.scalars(stored[:, part]))
         self._last_wall = int(wall[-1])
-        self._block[: self._n] = np.nan
         self._n = 0
-        self.row = self._rows[0]
 
     def _drain_poses(self, poses: Poses, time: Stamps, wall: Stamps) -> None:
         at = poses.times
