@@ -46,7 +46,9 @@ class Size:
 
 def sources() -> list[Path]:
     """Return the hand-written files of the sketch, sorted."""
-    return sorted(p for p in SKETCH.iterdir() if p.suffix in {".h", ".cpp", ".ino"} and not _made(p))
+    return sorted(
+        p for p in SKETCH.iterdir() if p.suffix in {".h", ".cpp", ".ino"} and not _made(p)
+    )
 
 
 def _made(path: Path) -> bool:
@@ -103,7 +105,9 @@ def compile_with(command: list[str], target: Path) -> None:
     FirmwareError : it failed, or it warned
     """
     scratch = target.with_name(f"{target.name}.{os.getpid()}")
-    done = subprocess.run([*command, "-o", str(scratch)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [*command, "-o", str(scratch)], capture_output=True, text=True, check=False
+    )
     if done.returncode or done.stderr:
         scratch.unlink(missing_ok=True)
         raise FirmwareError(f"{command[0]} failed:\n{done.stderr.strip()}")

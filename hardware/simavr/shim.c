@@ -8,6 +8,7 @@
  *   - sleep() really sleeps;
  *   - Timer1 in mode 14 and Timer2's compare unit drive the wrong pin edges;
  *   - I2C bytes take 9 us at every bit rate;
+ *   - a low level on D2 or D3 costs a timer call per cycle, interrupt enabled or not;
  *   - the ADC scales millivolts, coarser than one code.
  */
 #include <stdint.h>
@@ -15,6 +16,7 @@
 #include <string.h>
 
 #include <simavr/avr_adc.h>
+#include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_twi.h>
 #include <simavr/avr_uart.h>
@@ -28,8 +30,9 @@ enum { FREQUENCY = 16000000, QUEUE = 1 << 14, EDGES = 1 << 10, IMUS = 2, REGISTE
 /* ATmega328P data addresses. */
 enum {
   DDRB_ = 0x24, DDRD_ = 0x2A, TCCR1A_ = 0x80, OCR1AL_ = 0x88, OCR1BL_ = 0x8A,
-  TCCR2A_ = 0xB0, TWBR_ = 0xB8, TWSR_ = 0xB9
+  TCCR2A_ = 0xB0, TWBR_ = 0xB8, TWSR_ = 0xB9, MCUSR_ = 0x54
 };
+enum { EXTRF = 1 << 1 };
 enum { TIMER2_COMPB_VECTOR = 8, TIMER1_OVF_VECTOR = 13 };
 enum { FULL_SCALE = 1023 };
 
@@ -57,7 +60,7 @@ typedef struct nano {
   avr_t *avr;
   avr_twi_t *twi;
   avr_irq_t *uart_in, *adc[8], *twi_in, *pin_d[8];
-  uint32_t adc_code[8];
+  uint32_t adc_code[8], pin_level[8];
 
   uint8_t in[QUEUE];
   uint32_t in_head, in_tail;
@@ -212,9 +215,9 @@ static void bus_event(avr_irq_t *irq, uint32_t value, void *param) {
 
 static void conversion(avr_irq_t *irq, uint32_t value, void *param) {
   nano_t *n = param;
-  avr_adc_mux_t mux;
+  avr_adc_mux_t mux = {0}; /* 8 bytes of which the message carries 4 */
   (void)irq;
-  memcpy(&mux, &value, sizeof mux);
+  memcpy(&mux, &value, sizeof value);
   if (mux.kind == ADC_MUX_SINGLE && mux.src < 8) avr_raise_irq(n->adc[mux.src], n->adc_code[mux.src]);
 }
 
@@ -248,6 +251,21 @@ static void wire_up(nano_t *n) {
   avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
 }
 
+void nano_set_pin_d(nano_t *n, uint32_t pin, uint32_t level) {
+  if (pin >= 8) return;
+  n->pin_level[pin] = level ? 1 : 0;
+  avr_raise_irq(n->pin_d[pin], n->pin_level[pin]);
+}
+
+/* What a reset of the chip forgets about its surroundings. */
+static void settle(nano_t *n) {
+  for (int i = 0; i < 2; i++) avr_extint_set_strict_lvl_trig(n->avr, i, 0); /* TRAP: see top */
+  for (int i = 0; i < 8; i++) { /* a level that does not change is not passed on */
+    avr_raise_irq(n->pin_d[i], !n->pin_level[i]);
+    avr_raise_irq(n->pin_d[i], n->pin_level[i]);
+  }
+}
+
 /* NULL when the file is no AVR program or the chip is unknown. */
 nano_t *nano_open(const char *path, uint32_t baud) {
   elf_firmware_t firmware;
@@ -274,7 +292,8 @@ nano_t *nano_open(const char *path, uint32_t baud) {
     imu_reset(&n->imu[i]);
   }
   wire_up(n);
-  for (int i = 0; i < 8; i++) avr_raise_irq(n->pin_d[i], 1);
+  for (int i = 0; i < 8; i++) n->pin_level[i] = 1;
+  settle(n);
   return n;
 }
 
@@ -283,6 +302,17 @@ void nano_close(nano_t *n) {
   avr_terminate(n->avr);
   free(n->avr);
   free(n);
+}
+
+/* What the DTR line does when a port is opened: program and bytes under way start afresh, the clock
+ * and everything outside the chip go on. */
+void nano_reset(nano_t *n) {
+  avr_reset(n->avr);
+  n->avr->data[MCUSR_] = EXTRF;
+  n->in_head = n->in_tail = n->out_head = n->out_tail = 0;
+  n->in_running = n->d3_high = 0;
+  n->selected = -1;
+  settle(n);
 }
 
 uint64_t nano_cycle(nano_t *n) { return n->avr->cycle; }
@@ -333,10 +363,6 @@ uint32_t nano_read(nano_t *n, uint8_t *bytes, uint32_t size) {
 
 void nano_set_adc(nano_t *n, const uint16_t *codes) {
   for (int i = 0; i < 8; i++) n->adc_code[i] = codes[i];
-}
-
-void nano_set_pin_d(nano_t *n, uint32_t pin, uint32_t level) {
-  if (pin < 8) avr_raise_irq(n->pin_d[pin], level ? 1 : 0);
 }
 
 void nano_set_imu(nano_t *n, uint32_t sensor, const uint8_t *reading) {

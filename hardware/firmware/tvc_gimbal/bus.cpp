@@ -5,6 +5,8 @@
 #include <util/delay.h>
 #include <util/twi.h>
 
+#include "wake.h"
+
 namespace {
 
 constexpr uint8_t GO = _BV(TWINT) | _BV(TWEN) | _BV(TWIE);
@@ -15,12 +17,13 @@ uint8_t bytes[16];
 volatile uint8_t at;        // bytes sent or received
 volatile bus::State now = bus::FREE;
 
-void finish(bus::State end) {
+inline void finish(bus::State end) {
   TWCR = _BV(TWINT) | _BV(TWEN) | _BV(TWSTO);
   now = end;
+  wake();
 }
 
-void sent() {
+inline void sent() {
   switch (at++) {
     case 0:
       TWDR = current.reg;
@@ -40,7 +43,7 @@ void sent() {
 }
 
 // The last byte wanted is answered with NACK.
-void receive_next() { TWCR = at + 1 < current.count ? GO | _BV(TWEA) : GO; }
+inline void receive_next() { TWCR = at + 1 < current.count ? GO | _BV(TWEA) : GO; }
 
 }  // namespace
 

@@ -31,7 +31,7 @@ bool plausible(const wire::Config& config) {
 
 }  // namespace
 
-Gimbal::Gimbal(uint8_t board, uint8_t reset_cause)
+Gimbal::Gimbal(uint8_t board)
     : transmit(),
       receiver_(),
       sender_(transmit),
@@ -42,7 +42,7 @@ Gimbal::Gimbal(uint8_t board, uint8_t reset_cause)
       overruns_seen_(0),
       deadline_us_(0),
       board_(board),
-      reset_cause_(reset_cause) {
+      reset_cause_(0) {
   config_.telemetry_period_ms = wire::TELEMETRY_PERIOD_MS;
   config_.dlpf = wire::DLPF;
   for (uint8_t i = 0; i < 3; ++i) {
@@ -60,6 +60,12 @@ void Gimbal::set(uint16_t flag, bool on) {
 void Gimbal::neutral() {
   for (uint8_t i = 0; i < 3; ++i) pulse_[i] = config_.neutral[i];
   set(wire::FLAGS_DRIVING, false);
+}
+
+void Gimbal::boot(uint8_t reset_cause) {
+  reset_cause_ = reset_cause;
+  transmit.push(0);  // ends whatever noise the line carried before
+  hello();
 }
 
 void Gimbal::hello() {

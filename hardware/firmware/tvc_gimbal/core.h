@@ -22,9 +22,10 @@ struct Sample {
 
 class Gimbal {
  public:
-  Gimbal(uint8_t board, uint8_t reset_cause);
+  explicit Gimbal(uint8_t board);
 
-  void hello();
+  // Says HELLO; `reset_cause` is MCUSR.
+  void boot(uint8_t reset_cause);
   // `received_us`: clock at the frame's last byte; `now_us`: clock now.
   void receive(uint8_t byte, uint32_t received_us, uint32_t now_us);
   void update(uint32_t now_us);
@@ -38,6 +39,7 @@ class Gimbal {
   TransmitRing transmit;
 
  private:
+  void hello();
   bool obey(uint32_t received_us, uint32_t now_us);
   bool command(const wire::Command& command, uint32_t received_us);
   bool configure(const wire::Config& config);

@@ -97,14 +97,19 @@ bool Sender::send(uint8_t type, const void* payload, uint8_t size) {
   body[length++] = static_cast<uint8_t>(crc >> 8);
   ++sequence_;
 
+  stuff(body, length);
+  return true;
+}
+
+void Sender::stuff(const uint8_t* body, uint8_t length) {
   uint8_t start = 0;
   while (start <= length) {
     uint8_t end = start;
     while (end < length && body[end] != 0) ++end;
-    ring_.push(static_cast<uint8_t>(end - start + 1));
-    while (start < end) ring_.push(body[start++]);
+    ring_.put(static_cast<uint8_t>(end - start + 1));
+    while (start < end) ring_.put(body[start++]);
     ++start;  // over the zero, or past the end
   }
-  ring_.push(0);
-  return true;
+  ring_.put(0);
+  ring_.publish();
 }

@@ -62,6 +62,7 @@ class Sender {
 
  private:
   bool send(uint8_t type, const void* payload, uint8_t size);
+  void stuff(const uint8_t* body, uint8_t length);
 
   TransmitRing& ring_;
   uint16_t sequence_ = 0;

@@ -2,4 +2,4 @@
 #pragma once
 #include <stdint.h>
 
-static constexpr uint32_t BUILD_HASH = 0x8691ef16;
+static constexpr uint32_t BUILD_HASH = 0x5bd754a3;

@@ -1,0 +1,16 @@
+// Potentiometers and joystick, one conversion after the other in the interrupt.
+#pragma once
+#include <stdint.h>
+
+namespace adc {
+
+void begin();
+
+// Starts a sequence: one joystick axis, the other in the next sequence, then x_a, x_b, y_a, y_b.
+void start();
+bool busy();
+
+// The latest counts, valid while not busy.
+void read(uint16_t* potentiometer, uint16_t* joystick);
+
+}  // namespace adc
