@@ -61,6 +61,12 @@ class Drawing:
         """Position of a geom at home in the frame of `mount`, (3,) [mm]."""
         return np.asarray(self.data.geom(name).xpos) * MILLIMETRE
 
+    def local(self, geom: str, body: str) -> NDArray[np.float64]:
+        """Position of a geom at home in the frame of a body, (3,) [mm]."""
+        frame = self.data.body(body)
+        away = self.data.geom(geom).xpos - frame.xpos
+        return np.asarray(away @ frame.xmat.reshape(3, 3)) * MILLIMETRE
+
     def geom_size(self, name: str) -> NDArray[np.float64]:
         """Sizes of a geom, (3,) [mm]."""
         return np.asarray(self.model.geom(name).size) * MILLIMETRE

@@ -3,19 +3,21 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from meshes import parts
+from meshes import parts, rig
 from meshes.drawing import MJCF, Drawing
 from meshes.solids import Solid
 from meshes.stl import check, write
 
 HERE = Path(__file__).resolve().parent
-PARTS: Mapping[str, Callable[[Drawing], Solid]] = {
-    "bulkhead": parts.bulkhead,
-    "bracket": parts.bracket,
-    "ring": parts.ring,
-    "holder": parts.holder,
-    "horn": parts.horn,
-    "rod_end": parts.rod_end,
+# part -> (the model it is drawn around, what draws it)
+PARTS: Mapping[str, tuple[str, Callable[[Drawing], Solid]]] = {
+    "bulkhead": ("mechanism", parts.bulkhead),
+    "bracket": ("mechanism", parts.bracket),
+    "ring": ("mechanism", parts.ring),
+    "holder": ("mechanism", parts.holder),
+    "horn": ("mechanism", parts.horn),
+    "rod_end": ("mechanism", parts.rod_end),
+    "calibration_rig": ("bench", rig.calibration_rig),
 }
 
 
@@ -26,11 +28,11 @@ def generate(folder: Path = HERE) -> dict[str, Path]:
     ------
     MeshError : a part came out open or empty
     """
-    drawing = Drawing.read(MJCF / "mechanism.xml")
+    drawings = {name: Drawing.read(MJCF / f"{name}.xml") for name, _ in PARTS.values()}
     written = {}
-    for name, draw in PARTS.items():
+    for name, (model, draw) in PARTS.items():
         written[name] = folder / f"{name}.stl"
-        write(written[name], draw(drawing))
+        write(written[name], draw(drawings[model]))
         check(written[name])
     return written
 

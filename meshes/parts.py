@@ -4,7 +4,7 @@ Which number means what stands beside the numerics `print_*` in mechanism.xml.
 """
 
 from meshes.drawing import Drawing
-from meshes.solids import Solid, box, disc, hull, rod, sector, tube, union
+from meshes.solids import Solid, box, disc, hull, rod, sector, sphere, tube, union
 
 QUARTER = 90.0
 GAP = 0.1  # mm, so that a printed pocket takes its part
@@ -96,15 +96,9 @@ def rod_end(drawing: Drawing) -> Solid:
     wire = drawing.geom_size("rod_x")[0]
     solid = rod((0, -half, 0), (0, half, 0), cup, segments=36)
     solid += rod((0, 0, -length), (0, 0, 0), barrel)
-    socket = _sphere(ball + 0.05)
+    socket = sphere(ball + 0.05)
     mouth = rod((0, -9, 0), (0, 9, 0), ball * 0.82)
     return solid - socket - mouth - rod((0, 0, -length - 1), (0, 0, -length + 5), wire)
-
-
-def _sphere(radius: float) -> Solid:
-    from manifold3d import Manifold
-
-    return Manifold.sphere(radius, 32)
 
 
 def bracket(drawing: Drawing) -> Solid:

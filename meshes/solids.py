@@ -55,3 +55,8 @@ def union(*solids: Solid) -> Solid:
 def hull(*solids: Solid) -> Solid:
     """Convex hull over all of them."""
     return manifold3d.Manifold.batch_hull(list(solids))
+
+
+def sphere(radius: float, segments: int = 32) -> Solid:
+    """Ball about the origin."""
+    return manifold3d.Manifold.sphere(radius, segments)

@@ -1,0 +1,16 @@
+"""The gimbal's mechanism: how it can move, where its servos put it, and what its servos are like."""
+
+from twin.mechanism.kinematics import Kinematics, Workspace
+from twin.mechanism.mobility import Mobility, mobility
+from twin.mechanism.names import MechanismError
+from twin.mechanism.servo import apply_servo, insert_backlash
+
+__all__ = [
+    "Kinematics",
+    "MechanismError",
+    "Mobility",
+    "Workspace",
+    "apply_servo",
+    "insert_backlash",
+    "mobility",
+]
