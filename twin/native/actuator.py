@@ -1,0 +1,356 @@
+"""The transfer-function actuator: an identified gimbal moves the joints of a MuJoCo model.
+
+Each axis is one actuator with user activation dynamics. The activations hold the state of the
+exact zero-order-hold equivalent, the shift register of past commands included; returning
+`act_dot = (next − now)/dt` makes MuJoCo's Euler update of them exact. The force is the torque that
+gives the joints the acceleration of the transfer function's output (inverse dynamics with MuJoCo's
+own inertia matrix), with a weak feedback on what contacts, stops and friction still disturb. It is
+a joint torque, so its reaction on the vehicle comes by itself.
+
+RK4 evaluates four stages per step. The first activation counts them: its rates are chosen so that
+stages see 0, 1, 2, 3, and the step leaves 0. Stages 1 to 3 return the rates of stage 0, which makes
+RK4's weighted mean of them exact too. docs/control.md derives all this.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+from mujoco.introspect import structs
+from numba import cfunc, njit, types  # type: ignore[attr-defined]
+from numpy.typing import NDArray
+
+from analysis.transfer_function import DiscreteChannel, Servo, TransferFunctionModel
+from twin.errors import TwinError
+from twin.native.cache import fingerprint
+from twin.native.layout import (
+    DATA,
+    MODEL,
+    _place,
+    address,
+    characters,
+    floats,
+    integer,
+    integers,
+    number,
+    size,
+)
+
+Array = NDArray[np.float64]
+
+AXES: Final = ("x", "y")
+# Corner of the feedback behind the inverse dynamics, in radians per step: the double pole
+# −0.2/dt lies inside the stability region of every integrator here, Adams–Bashforth 4 (−0.3)
+# being the narrowest (E. Hairer et al., Solving Ordinary Differential Equations II, fig. V.1.1).
+FEEDBACK: Final = 0.2
+
+MARK: Final = 20260401.0  # in dynprm and numeric: an actuator of this file, in this layout
+_HEAD: Final = 6  # mark, dt, feedback, rate limit, dead band, backlash
+_PER_INPUT: Final = 5  # states, shift, late, memory, feedthrough; then A, now, before, C
+_PHASE, _BEFORE, _OUTPUT, _SHAPED = 0, 1, 2, 3  # activations: counter, y[k−1], y[k], 2 per input
+_REGISTERS: Final = _SHAPED + 2 * len(AXES)
+_KEPT: Final = 3  # y[k−1], y[k], y[k+1] for the stages of RK4
+
+_NDYN: Final = int(mujoco.mjNDYN)
+_RK4: Final = int(mujoco.mjtIntegrator.mjINT_RK4)
+_TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; held by test
+_INTEGRATOR: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["integrator"]
+_NACTUATOR, _NU, _NA, _NV, _NC = (MODEL[n] for n in ("nactuator", "nu", "na", "nv", "nC"))
+_NQ, _NJNT, _NNUMERIC, _NNUMERICDATA = (
+    MODEL[n] for n in ("nq", "njnt", "nnumeric", "nnumericdata")
+)
+_DYNPRM, _TRNID, _CTRLADR, _ACTADR, _ACTNUM = (
+    MODEL[f"actuator_{n}"] for n in ("dynprm", "trnid", "ctrladr", "actadr", "actnum")
+)
+_LIMITED, _RANGE = MODEL["actuator_ctrllimited"], MODEL["actuator_ctrlrange"]
+_QPOSADR, _DOFADR = MODEL["jnt_qposadr"], MODEL["jnt_dofadr"]
+_ROWNNZ, _ROWADR, _COLIND = MODEL["M_rownnz"], MODEL["M_rowadr"], MODEL["M_colind"]
+_NUMERIC_ADR, _NUMERIC_DATA = MODEL["numeric_adr"], MODEL["numeric_data"]
+_CTRL, _ACT, _ACT_DOT, _QPOS, _QVEL = (DATA[n] for n in ("ctrl", "act", "act_dot", "qpos", "qvel"))
+_PASSIVE, _BIAS, _APPLIED = DATA["qfrc_passive"], DATA["qfrc_bias"], DATA["qfrc_applied"]
+_LD, _DIAGONAL = DATA["qLD"], DATA["qLDiagInv"]
+
+
+def attach(spec: mujoco.MjSpec, model: TransferFunctionModel, dt: float) -> None:
+    """Add the actuators `gimbal_x` and `gimbal_y` of an identified model to a spec.
+
+    Parameters
+    ----------
+    spec : has hinge joints `gimbal_x`, `gimbal_y`; nothing else may move them
+    model : inputs and outputs `x` and `y`
+    dt : physics step the spec will run at [s]
+
+    Raises
+    ------
+    TwinError
+        The model has other axes, is unstable, or the spec lacks a joint.
+    """
+    if set(model.inputs) != set(AXES) or set(model.outputs) != set(AXES):
+        raise TwinError(
+            f"the identified model goes from {list(model.inputs)} to {list(model.outputs)};"
+            " a gimbal goes from ['x', 'y'] to ['x', 'y']"
+        )
+    if not model.stable:
+        raise TwinError("the identified model is unstable: a pole has no negative real part")
+    discrete = model.discretise(dt)
+    rows = [model.outputs.index(axis) for axis in AXES]
+    columns = [model.inputs.index(axis) for axis in AXES]
+    servo = model.servo or Servo()
+    head = (MARK, dt, FEEDBACK, servo.rate_limit, servo.dead_band, servo.backlash)
+    for axis, row in zip(AXES, rows, strict=True):
+        channels = [discrete.channels[row][column] for column in columns]
+        _add(spec, axis, channels, [*head, *_packed(channels)])
+
+
+def _packed(channels: Sequence[DiscreteChannel]) -> list[float]:
+    """Channels as numbers; a channel that passes nothing has no states."""
+    data: list[float] = []
+    for c in channels:
+        n = 0 if c.zero else len(c.now)
+        data += [n, c.shift, c.late, c.memory, 0.0 if c.zero else c.D]
+        if n:
+            data += [*c.A.ravel(), *c.now, *c.before, *c.C]
+    return data
+
+
+def _add(
+    spec: mujoco.MjSpec, axis: str, channels: Sequence[DiscreteChannel], data: list[float]
+) -> None:
+    joint = spec.joint(f"gimbal_{axis}")
+    if joint is None:
+        names = ", ".join(j.name for j in spec.joints if j.name)
+        raise TwinError(f"the model has no joint 'gimbal_{axis}'; its joints are {names or 'none'}")
+    states = sum(0 if c.zero else len(c.now) for c in channels) + sum(c.memory for c in channels)
+    moving = _REGISTERS + states
+    spec.add_numeric(name=f"tf_gimbal_{axis}", data=data, size=len(data))
+    actuator = spec.add_actuator(
+        name=f"gimbal_{axis}",
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        target=joint.name,
+        dyntype=mujoco.mjtDyn.mjDYN_USER,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        biastype=mujoco.mjtBias.mjBIAS_NONE,
+        # moving activations, what RK4's stages need of stage 0, and the torque
+        actdim=moving + (moving - 1) + _KEPT + 1,
+    )
+    actuator.gainprm[0] = 1.0
+    actuator.dynprm[:3] = MARK, len(spec.numerics) - 1, AXES.index(axis)
+
+
+def phases(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Addresses in `act` of the stage counters, for steppers that update activations themselves."""
+    ours = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_USER) & (
+        model.actuator_dynprm[:, 0] == MARK
+    )
+    return np.asarray(model.actuator_actadr[ours], dtype=np.intp)
+
+
+@njit
+def _shape(
+    act: Array, now: Array, j: int, command: float, dt: float, rate: float, dead_band: float
+) -> float:
+    """Command after dead band and rate limit; the mean of its ramp over this step.
+
+    As analysis.transfer_function.servo.shaped_commands, which the tests hold it against.
+    """
+    held, reached = act[_SHAPED + 2 * j], act[_SHAPED + 2 * j + 1]
+    if abs(command - held) > dead_band:
+        held = command
+    now[_SHAPED + 2 * j] = held
+    if rate == 0.0:
+        now[_SHAPED + 2 * j + 1] = held
+        return held
+    missing = held - reached
+    reach = rate * dt
+    if abs(missing) <= reach:
+        now[_SHAPED + 2 * j + 1] = held
+        return held - missing * abs(missing) / (2.0 * reach)
+    step = reach if missing > 0.0 else -reach
+    now[_SHAPED + 2 * j + 1] = reached + step
+    return reached + 0.5 * step
+
+
+@njit
+def _advance(p: Array, act: Array, following: Array, commands: Array) -> None:
+    """One exact step of one axis: `following` from `act`, under the commands (2,) [rad]."""
+    dt, rate, dead_band, backlash = p[1], p[3], p[4], p[5]
+    at, place, y = _HEAD, _REGISTERS, 0.0
+    for j in range(len(AXES)):
+        n, shift, late, memory = int(p[at]), int(p[at + 1]), int(p[at + 2]), int(p[at + 3])
+        D = p[at + 4]
+        at += _PER_INPUT
+        u = _shape(act, following, j, commands[j], dt, rate, dead_band)
+        register = place
+        for k in range(memory - 1, 0, -1):
+            following[register + k] = act[register + k - 1]
+        if memory > 0:
+            following[register] = u
+        # age 0 is the command set now; the next output's feedthrough is one step younger
+        now = u if shift == 0 else act[register + shift - 1]
+        place += memory
+        if n == 0 and D == 0.0:
+            continue
+        before = act[register + shift] if late else 0.0
+        A, gain_now = at, at + n * n
+        gain_before, C = gain_now + n, gain_now + 2 * n
+        for r in range(n):
+            x = p[gain_now + r] * now + p[gain_before + r] * before
+            for c in range(n):
+                x += p[A + r * n + c] * act[place + c]
+            following[place + r] = x
+            y += p[C + r] * x
+        age = max(shift + late - 1, 0)
+        y += D * (u if age == 0 else act[register + age - 1])
+        place += n
+        at = C + n
+    z = act[_OUTPUT]
+    following[_BEFORE] = z
+    following[_OUTPUT] = min(max(z, y - 0.5 * backlash), y + 0.5 * backlash)
+
+
+@njit
+def _acceleration(
+    y: Array, share: float, smooth: bool, dt: float, feedback: float, q: float, v: float
+) -> float:
+    """Joint acceleration that keeps the joint on the output y[k−1], y[k], y[k+1] (3,).
+
+    Euler and the implicit integrators move by v⁺ = v + dt·a, q⁺ = q + dt·v⁺, where backward
+    differences are the exact velocity. RK4 and Adams–Bashforth follow a smooth motion: the
+    parabola through the three points, at `share` of the step.
+    """
+    change = (y[2] - 2.0 * y[1] + y[0]) / (dt * dt)
+    position, speed = y[1], (y[1] - y[0]) / dt
+    if smooth:
+        t = share * dt
+        speed = (y[2] - y[0]) / (2.0 * dt)
+        position += t * (speed + 0.5 * t * change)
+        speed += t * change
+    w = feedback / dt
+    return change + 2.0 * w * (speed - v) + w * w * (position - q)
+
+
+@njit
+def _unit_response(m: int, d: int, nv: int, dof: int, out: Array) -> None:
+    """Acceleration (nv,) of a unit torque on one dof: a column of M⁻¹ from MuJoCo's LᵀDL."""
+    count, start = integers(m, _ROWNNZ, nv), integers(m, _ROWADR, nv)
+    column, L = integers(m, _COLIND, size(m, _NC)), floats(d, _LD, size(m, _NC))
+    diagonal = floats(d, _DIAGONAL, nv)
+    out[:] = 0.0
+    out[dof] = 1.0
+    for i in range(dof, -1, -1):
+        if out[i] != 0.0:
+            for k in range(start[i], start[i] + count[i] - 1):
+                out[column[k]] -= L[k] * out[i]
+    for i in range(nv):
+        out[i] *= diagonal[i]
+        for k in range(start[i], start[i] + count[i] - 1):
+            out[i] -= L[k] * out[column[k]]
+
+
+@njit
+def _torques(m: int, d: int, first: int, act: Array) -> None:
+    """Turn the wanted accelerations of both axes, left in their last activations, into torques."""
+    nv, n = size(m, _NV), size(m, _NACTUATOR)
+    joints, dofs = integers(m, _TRNID, 2 * n), integers(m, _DOFADR, size(m, _NJNT))
+    adr, num = integers(m, _ACTADR, n), integers(m, _ACTNUM, n)
+    x, y = dofs[joints[2 * first]], dofs[joints[2 * (first + 1)]]
+    last_x, last_y = adr[first] + num[first] - 1, adr[first + 1] + num[first + 1] - 1
+    from_x, from_y = np.empty(nv), np.empty(nv)
+    _unit_response(m, d, nv, x, from_x)
+    _unit_response(m, d, nv, y, from_y)
+    passive, bias = floats(d, _PASSIVE, nv), floats(d, _BIAS, nv)
+    applied = floats(d, _APPLIED, nv)
+    need_x, need_y = act[last_x], act[last_y]
+    for i in range(nv):
+        force = passive[i] - bias[i] + applied[i]
+        need_x -= from_x[i] * force
+        need_y -= from_y[i] * force
+    xx, xy, yy = from_x[x], from_x[y], from_y[y]
+    determinant = xx * yy - xy * xy
+    act[last_x] = (yy * need_x - xy * need_y) / determinant
+    act[last_y] = (xx * need_y - xy * need_x) / determinant
+
+
+@njit
+def _commands(m: int, d: int, first: int, out: Array) -> None:
+    """Commands (2,) of both axes within their control ranges [rad]."""
+    n, nu = size(m, _NACTUATOR), size(m, _NU)
+    where, ctrl = integers(m, _CTRLADR, n), floats(d, _CTRL, nu)
+    limited, bounds = characters(m, _LIMITED, nu), floats(m, _RANGE, 2 * nu)
+    for j in range(len(AXES)):
+        u = where[first + j]
+        out[j] = ctrl[u]
+        if limited[u]:
+            out[j] = min(max(out[j], bounds[2 * u]), bounds[2 * u + 1])
+
+
+@njit
+def _act(m: int, d: int, index: int) -> None:
+    n = size(m, _NACTUATOR)
+    parameters = floats(m, _DYNPRM, n * _NDYN)[index * _NDYN : (index + 1) * _NDYN]
+    if parameters[0] != MARK:
+        return
+    numeric, axis = int(parameters[1]), int(parameters[2])
+    begin = integers(m, _NUMERIC_ADR, size(m, _NNUMERIC))[numeric]
+    p = floats(m, _NUMERIC_DATA, size(m, _NNUMERICDATA))[begin:]
+    adr, num = integers(m, _ACTADR, n)[index], integers(m, _ACTNUM, n)[index]
+    everything = floats(d, _ACT, size(m, _NA))
+    act = everything[adr : adr + num]
+    rates = floats(d, _ACT_DOT, size(m, _NA))[adr : adr + num]
+    dt = p[1]
+    if p[0] != MARK or abs(number(m, _TIMESTEP) - dt) > 1e-12:
+        rates[:] = np.nan  # matrices of another step: nothing true could come of it
+        act[num - 1] = np.nan
+        return
+    moving = (num - _KEPT) // 2
+    stored, kept = moving, num - 1 - _KEPT  # rates of all but the counter, then y three times
+    smooth = integer(m, _INTEGRATOR) == _RK4
+    stage = round(act[_PHASE]) if smooth else 0
+    if stage == 0:
+        commands = np.empty(len(AXES))
+        _commands(m, d, index - axis, commands)
+        following = rates  # scratch until the differences are taken
+        _advance(p, act, following, commands)
+        act[kept], act[kept + 1], act[kept + 2] = act[_BEFORE], act[_OUTPUT], following[_OUTPUT]
+        for k in range(1, moving):
+            act[stored + k - 1] = (following[k] - act[k]) / dt
+    for k in range(1, moving):
+        rates[k] = act[stored + k - 1]
+    for k in range(moving, num):
+        rates[k] = 0.0
+    # weights of RK4 1, 2, 2, 1 and what its stages add: 2, 4, 3 count up, the last brings back
+    if not smooth:
+        rates[_PHASE] = -act[_PHASE] / dt
+    elif stage == 0:
+        rates[_PHASE] = 2.0 / dt
+    elif stage == 1:
+        rates[_PHASE] = 4.0 / dt
+    elif stage == 2:
+        rates[_PHASE] = 3.0 / dt
+    else:
+        rates[_PHASE] = -(16.0 + 6.0 * (act[_PHASE] - 3.0)) / dt
+    share = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+    joint = integers(m, _TRNID, 2 * n)[2 * index]
+    q = floats(d, _QPOS, size(m, _NQ))[integers(m, _QPOSADR, size(m, _NJNT))[joint]]
+    v = floats(d, _QVEL, size(m, _NV))[integers(m, _DOFADR, size(m, _NJNT))[joint]]
+    act[num - 1] = _acceleration(act[kept : kept + 3], share, smooth, dt, p[2], q, v)
+    if axis == len(AXES) - 1:
+        _torques(m, d, index - axis, everything)
+
+
+def _callback() -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
+    version = fingerprint()
+
+    @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
+    def act_dyn(model, data, index):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        """`mjcb_act_dyn`: activation rates and torques of transfer-function actuators."""
+        if len(version) == 0:
+            return 0.0
+        _act(address(model), address(data), index)
+        return 0.0
+
+    return act_dyn
+
+
+act_dyn = _callback()
