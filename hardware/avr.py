@@ -180,7 +180,7 @@ class SimulatedNano:
         return self._bytes.raw[:count]
 
     def pulses(self) -> list[Pulse]:
-        """Return the servo pulses since the last call: x, y as they begin, the turntable's ended."""
+        """Return the servo pulses since the last call: x, y as they begin, D3 once ended."""
         found: list[Pulse] = []
         while count := self._c.nano_pulses(self._open(), self._edges, _PULSES):
             found += [

@@ -1,0 +1,255 @@
+"""The serial line to a rig: any pyserial URL, polled without blocking, reopened after a pull."""
+
+import contextlib
+import errno
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import serial
+
+from hardware.frames import HardwareError
+from hardware.protocol import BAUD, DELIMITER, Counters, Decoder, Encoder, Frame, Message
+
+RETRY_NS = 200_000_000
+_CHUNK = 4096
+# A full buffer of the operating system holds 100 ms of commands: nobody is reading. With zero
+# pyserial would spin on it for ever (serialposix.write loops on EAGAIN).
+_WRITE_TIMEOUT_S = 0.02
+_EXAMPLES = "/dev/ttyUSB0, COM3 or socket://127.0.0.1:5555"
+
+
+class LinkError(HardwareError):
+    """A port that cannot be opened, told in one line with what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A time without a connection, on the link's clock.
+
+    Attributes
+    ----------
+    start_ns, end_ns : when it broke and when it was open again; None while it is broken [ns]
+    reason : what the operating system said
+    """
+
+    start_ns: int
+    end_ns: int | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatistics:
+    """What went over a link since it was made, over all connections.
+
+    Attributes
+    ----------
+    received, sent : bytes
+    refused : messages the line did not take, because it was broken or nobody read it
+    decoder : frames, CRC errors and losses
+    gaps : times without a connection, in order
+    """
+
+    received: int
+    sent: int
+    refused: int
+    decoder: Counters
+    gaps: tuple[Gap, ...]
+
+
+class Link:
+    """Messages over one serial port; never blocks, never raises once it has been open.
+
+    A pulled cable turns `connected` false and begins a gap; `poll` then tries to open the port
+    again five times a second. `generation` counts connections: when it has changed, the device
+    has probably been reset and needs a new handshake.
+
+    Parameters
+    ----------
+    url : a port name or pyserial URL
+    reset : let DTR reset the board on opening; `False` needs a driver that honours it
+    clock : monotonic nanoseconds, for gaps and `polled_ns`
+
+    Raises
+    ------
+    LinkError : the port cannot be opened the first time
+    """
+
+    def __init__(
+        self, url: str, *, reset: bool = True, clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self.url = url
+        self.generation = 0
+        self.polled_ns = clock()
+        self._reset = reset
+        self._clock = clock
+        self._port: serial.SerialBase | None = None
+        self._encoder = Encoder()
+        self._decoder = Decoder()
+        self._earlier = Counters()
+        self._received = self._sent = self._refused = 0
+        self._gaps: list[Gap] = []
+        self._retry_ns = 0
+        self._closed = False
+        self._connect()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the port is open now."""
+        return self._port is not None
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What went over the link so far."""
+        decoder = _sum(self._earlier, self._decoder.counters)
+        return LinkStatistics(self._received, self._sent, self._refused, decoder, tuple(self._gaps))
+
+    def poll(self) -> list[Frame]:
+        """Return the frames that have arrived; `polled_ns` is when they were fetched."""
+        if self._port is None and not self._reconnect():
+            return []
+        assert self._port is not None
+        try:
+            data = self._port.read(_CHUNK)
+        except (serial.SerialException, OSError) as error:
+            self._break(error)
+            return []
+        self.polled_ns = self._clock()
+        self._received += len(data)
+        self._decoder.receive_data(data)
+        return list(self._decoder)
+
+    def send(self, message: Message) -> int | None:
+        """Send a message and return its sequence number; None when the line did not take it."""
+        if self._port is None:
+            self._refused += 1
+            return None
+        sequence = self._encoder.sequence
+        frame = self._encoder.encode(message)
+        try:
+            self._port.write(frame)
+        except serial.SerialTimeoutException:
+            self._refused += 1
+            return None
+        except (serial.SerialException, OSError) as error:
+            self._refused += 1
+            self._break(error)
+            return None
+        self._sent += len(frame)
+        return sequence
+
+    def close(self) -> None:
+        """Close the port; calling it twice does no harm."""
+        self._closed = True
+        self._drop()
+
+    def _drop(self) -> None:
+        if self._port is not None:
+            with contextlib.suppress(serial.SerialException, OSError):
+                self._port.close()
+            self._port = None
+
+    def _connect(self) -> None:
+        self._port = _open(self.url, reset=self._reset)
+        self._earlier = _sum(self._earlier, self._decoder.counters)
+        self._decoder = Decoder()
+        self._encoder = Encoder()
+        self.generation += 1
+        # Ends whatever the device has half received, so that our first frame stands alone.
+        with contextlib.suppress(serial.SerialException, OSError):
+            self._port.write(DELIMITER)
+
+    def _reconnect(self) -> bool:
+        now = self._clock()
+        if self._closed or now < self._retry_ns:
+            return False
+        self._retry_ns = now + RETRY_NS
+        try:
+            self._connect()
+        except LinkError:
+            return False
+        gap = self._gaps[-1]
+        self._gaps[-1] = Gap(gap.start_ns, self._clock(), gap.reason)
+        return True
+
+    def _break(self, error: Exception) -> None:
+        self._drop()
+        now = self._clock()
+        self._gaps.append(Gap(now, None, str(error)))
+        self._retry_ns = now + RETRY_NS
+
+
+def _sum(a: Counters, b: Counters) -> Counters:
+    return Counters(
+        frames=a.frames + b.frames,
+        crc_errors=a.crc_errors + b.crc_errors,
+        lost=a.lost + b.lost,
+        garbage=a.garbage + b.garbage,
+        unknown=a.unknown + b.unknown,
+    )
+
+
+def _open(url: str, *, reset: bool) -> serial.SerialBase:
+    try:
+        port = serial.serial_for_url(
+            url,
+            do_not_open=True,
+            baudrate=BAUD,
+            timeout=0,
+            write_timeout=_WRITE_TIMEOUT_S,
+            exclusive=None if "://" in url else True,
+        )
+        if not reset:
+            port.dtr = False
+        port.open()
+    except Exception as error:  # pyserial lets termios, URL and socket errors through
+        raise LinkError(_explain(url, error)) from None
+    _lower_latency(port)
+    return port
+
+
+def _lower_latency(port: serial.SerialBase) -> None:
+    # FTDI adapters hold bytes back for 16 ms otherwise. Ports without the setting (a pty, a
+    # driver that knows it not, another system) are right as they are.
+    with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
+        port.set_low_latency_mode(True)
+    # Nagle's algorithm would hold a command back until the previous one is acknowledged.
+    line = getattr(port, "_socket", None)
+    if isinstance(line, socket.socket):
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+def _explain(url: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    text = str(error)
+    if "://" in url:
+        if "refused" in text:
+            return f"nothing listens at {url}: start a rig with `twin rig`, or check the address"
+        return f"cannot open {url}: {text}; a port is {_EXAMPLES}"
+    if number in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in text:
+        return f"{url} is in use by another program; close it (only one can hold the port)"
+    if number in {errno.EACCES, errno.EPERM}:
+        return f"no permission to open {url}: `sudo usermod -aG dialout $USER`, then log in again"
+    if number in {errno.ENOENT, errno.ENODEV, errno.ENXIO} or "FileNotFoundError" in text:
+        return f"there is no port {url}; ports here: {_ports()}"
+    return f"{url} is no serial port ({text}); ports here: {_ports()}"
+
+
+def _ports() -> str:
+    from serial.tools import list_ports
+
+    return ", ".join(sorted(p.device for p in list_ports.comports())) or "none"
