@@ -9,7 +9,7 @@ True
 
 from hardware.emulator.bench import Bench, RigParameters, quiet, reference_rig, sample_rig
 from hardware.emulator.device import Device, Sample
-from hardware.emulator.emulator import Emulator, Unplugged, identity
+from hardware.emulator.emulator import Emulator, UnpluggedError, identity
 from hardware.emulator.injection import FaultNameError, Injection, parse, valid_names
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters
 from hardware.emulator.servo import Servo, ServoParameters
@@ -27,7 +27,7 @@ __all__ = [
     "Sample",
     "Servo",
     "ServoParameters",
-    "Unplugged",
+    "UnpluggedError",
     "identity",
     "parse",
     "quiet",

@@ -179,6 +179,4 @@ def quiet(parameters: RigParameters) -> RigParameters:
     """Return the rig without sensor noise, for tests that look at one effect at a time."""
     s = parameters.sensors
     a, b, d, e = (replace(p, noise=0.0) for p in s.potentiometers)
-    return replace(
-        parameters, sensors=replace(s, potentiometers=(a, b, d, e), supply_ripple=0.0)
-    )
+    return replace(parameters, sensors=replace(s, potentiometers=(a, b, d, e), supply_ripple=0.0))

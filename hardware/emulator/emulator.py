@@ -2,6 +2,7 @@
 
 import hashlib
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -23,7 +24,7 @@ def identity(parameters: RigParameters) -> int:
     return int.from_bytes(digest[:4], "little")
 
 
-class Unplugged(OSError):
+class UnpluggedError(OSError):
     """The cable of an emulated rig is out."""
 
 
@@ -37,6 +38,10 @@ class Emulator:
     injections : faults, from `injection.parse`
     seed : of the noise
     boot_us : device clock when the world's is zero [µs]
+
+    Attributes
+    ----------
+    observer : called with every sample's device time [µs], true angles [rad] and rates [rad/s]
     """
 
     def __init__(
@@ -51,6 +56,7 @@ class Emulator:
         self.parameters = parameters or reference_rig()
         self.bench = Bench(self.parameters, plant, injections, seed)
         self.device = Device(Board.EMULATOR, identity(self.parameters))
+        self.observer: Callable[[int, Pair, Pair], None] | None = None
         self.time_us = 0
         self._boot_us = boot_us
         self._tick = 0
@@ -82,10 +88,10 @@ class Emulator:
 
         Raises
         ------
-        Unplugged : the cable is out
+        UnpluggedError : the cable is out
         """
         if self.unplugged:
-            raise Unplugged("rig unplugged")
+            raise UnpluggedError("rig unplugged")
         at = max(self._wire_free[0], self.time_us)
         for byte in self._spoil(data):
             at += BYTE_US
@@ -97,12 +103,12 @@ class Emulator:
 
         Raises
         ------
-        Unplugged : the cable is out
+        UnpluggedError : the cable is out
         """
         if self.unplugged:
             self._incoming.clear()
             self._outgoing.clear()
-            raise Unplugged("rig unplugged")
+            raise UnpluggedError("rig unplugged")
         pieces = []
         while self._outgoing and self._outgoing[0][0] <= self.time_us:
             pieces.append(self._outgoing.popleft()[1])
@@ -148,6 +154,8 @@ class Emulator:
 
     def _report(self, device_us: int) -> None:
         bench = self.bench
+        if self.observer is not None:
+            self.observer(device_us, *self.truth())
         self.device.report(
             Sample(
                 device_us=device_us,

@@ -24,7 +24,7 @@ _POTENTIOMETER = {
     "offset": (5.0, -180.0, 180.0, "degrees"),
 }
 VALID: dict[str, dict[str, tuple[float, float, float, str]]] = {
-    **{name: _POTENTIOMETER for name in POTENTIOMETER_NAMES},
+    **dict.fromkeys(POTENTIOMETER_NAMES, _POTENTIOMETER),
     "supply": {"sag": (0.1, 0.0, 0.9, "fraction of the supply that is missing")},
     "gyro": {
         "bias": (20.0, -500.0, 500.0, "degrees per second"),

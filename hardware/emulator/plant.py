@@ -90,7 +90,9 @@ class AnalyticPlant:
         for i, (row, offset) in enumerate(zip(p.linkage, p.offset, strict=True)):
             target = row[0] * u + row[1] * v + offset
             # Implicit in the damping, so that 1 ms is far from the stability limit.
-            rate = (self._rate[i] + dt * w2 * (target - self._angle[i])) / (1 + dt * d2 + dt * dt * w2)
+            rate = (self._rate[i] + dt * w2 * (target - self._angle[i])) / (
+                1 + dt * d2 + dt * dt * w2
+            )
             angle = self._angle[i] + dt * rate
             if abs(angle) > STOP:
                 angle, rate = (STOP if angle > 0 else -STOP), 0.0

@@ -30,7 +30,10 @@ def exact_calibration(parameters: RigParameters) -> Calibration:
         matrix=(_pair(matrix[0]), _pair(matrix[1])),
         potentiometers=(maps[0], maps[1], maps[2], maps[3]),
         gyro=GyroMap(
-            bias=imu.gyro_bias, matrix=(_pair(gyro[0]), _pair(gyro[1])), sigma=0.003, bias_sigma=0.01
+            bias=imu.gyro_bias,
+            matrix=(_pair(gyro[0]), _pair(gyro[1])),
+            sigma=0.003,
+            bias_sigma=0.01,
         ),
         switch_angle=sensors.switch_angle,
     )

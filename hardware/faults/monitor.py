@@ -8,69 +8,40 @@ slowly, each potentiometer is compared with an angle dead-reckoned from the gyro
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import StrEnum
-from math import cos, exp, radians, sqrt
+from math import cos, exp, radians
 
+from hardware.faults.states import (
+    GYRO,
+    NAMED,
+    ODD_SCORE,
+    SCORE_TIME,
+    SENSORS,
+    SUPPLY,
+    TRANSITIONS,
+    Fault,
+    State,
+    Track,
+)
 from hardware.frames import Pair, Triple
 
 POTENTIOMETERS = 4
-SENSORS = (
-    "potentiometer_x_a",
-    "potentiometer_x_b",
-    "potentiometer_y_a",
-    "potentiometer_y_b",
-    "gyro",
-    "supply",
-)
-GYRO, SUPPLY = 4, 5
 Quad = tuple[float, float, float, float]
 
 GATE = 4.5  # σ; two Gaussian outliers of one sensor meet within 100 ms once in 60 hours
 CERTAIN = 9.0  # σ; one is enough
 RAIL = 0.02  # fraction of the supply no wired potentiometer reaches within ±10° of mid-travel
-ODD_SCORE, BAD_SCORE = 0.05, 1.0
-SCORE_TIME = 0.1  # s; evidence fades with it
 SMOOTHING = 0.016  # s; of the potentiometers' distance from the dead-reckoned angle
 LEAK = 0.25  # s; with which the dead-reckoned angle is drawn to the estimate
 SETTLING = 1.5  # s; the gyro's bias is not yet known before
-CLEAN_TIME = 2.0  # s without evidence before a sensor is trusted again
-PROOF = radians(1.0)  # motion a potentiometer must have followed before it is trusted again
 FROZEN = 10  # equal gyro readings in a row: its noise moves the last digit every time
 DRIFT = radians(0.45)  # distance that counts when at rest: 6 σ plus potentiometer linearity
-LAG = 1.5e-3  # s; what stays of the gyro's delay while moving
-
-
-class State(StrEnum):
-    """Health of one sensor."""
-
-    OK = "ok"
-    SUSPECT = "suspect"
-    FAULTY = "faulty"
-    RECOVERING = "recovering"
-
-
-class Sign(StrEnum):
-    """What the evidence of a frame says of one sensor."""
-
-    CLEAN = "clean"
-    ODD = "odd"
-    BAD = "bad"
-    PROVEN = "proven"  # clean for `CLEAN_TIME` and, for a potentiometer, moved with the gimbal
-
-
-# A pair that is missing leaves the state as it is.
-TRANSITIONS: dict[tuple[State, Sign], State] = {
-    (State.OK, Sign.ODD): State.SUSPECT,
-    (State.OK, Sign.BAD): State.FAULTY,
-    (State.SUSPECT, Sign.CLEAN): State.OK,
-    (State.SUSPECT, Sign.BAD): State.FAULTY,
-    (State.SUSPECT, Sign.PROVEN): State.OK,
-    (State.FAULTY, Sign.CLEAN): State.RECOVERING,
-    (State.RECOVERING, Sign.ODD): State.FAULTY,
-    (State.RECOVERING, Sign.BAD): State.FAULTY,
-    (State.RECOVERING, Sign.PROVEN): State.OK,
-}
-NAMED = (State.FAULTY, State.RECOVERING)
+COMMON_DRIFT = radians(0.3)  # the same for both potentiometers of an axis together
+LAG = 0.8e-3  # s; what stays of the gyro's delay while moving
+QUICK = 0.008  # s; smoothing of the innovations that make a filter doubt its gyro
+DOUBT = radians(0.17)  # 4 σ of them, both potentiometers in use
+HABIT = 0.025  # s; over which a potentiometer's share of outliers is taken
+STRANDED = (radians(3.0), radians(30.0))  # to forget when every potentiometer was refused
+MOSTLY = 0.6  # share of outliers above which it is wrong, not glitching
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,51 +95,13 @@ class Remedy:
     use : per potentiometer
     use_gyro : per axis
     supply_sigma : standard deviation of a common supply error; 0 keeps the usual one [1]
-    forget : per axis, (angle, bias) standard deviations to add; None leaves the filter [rad], [rad/s]
+    forget : per axis, standard deviations to add to angle [rad] and bias [rad/s], or None
     """
 
     use: tuple[bool, bool, bool, bool]
     use_gyro: tuple[bool, bool]
     supply_sigma: float = 0.0
     forget: tuple[Pair | None, Pair | None] = (None, None)
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """A sensor that is known to be wrong.
-
-    Attributes
-    ----------
-    sensor : one of `SENSORS`
-    kind : glitch, open, deviating, frozen, bias or sag
-    since : time of the monitor at which it was named [s]
-    """
-
-    sensor: str
-    kind: str
-    since: float
-
-
-@dataclass(slots=True)
-class _Track:
-    """Evidence on one sensor and the state that follows from it."""
-
-    index: int
-    state: State = State.OK
-    score: float = 0.0
-    kind: str = ""
-    since: float = 0.0
-    clean: float = 0.0
-    lowest: float = 0.0
-    highest: float = 0.0
-
-    def sign(self) -> Sign:
-        if self.score >= BAD_SCORE:
-            return Sign.BAD
-        if self.score > ODD_SCORE:
-            return Sign.ODD
-        moved = self.index >= GYRO or self.highest - self.lowest >= PROOF
-        return Sign.PROVEN if self.clean >= CLEAN_TIME and moved else Sign.CLEAN
 
 
 @dataclass(slots=True)
@@ -178,6 +111,9 @@ class _Axis:
     free: float = 0.0
     bias: float = 0.0
     distance: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    outlying: list[float] = field(default_factory=lambda: [0.0, 0.0])  # share of readings
+    railed: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    innovation: float = 0.0
     doubtful: float = 0.0  # s for which the potentiometers disagree and none can be named
 
 
@@ -187,7 +123,7 @@ class Monitor:
     def __init__(self, listener: Callable[[str, State, State, str], None] | None = None) -> None:
         self.listener = listener
         self.time = 0.0
-        self._tracks = tuple(_Track(i) for i in range(len(SENSORS)))
+        self._tracks = tuple(Track(i) for i in range(len(SENSORS)))
         self._axes = (_Axis(), _Axis())
         self._running = 0.0  # s since `begin`
         self._last_gyro: Triple | None = None
@@ -228,6 +164,7 @@ class Monitor:
         self._last_gyro, self._equal = None, 0
         for axis in self._axes:
             axis.distance = [0.0, 0.0]
+            axis.innovation = 0.0
             axis.doubtful = 0.0
         self._pending_start = True
         return (a, b, c, d)
@@ -243,11 +180,13 @@ class Monitor:
         rest, supply = self._without_supply(reading, prediction)
         use = self._outliers(reading, prediction, rest, supply)
         self._frozen(reading)
-        self._dead_reckon(reading, prediction, rest)
+        self._dead_reckon(reading, prediction, rest, use)
         if self._running > SETTLING:
             self._compare(prediction)
         forget = self._advance(prediction, dt)
         gyro = self._tracks[GYRO]
+        doubts = self._doubts(reading, prediction, rest, use)
+        forget = (forget[0] or doubts[0], forget[1] or doubts[1])
         usable = not (gyro.state is State.FAULTY and gyro.kind == "frozen")
         marginal = supply or self._tracks[SUPPLY].state in NAMED
         return Remedy(
@@ -260,8 +199,15 @@ class Monitor:
     def _accuse(self, index: int, weight: float, kind: str) -> None:
         track = self._tracks[index]
         track.score = min(track.score + weight, 2.0)
-        if track.state not in NAMED or kind == "open":
-            track.kind = kind
+        if index < GYRO:
+            axis, k = self._axes[index // 2], index % 2
+            if axis.railed[k] > MOSTLY:
+                kind = "open"
+            elif axis.outlying[k] > MOSTLY:
+                kind = "deviating"
+        elif index == GYRO and self._equal >= FROZEN:
+            kind = "frozen"
+        track.kind = kind
 
     def _without_supply(self, r: Reading, p: Prediction) -> tuple[list[float], bool]:
         """Return the innovations [rad] freed of a common supply error, and whether there is one."""
@@ -289,34 +235,30 @@ class Monitor:
             return fitted, True
         return (fitted, True) if known else (rest, False)
 
-    def _outliers(
-        self, r: Reading, p: Prediction, rest: list[float], supply: bool
-    ) -> list[bool]:
+    def _outliers(self, r: Reading, p: Prediction, rest: list[float], supply: bool) -> list[bool]:
         """Return which potentiometers may be used in this frame."""
         use = [True] * POTENTIOMETERS
-        for a in (0, 2):
-            b = a + 1
-            pair = p.variance[a] + p.variance[b]
-            agree = (rest[a] - rest[b]) ** 2 < GATE**2 * pair
-            alone = self._excluded(a) or self._excluded(b)
-            for i in (a, b):
-                if not RAIL < r.fraction[i] < 1 - RAIL:
-                    self._accuse(i, 0.6, "open")
-                    use[i] = False
-                    continue
-                z2 = rest[i] ** 2 / p.variance[i]
-                # Potentiometers that agree against the prediction speak of the gyro, not of one.
-                if z2 > GATE**2 and (alone or not agree) and not supply:
-                    self._accuse(i, 1.0 if z2 > CERTAIN**2 else 0.6, "glitch")
-                    use[i] = False
-                elif self._excluded(i):
-                    use[i] = False
+        habit = min(1.0, r.dt / HABIT)
+        for i in range(POTENTIOMETERS):
+            axis, k, other = self._axes[i // 2], i % 2, i ^ 1
+            railed = not RAIL < r.fraction[i] < 1 - RAIL
+            z2 = rest[i] ** 2 / p.variance[i]
+            pair = p.variance[i] + p.variance[other]
+            agree = (rest[i] - rest[other]) ** 2 < GATE**2 * pair
+            # Potentiometers that agree against the prediction speak of the gyro, not of one.
+            outlying = z2 > GATE**2 and not supply and (not agree or self._excluded(other))
+            axis.railed[k] += habit * (railed - axis.railed[k])
+            axis.outlying[k] += habit * ((outlying or railed) - axis.outlying[k])
+            if railed or outlying:
+                use[i] = False
+                self._accuse(i, 1.0 if z2 > CERTAIN**2 else 0.6, "glitch")
+            elif self._excluded(i):
+                use[i] = False
         return use
 
     def _excluded(self, index: int) -> bool:
-        """A named potentiometer stays out unless it is right most of the time."""
-        track = self._tracks[index]
-        return track.state in NAMED and track.kind != "glitch"
+        """Tell whether a potentiometer stays out; one that lies now and then may lie a little."""
+        return self._tracks[index].state in NAMED
 
     def _frozen(self, r: Reading) -> None:
         self._equal = self._equal + 1 if r.gyro == self._last_gyro else 0
@@ -324,7 +266,30 @@ class Monitor:
         if self._equal >= FROZEN:
             self._accuse(GYRO, 1.0, "frozen")
 
-    def _dead_reckon(self, r: Reading, p: Prediction, rest: list[float]) -> None:
+    def _doubts(
+        self, r: Reading, p: Prediction, rest: list[float], use: list[bool]
+    ) -> list[Pair | None]:
+        """Return what each filter should forget because all its potentiometers contradict it.
+
+        This costs a little noise and names nobody, so it may come sooner than a name.
+        """
+        forget: list[Pair | None] = [None, None]
+        for k, axis in enumerate(self._axes):
+            pair = (2 * k, 2 * k + 1)
+            used = [rest[i] for i in pair if use[i]]
+            if used:
+                mean = sum(used) / len(used)
+                axis.innovation += min(1.0, r.dt / QUICK) * (mean - axis.innovation)
+                limit = DOUBT * (2 / len(used)) ** 0.5 + LAG * abs(p.rate[k])
+                if abs(axis.innovation) > limit:
+                    forget[k] = (abs(axis.innovation), radians(10.0))
+                continue
+            wired = [i for i in pair if not self._excluded(i) and axis.railed[i % 2] < 0.5]
+            if wired and all(axis.outlying[i % 2] > MOSTLY for i in wired):
+                forget[k] = STRANDED
+        return forget
+
+    def _dead_reckon(self, r: Reading, p: Prediction, rest: list[float], use: list[bool]) -> None:
         smooth = min(1.0, r.dt / SMOOTHING)
         cosine = (cos(p.angle[1]), 1.0)
         wrong_gyro = self._tracks[GYRO].state in NAMED
@@ -339,30 +304,27 @@ class Monitor:
                 offset = 0.0
             for k in (0, 1):
                 i = 2 * index + k
-                if self._glitching(i, rest[i], p.variance[i]):
-                    continue
+                if not use[i] and axis.outlying[k] < MOSTLY and not self._excluded(i):
+                    continue  # single wrong readings are outliers; they must not look like a drift
                 axis.distance[k] += smooth * (rest[i] + offset - axis.distance[k])
             parity = axis.distance[0] - axis.distance[1]
-            if abs(parity) < 0.5 * DRIFT or self._excluded(2 * index) or self._excluded(2 * index + 1):
+            if (
+                abs(parity) < 0.5 * DRIFT
+                or self._excluded(2 * index)
+                or self._excluded(2 * index + 1)
+            ):
                 leak = LEAK if not wrong_gyro else 0.1 * LEAK
                 axis.free += offset * min(1.0, r.dt / leak)
                 axis.bias += (p.bias[index] - axis.bias) * min(1.0, r.dt)
 
-    def _glitching(self, i: int, rest: float, variance: float) -> bool:
-        """Single wrong readings are counted as outliers and must not look like a drift too."""
-        track = self._tracks[i]
-        return track.kind == "glitch" and track.state in NAMED and rest * rest > GATE**2 * variance
-
     def _compare(self, p: Prediction) -> None:
         for index, axis in enumerate(self._axes):
             a, b = axis.distance
-            margin = DRIFT + LAG * abs(p.rate[index]) + max(p.tolerance[2 * index : 2 * index + 2])
-            if abs(a - b) > margin:
-                self._disagree(index, a, b, margin)
-            elif abs(a) > margin and abs(b) > margin and a * b > 0:
+            moving = LAG * abs(p.rate[index]) + max(p.tolerance[2 * index : 2 * index + 2])
+            if abs(a - b) > DRIFT + moving:
+                self._disagree(index, a, b, DRIFT + moving)
+            elif min(a * a, b * b) > (COMMON_DRIFT + moving) ** 2 and a * b > 0:
                 self._accuse(GYRO, 0.2, "bias")
-            elif self._excluded(2 * index) and abs(b) > margin:
-                pass  # one potentiometer left: it and the gyro disagree, neither can be named
 
     def _disagree(self, index: int, a: float, b: float, margin: float) -> None:
         if abs(a) > abs(b) + 0.5 * margin:
@@ -397,7 +359,7 @@ class Monitor:
         a, b = self._axes[index].distance
         return abs(a + b) / 2 + DRIFT, radians(30.0)
 
-    def _change(self, track: _Track, new: State) -> None:
+    def _change(self, track: Track, new: State) -> None:
         old, track.state = track.state, new
         self._named = sum(t.state in NAMED for t in self._tracks)
         if self.listener is not None:

@@ -1,0 +1,17 @@
+"""Which sensor is wrong, and what to do about it."""
+
+from hardware.faults.monitor import POTENTIOMETERS, Monitor, Prediction, Reading, Remedy
+from hardware.faults.states import SENSORS, TRANSITIONS, Fault, Sign, State
+
+__all__ = [
+    "POTENTIOMETERS",
+    "SENSORS",
+    "TRANSITIONS",
+    "Fault",
+    "Monitor",
+    "Prediction",
+    "Reading",
+    "Remedy",
+    "Sign",
+    "State",
+]

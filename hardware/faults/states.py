@@ -1,0 +1,92 @@
+"""Health of a sensor: evidence in, state out, by a table."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from math import radians
+
+SENSORS = (
+    "potentiometer_x_a",
+    "potentiometer_x_b",
+    "potentiometer_y_a",
+    "potentiometer_y_b",
+    "gyro",
+    "supply",
+)
+GYRO, SUPPLY = 4, 5
+
+ODD_SCORE, BAD_SCORE = 0.05, 1.0
+SCORE_TIME = 0.1  # s; evidence fades with it
+CLEAN_TIME = 2.0  # s without evidence before a sensor is trusted again
+PROOF = radians(1.0)  # motion a potentiometer must have followed before it is trusted again
+
+
+class State(StrEnum):
+    """Health of one sensor."""
+
+    OK = "ok"
+    SUSPECT = "suspect"
+    FAULTY = "faulty"
+    RECOVERING = "recovering"
+
+
+class Sign(StrEnum):
+    """What the evidence of a frame says of one sensor."""
+
+    CLEAN = "clean"
+    ODD = "odd"
+    BAD = "bad"
+    PROVEN = "proven"  # clean for `CLEAN_TIME` and, for a potentiometer, moved with the gimbal
+
+
+# A pair that is missing leaves the state as it is.
+TRANSITIONS: dict[tuple[State, Sign], State] = {
+    (State.OK, Sign.ODD): State.SUSPECT,
+    (State.OK, Sign.BAD): State.FAULTY,
+    (State.SUSPECT, Sign.CLEAN): State.OK,
+    (State.SUSPECT, Sign.BAD): State.FAULTY,
+    (State.SUSPECT, Sign.PROVEN): State.OK,
+    (State.FAULTY, Sign.CLEAN): State.RECOVERING,
+    (State.RECOVERING, Sign.ODD): State.FAULTY,
+    (State.RECOVERING, Sign.BAD): State.FAULTY,
+    (State.RECOVERING, Sign.PROVEN): State.OK,
+}
+NAMED = (State.FAULTY, State.RECOVERING)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A sensor that is known to be wrong.
+
+    Attributes
+    ----------
+    sensor : one of `SENSORS`
+    kind : glitch, open, deviating, frozen, bias or sag
+    since : time of the monitor at which it was named [s]
+    """
+
+    sensor: str
+    kind: str
+    since: float
+
+
+@dataclass(slots=True)
+class Track:
+    """Evidence on one sensor and the state that follows from it."""
+
+    index: int
+    state: State = State.OK
+    score: float = 0.0
+    kind: str = ""
+    since: float = 0.0
+    clean: float = 0.0
+    lowest: float = 0.0
+    highest: float = 0.0
+
+    def sign(self) -> Sign:
+        """Return what the evidence says now."""
+        if self.score >= BAD_SCORE:
+            return Sign.BAD
+        if self.score > ODD_SCORE:
+            return Sign.ODD
+        moved = self.index >= GYRO or self.highest - self.lowest >= PROOF
+        return Sign.PROVEN if self.clean >= CLEAN_TIME and moved else Sign.CLEAN
