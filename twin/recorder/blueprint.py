@@ -1,30 +1,18 @@
 """How a recording looks when a person opens it: only views whose signals were recorded."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from analysis import schema
-from twin.recorder.poses import VEHICLE, Poses
+from twin.recorder.poses import FOCUS_RADII, VEHICLE, Poses, focus_path
+from twin.recorder.scene import BodyMesh
 
-
-@dataclass(frozen=True, slots=True)
-class Eye:
-    """Where a 3D view looks from and at [m], and which bodies it follows, best first."""
-
-    position: tuple[float, float, float]
-    target: tuple[float, float, float]
-    follows: tuple[str, ...]
-
-
-VEHICLE_EYE = Eye((-1.3, -1.8, 0.9), (0.0, 0.0, 0.3), (VEHICLE,))
-GIMBAL_EYE = Eye(
-    (-0.2, -0.25, 0.1), (0.0, 0.0, 0.0), ("gimbal_holder", "gimbal_motor", "gimbal_ring")
-)
-VEHICLE_VIEW = "Vehicle"
 SKY = (24, 30, 40)
+# The eye looks along this direction from 1.5 times the focus's radius, where Rerun itself puts it.
+LOOK = (0.55, 0.75, -0.25)
 
 COMMAND = (150, 150, 150)
 SIMULATED = (60, 140, 255)
@@ -176,26 +164,31 @@ def _axis(title: str, members: Sequence[str], axis: int) -> rrb.TimeSeriesView:
 
 
 def _scenes(poses: Poses) -> list[rrb.Spatial3DView]:
-    names = [body.name for body in poses.moving]
-    views = [_scene(VEHICLE_VIEW if poses.has_vehicle else "Scene", None, VEHICLE_EYE, names)]
-    inner = [name for name in names if name.startswith("gimbal_")]
-    if poses.has_vehicle and inner:
-        views.append(_scene("Gimbal", inner, GIMBAL_EYE, inner))
-    return views
+    focus = {body.name: body for body in poses.focus.values()}
+    if VEHICLE not in focus:
+        return [_scene("Scene", next(iter(focus.values()), None))]
+    views = [_scene("Vehicle", focus.pop(VEHICLE))]
+    inner = [body.name for body in poses.moving if body.name.startswith("gimbal_")]
+    return views + [_scene("Gimbal", body, inner) for body in focus.values()]
 
 
 def _scene(
-    title: str, only: Sequence[str] | None, eye: Eye, drawn: Sequence[str]
+    title: str, follows: BodyMesh | None, only: Sequence[str] | None = None
 ) -> rrb.Spatial3DView:
-    """3D view that follows the first drawn body of `eye.follows`, which needs its own geometry."""
-    target = next((name for name in eye.follows if name in drawn), None)
-    controls = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=eye.position,
-        look_target=eye.target,
-        eye_up=(0.0, 0.0, 1.0),
-        tracking_entity=None if target is None else f"{schema.WORLD}/{target}",
-    )
+    """3D view that follows one body; of everything, or of the named bodies `only`."""
+    contents = ["$origin/**"] if only is None else [f"$origin/{name}" for name in only]
+    controls = None
+    if follows is not None:
+        distance = 1.5 * FOCUS_RADII * follows.radius
+        back = -distance * np.array(LOOK) / np.linalg.norm(LOOK)
+        contents.append(focus_path(follows.name))
+        controls = rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=back,
+            look_target=(0.0, 0.0, 0.0),
+            eye_up=(0.0, 0.0, 1.0),
+            tracking_entity=focus_path(follows.name),
+        )
     history = rrb.VisibleTimeRanges(
         timeline=schema.TIME,
         start=rrb.TimeRangeBoundary.infinite(),
@@ -204,7 +197,7 @@ def _scene(
     return rrb.Spatial3DView(
         name=title,
         origin=schema.WORLD,
-        contents="$origin/**" if only is None else [f"$origin/{name}" for name in only],
+        contents=contents,
         background=SKY,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=controls,

@@ -34,6 +34,11 @@ def transforms(position: Floats, attitude: Floats) -> list[rr.ComponentColumn]:
     return list(rr.Transform3D.columns(translation=position, quaternion=xyzw))
 
 
+def translations(position: Floats) -> list[rr.ComponentColumn]:
+    """Places (n, 3) [m] without rotation."""
+    return list(rr.Transform3D.columns(translation=position))
+
+
 def segments(starts: Floats, ends: Floats) -> list[rr.ComponentColumn]:
     """One straight line per row, from (n, 3) to (n, 3) [m]."""
     return list(rr.LineStrips3D.columns(strips=np.stack([starts, ends], axis=1)))

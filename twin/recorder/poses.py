@@ -13,6 +13,9 @@ Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 VEHICLE = "vehicle"
+GIMBAL = ("gimbal_holder", "gimbal_motor", "gimbal_ring")  # the close-up follows the first drawn
+FOCUS = "focus"
+FOCUS_RADII = 2.7  # of the body; then it fills half the height of the view
 NOZZLE = "gimbal_nozzle"
 TRAIL_EVERY = 5  # poses to a piece of trail
 PATH_POINTS = 2048  # kept of the whole path; halved when full, so memory stays flat
@@ -39,7 +42,10 @@ class Poses:
         drawn = bodies(model)
         self.fixed = [b for b in drawn if not b.moves]
         self.moving = [b for b in drawn if b.moves]
-        self.has_vehicle = any(b.name == VEHICLE for b in self.moving)
+        names = [b.name for b in self.moving]
+        wanted = (VEHICLE, next((name for name in GIMBAL if name in names), ""))
+        self.focus = {k: b for k, b in enumerate(self.moving) if b.name in wanted}
+        self.has_vehicle = VEHICLE in names
         self.full = False
         self._model = model
         self._index = np.array([b.body for b in self.moving], dtype=np.intp)
@@ -83,6 +89,8 @@ class Poses:
                 xyzw = np.roll(data.xquat[body.body], -1)
                 pose = rr.Transform3D(translation=data.xpos[body.body], quaternion=xyzw)
                 stream.log(path, pose, static=True)
+        for body in self.focus.values():
+            stream.log(focus_path(body.name), _invisible(FOCUS_RADII * body.radius), static=True)
         trail = rr.LineStrips3D.from_fields(colors=[TRAIL_COLOR], radii=[TRAIL_RADIUS])
         stream.log(f"{schema.WORLD}/trail", trail, static=True)
         arrow = rr.Arrows3D.from_fields(colors=[THRUST_COLOR], radii=[0.01])
@@ -107,6 +115,9 @@ class Poses:
         for k, body in enumerate(self.moving):
             pose = columns.transforms(self._position[:n, k], self._attitude[:n, k])
             stream.send_columns(f"{schema.WORLD}/{body.name}", stamps, pose)
+            if k in self.focus:
+                middle = _middles(self._position[:n, k], self._attitude[:n, k], body.centre)
+                stream.send_columns(focus_path(body.name), stamps, columns.translations(middle))
             if body.name == VEHICLE:
                 self._drain_trail(stream, wall, self._position[:n, k])
         if self._nozzle >= 0:
@@ -147,6 +158,29 @@ class Poses:
             self._path[: PATH_POINTS // 2] = self._path[::2].copy()
             self._path_n //= 2
             self._path_every *= 2
+
+
+def focus_path(body: str) -> str:
+    """Entity that a 3D view tracks in place of the body itself.
+
+    When Rerun starts to track, it backs off to 1.5 times the radius of the tracked entity's
+    bounding box, or keeps the blueprint's distance, whichever the loading order brings about. An
+    entity of its own, without rotation and of chosen size, makes both the same.
+    """
+    return f"{schema.WORLD}/{FOCUS}/{body}"
+
+
+def _invisible(radius: float) -> rr.Mesh3D:
+    """Triangle without area whose bounding box has the given radius [m]."""
+    ends = [[0.0, 0.0, -radius], [0.0, 0.0, radius], [0.0, 0.0, -radius]]
+    return rr.Mesh3D(vertex_positions=ends, triangle_indices=[[0, 1, 2]])
+
+
+def _middles(position: Floats, attitude: Floats, centre: Floats) -> Floats:
+    """Place of a body-fixed point (3,) [m] in the world for poses (n, 3), (n, 4) wxyz."""
+    w, u = attitude[:, :1], attitude[:, 1:]
+    across = np.cross(u, centre)
+    return np.asarray(position + centre + 2.0 * (w * across + np.cross(u, across)))
 
 
 def _mesh(body: BodyMesh) -> rr.Mesh3D:

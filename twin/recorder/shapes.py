@@ -1,5 +1,6 @@
 """Triangles for MuJoCo's primitive shapes, in the geom's own frame, wound counter-clockwise."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -11,6 +12,7 @@ Faces = NDArray[np.int32]
 
 SEGMENTS = 32  # around; a 54 mm tube is then round to 0.13 mm
 PLANE_HALF_EXTENT = 1500.0  # drawn for an infinite plane [m]: past the range of any flight here
+GRID_SPACING, GRID_WIDTH = 50.0, 0.4  # [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,27 @@ def plane(half: Floats) -> Triangles:
     x, y = (h if h > 0.0 else PLANE_HALF_EXTENT for h in half[:2])
     corners = np.array([[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]], dtype=np.float64)
     return flat(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+
+
+def grid() -> Triangles:
+    """Stripes every 50 m just above an infinite plane, as a sense of scale."""
+    end, half = PLANE_HALF_EXTENT, 0.5 * GRID_WIDTH
+    places = np.arange(-end, end + 1.0, GRID_SPACING)
+    stripes = [
+        plane(np.array([half, end])).moved(np.eye(3), np.array([x, 0, 0.02])) for x in places
+    ]
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    return merged(stripes + [stripe.moved(quarter, np.zeros(3)) for stripe in stripes])
+
+
+def merged(parts: Sequence[Triangles]) -> Triangles:
+    """One mesh of several."""
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    return Triangles(
+        np.vstack([part.vertices for part in parts]),
+        np.vstack([part.normals for part in parts]),
+        np.vstack([part.faces + np.int32(o) for part, o in zip(parts, offsets, strict=False)]),
+    )
 
 
 def ellipsoid(radii: Floats) -> Triangles:

@@ -16,6 +16,7 @@ from twin.viewer.opening import START_SECONDS, ViewerError
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SETTLE_SECONDS = 60.0
+EMPTY_BYTES = 30_000  # a page that is still loading compresses to less
 
 
 def executable() -> str:
@@ -59,6 +60,12 @@ class Page:
     def picture(self) -> bytes:
         """Return what the page shows now, as a PNG."""
         return base64.b64decode(self.send("Page.captureScreenshot", format="png")["data"])
+
+    def click(self, x: float, y: float) -> None:
+        """Press and release the left button at a place [pixels]."""
+        for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
+            button = "none" if kind == "mouseMoved" else "left"
+            self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=1)
 
     def close(self) -> None:
         """Leave the page."""
@@ -118,14 +125,14 @@ def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
             process.wait()
 
 
-def settled(page: Page, colors: int = 64) -> bytes:
+def settled(page: Page) -> bytes:
     """Return the page's picture once it has content and two in a row are the same."""
     until = time.monotonic() + SETTLE_SECONDS
     last = b""
     while time.monotonic() < until:
-        time.sleep(0.5)
+        time.sleep(0.3)
         now = page.picture()
-        if now == last and len(now) > 1000 * colors // 64 * 20:
+        if now == last and len(now) > EMPTY_BYTES:
             return now
         last = now
     raise ViewerError(f"the page does not settle within {SETTLE_SECONDS:.0f} s")

@@ -15,8 +15,12 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 SETTLE_SECONDS = 30.0
+# Where the web viewer of Rerun 0.41 draws its time line [points]: margins, height above the bottom.
+TIME_LINE = (267.0, 208.0)
+TIME_LINE_HEIGHT = 15.0
+PAUSE_BUTTON = 26.0
 # What the viewer says about a machine without a graphics card; it is not about the recording.
-HARMLESS = ("Software rasterizer",)
+HARMLESS = ("Software rasterizer", "deprecated parameters", "Expected one or none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +73,7 @@ def screenshot(
         complaints = [
             f"{entry.level}: {entry.message}"
             for entry in client.get_logs()
-            if entry.level != "INFO" and not entry.message.startswith(HARMLESS)
+            if entry.level != "INFO" and not any(harmless in entry.message for harmless in HARMLESS)
         ]
     return Look(tuple(pictures), tuple(reports), tuple(complaints))
 
@@ -96,15 +100,15 @@ def headless(size: tuple[int, int]) -> Iterator["ViewerClient"]:
 
 
 def web_screenshot(
-    path: Path, picture: Path, *, at: float = 0.0, size: tuple[int, int] = (1600, 900)
-) -> Path:
+    path: Path, fractions: Sequence[float], out_dir: Path, size: tuple[int, int] = (1200, 700)
+) -> Look:
     """Picture a recording in the web viewer, in Chromium without a screen.
 
     Parameters
     ----------
     path : recording
-    picture : PNG to write
-    at : experiment time [s]
+    fractions : where on the time line, 0 its start and 1 its end
+    out_dir : folder for the pictures, named `<recording>_web_<per cent>.png`
     size : of the window [pixels]
 
     Raises
@@ -112,12 +116,21 @@ def web_screenshot(
     ViewerError
         if there is no Chromium or the page never settles.
     """
-    with (
-        serve_web(path) as url,
-        browser.opened(f"{url}%23when%3D{schema.TIME}%40{at:g}s", size) as page,
-    ):
-        picture.write_bytes(browser.settled(page))
-    return picture
+    out_dir.mkdir(parents=True, exist_ok=True)
+    pictures = []
+    left, right = TIME_LINE
+    with serve_web(path) as url, browser.opened(url, size) as page:
+        browser.settled(page)
+        page.click(PAUSE_BUTTON, size[1] - TIME_LINE_HEIGHT)
+        for fraction in fractions:
+            page.click(left + fraction * (size[0] - left - right), size[1] - TIME_LINE_HEIGHT)
+            picture = out_dir / f"{path.stem}_web_{100 * fraction:.0f}.png"
+            picture.write_bytes(browser.settled(page))
+            pictures.append(picture)
+        complaints = [
+            text for text in page.complaints if not any(harmless in text for harmless in HARMLESS)
+        ]
+    return Look(tuple(pictures), (), tuple(complaints))
 
 
 def _load(client: "ViewerClient", path: Path) -> None:
