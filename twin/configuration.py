@@ -16,6 +16,8 @@ Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # --json, and no --no-json
 class Run:
     """What every run of the twin can be told."""
 
+    scene: str = "flight"
+    """A shipped scene, or an MJCF file."""
     gimbal: Seat = "linkage"
     """Who moves the gimbal: servos and pushrods, or an identified model."""
     model: Path | None = None
@@ -46,8 +48,6 @@ class Run:
 class Fly(Run):
     """Fly the vehicle headless and record it."""
 
-    scene: str = "flight"
-    """A shipped scene, or an MJCF file."""
     motor: Path | None = None
     """RASP .eng file in place of the vehicle's own motor."""
     programme: Programme = "hold"

@@ -10,9 +10,11 @@ import mujoco
 import numpy as np
 
 from analysis.transfer_function import TransferFunctionModel
+from twin import native
 from twin import overrides as override
 from twin.compose import MJCF, compose, one_line
 from twin.errors import TwinError
+from twin.mechanism.servo import apply_servo, insert_backlash
 
 Seat = Literal["linkage", "transfer-function"]
 REFERENCE_GIMBAL = MJCF / "gimbal.json"
@@ -51,6 +53,7 @@ class ModelConfig:
     motor : RASP `.eng` file in place of the vehicle's own motor
     overrides : named parameters, see `twin.overrides`
     dt : physics step [s]; the scene's own where None
+    seed : of the gusts, where no override names `wind_seed`
     """
 
     scene: str = "flight"
@@ -61,6 +64,7 @@ class ModelConfig:
     motor: Path | None = None
     overrides: Mapping[str, float] = field(default_factory=dict)
     dt: float | None = None
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -94,9 +98,13 @@ def load(config: ModelConfig) -> TwinModel:
         _exchange_actuation(spec, config.transfer_function)
     if config.motor is not None:
         _exchange_motor(spec, config.motor)
+    if seat == "linkage":
+        insert_backlash(spec, config.overrides.get("gimbal_backlash"))
     model = _compiled(spec)
-    override.apply(model, config.overrides)
+    override.apply(model, {**_seeded(model, config.seed), **config.overrides})
     _require(model, seat)
+    apply_servo(model)
+    native.bind(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return TwinModel(mj=model, gimbal=seat, sha256=digest(model))
 
@@ -106,6 +114,11 @@ def digest(model: mujoco.MjModel) -> str:
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return hashlib.sha256(buffer.tobytes()).hexdigest()
+
+
+def _seeded(model: mujoco.MjModel, seed: int) -> dict[str, float]:
+    carries = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "wind_seed") >= 0
+    return {"wind_seed": float(seed)} if carries else {}
 
 
 def _checked_dt(dt: float) -> float:

@@ -1,5 +1,6 @@
 """The one owner of a run's MjModel and MjData."""
 
+import time
 from dataclasses import dataclass
 
 import mujoco
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from twin import integrators
 from twin.errors import DivergenceError, TwinError
 from twin.model import AXES, TwinModel
+from twin.motor import Depletion
 
 Array = NDArray[np.float64]
 
@@ -48,7 +50,9 @@ class Plant:
         if abs(self.dt_ns * 1e-9 - self.model.opt.timestep) > 1e-15:
             raise TwinError(f"dt {self.model.opt.timestep} s is not a whole number of nanoseconds")
         self.steps = 0
+        self.computing_s = 0.0
         self._stepper = integrators.make(integrator)
+        self._propellant = Depletion(self.model)
         self._view()
         self.reset()
 
@@ -72,6 +76,7 @@ class Plant:
 
     def reset(self) -> None:
         """Return to the model's initial state at time zero."""
+        self._propellant.update(0.0)
         mujoco.mj_resetData(self.model, self.data)
         self._stepper = self._stepper.fresh()
         self.steps = 0
@@ -89,7 +94,10 @@ class Plant:
         ------
         DivergenceError : the state left the finite numbers, or MuJoCo warned of it
         """
+        self._propellant.update(self.time_ns * 1e-9)
+        began = time.perf_counter()
         self._stepper.step(self.model, self.data, n)
+        self.computing_s += time.perf_counter() - began
         self.steps += n
         speed = float(self.data.qvel @ self.data.qvel)
         if not speed < LARGEST_SPEED**2:

@@ -1,0 +1,160 @@
+"""One flight: what it is to do, when it is over, and what it amounted to."""
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.configuration import Fly
+from twin.control import PROGRAMMES, FixedPoint, Setpoint, launch_direction
+from twin.errors import TwinError
+from twin.loop import Outcome
+from twin.plant import Plant
+from twin.results import FlightResult
+from twin.rows import Rows
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
+THRUSTING = 0.5  # N; less is no thrust to steer with
+
+
+def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | None]:
+    """Setpoint programme of a flight, and the world point it steers to if any [m].
+
+    Raises
+    ------
+    TwinError : numbers that make no programme, or a point outside the cone
+    """
+    elevation, azimuth = (float(_numeric(model, f"ramp_{n}")[0]) for n in ("elevation", "azimuth"))
+    launch = launch_direction(elevation, azimuth)
+    if config.target is None and config.programme != "point":
+        if config.programme == "hold":
+            return PROGRAMMES["hold"](launch=launch), None
+        angle = math.radians(config.amplitude_deg)
+        kind = PROGRAMMES[config.programme]
+        return kind(launch=launch, amplitude=angle, begin=config.at_s), None  # type: ignore[call-arg]
+    start = _start(model)
+    offset = config.target or _off_axis(config, elevation, azimuth)
+    target = (start[0] + offset[0], start[1] + offset[1], start[2] + offset[2])
+    count = int(np.argmax(_numeric(model, "motor_time"))) + 1
+    steering = FixedPoint(
+        target=target,
+        launch=launch,
+        origin=start,
+        mass=float(model.body_subtreemass[model.body("vehicle").id]),
+        thrust_time=tuple(_numeric(model, "motor_time")[:count].tolist()),
+        thrust=tuple(_numeric(model, "motor_thrust")[:count].tolist()),
+    )
+    return steering, target
+
+
+def _off_axis(config: Fly, elevation: float, azimuth: float) -> Vector:
+    """Offset of the point from the launch point [m]: right and up of the launch direction."""
+    right, up = (math.radians(angle) for angle in config.off_axis_deg)
+    if not config.target_range_m > 0:
+        raise TwinError(f"--target-range-m {config.target_range_m}: must be greater than zero")
+    x, y, z = launch_direction(elevation + up, azimuth - right)
+    r = config.target_range_m
+    return r * x, r * y, r * z
+
+
+def _start(model: mujoco.MjModel) -> Vector:
+    q = int(model.joint("vehicle").qposadr[0])
+    x, y, z = model.qpos0[q : q + 3]
+    return float(x), float(y), float(z)
+
+
+def _numeric(model: mujoco.MjModel, name: str) -> Array:
+    return np.asarray(model.numeric(name).data)
+
+
+class Flight:
+    """Watches a flight tick by tick; decides when it is over and sums it up."""
+
+    def __init__(self, plant: Plant, rows: Rows, error: Array, target: Vector | None) -> None:
+        self._plant, self._rows, self._error = plant, rows, error
+        self._start = np.array(_start(plant.model))
+        self._target = None if target is None else np.array(target)
+        self._burnout_ns = round(_burnout(plant.model) * 1e9)
+        self._ramp = float(_numeric(plant.model, "ramp_length")[0])
+        self._mass = float(plant.model.body_subtreemass[plant.model.body("vehicle").id])
+        self._position: list[Vector] = []
+        self._speed = 0.0
+        self._errors: list[float] = []
+        self._closure = 0.0
+        self._closest, self._closest_ns = math.inf, 0
+        self._burnout_range: float | None = None
+
+    def watch(self, time_ns: int) -> None:
+        """Take note of the plant's state at this tick."""
+        plant = self._plant
+        x, y, z = plant.position.tolist()
+        self._position.append((x, y, z))
+        vx, vy, vz = plant.velocity.tolist()
+        self._speed = max(self._speed, vx * vx + vy * vy + vz * vz)
+        if self._rows.closure[0] > self._closure or self._rows.closure[1] > self._closure:
+            self._closure = float(self._rows.closure.max())
+        if time_ns <= self._burnout_ns:
+            ex, ey = self._error.tolist()
+            self._errors.append(ex * ex + ey * ey)
+        elif self._burnout_range is None:
+            self._burnout_range = float(np.linalg.norm(plant.position - self._start))
+        if self._target is not None:
+            distance = math.dist((x, y, z), self._target)
+            if distance < self._closest:
+                self._closest, self._closest_ns = distance, time_ns
+
+    def over(self) -> str | None:
+        """Why the flight is over, or None while it is not."""
+        plant = self._plant
+        if plant.data.ncon or plant.position[2] < 0.0:
+            return "reached the ground"
+        if self._target is not None and plant.time_ns > self._closest_ns + PASSED_NS:
+            return "passed the point"
+        if plant.time_ns > self._burnout_ns and self._speed < 1.0:
+            return "never left the ramp"
+        return None
+
+    def result(self, recording: Path, outcome: Outcome, wall_s: float) -> FlightResult:
+        """Sum the flight up."""
+        plant = self._plant
+        track = np.array(self._position)
+        target = None if self._target is None else self._target - self._start
+        closest = None if self._target is None else _closest(track, self._target)
+        return FlightResult(
+            recording=str(recording),
+            ended=outcome.ended,
+            mass_kg=self._mass,
+            flight_time_s=plant.time_ns * 1e-9,
+            max_speed_m_s=math.sqrt(self._speed),
+            powered_slant_range_m=self._burnout_range,
+            max_height_m=float((track[:, 2] - self._start[2]).max()),
+            target_m=None if target is None else (float(target[0]), float(target[1]), float(target[2])),
+            closest_approach_m=closest,
+            attitude_error_rms_deg=math.degrees(math.sqrt(float(np.mean(self._errors)))),
+            loop_closure_max_um=self._closure * 1e6 or None,
+            physics_steps=plant.steps,
+            physics_s=plant.computing_s,
+            wall_s=wall_s,
+            warnings=plant.warnings(),
+        )
+
+
+def _burnout(model: mujoco.MjModel) -> float:
+    """When the motor has burned out [s]: the last point of its curve with thrust before it."""
+    time, thrust = _numeric(model, "motor_time"), _numeric(model, "motor_thrust")
+    last = int(np.flatnonzero(thrust > 0)[-1]) + 1 if (thrust > 0).any() else 0
+    return float(time[min(last, time.size - 1)] + _numeric(model, "motor_ignition")[0])
+
+
+def _closest(track: Array, point: Array) -> float:
+    """Distance of a point (3,) from the polyline through `track` (n, 3) [m]."""
+    a, b = track[:-1], track[1:]
+    along = b - a
+    length = np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
+    share = np.clip(np.einsum("ij,ij->i", point - a, along) / length, 0.0, 1.0)
+    nearest = a + share[:, None] * along
+    return float(np.linalg.norm(nearest - point, axis=1).min())

@@ -1,0 +1,127 @@
+"""What a run amounts to: numbers for machines, one screen for people."""
+
+from dataclasses import asdict, dataclass
+
+
+@dataclass(frozen=True)
+class FlightResult:
+    """A flight in numbers; None where a number has no meaning for it.
+
+    Attributes
+    ----------
+    recording : file written
+    ended : why the flight ended
+    mass_kg : at launch
+    flight_time_s : from ignition to the end
+    max_speed_m_s : of the gimbal pivot
+    powered_slant_range_m : distance from the launch point when the motor burned out
+    max_height_m : above the launch point
+    target_m : point steered to, east north up from the launch point
+    closest_approach_m : to that point
+    attitude_error_rms_deg : angle between nose and setpoint while the motor burned
+    physics_steps, physics_s : steps taken, and the time they took
+    wall_s : time of the whole command
+    warnings : MuJoCo's warnings with their counts
+    """
+
+    recording: str
+    ended: str
+    mass_kg: float
+    flight_time_s: float
+    max_speed_m_s: float
+    powered_slant_range_m: float | None
+    max_height_m: float
+    target_m: tuple[float, float, float] | None
+    closest_approach_m: float | None
+    attitude_error_rms_deg: float | None
+    loop_closure_max_um: float | None
+    physics_steps: int
+    physics_s: float
+    wall_s: float
+    warnings: dict[str, int]
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values, in SI but where the name says otherwise."""
+        return asdict(self)
+
+    def text(self) -> str:
+        """One screen."""
+        rows = [
+            ("ended", f"{self.ended}, after {self.flight_time_s:.2f} s"),
+            ("launch mass", f"{self.mass_kg:.3f} kg"),
+            ("top speed", f"{self.max_speed_m_s:.1f} m/s"),
+            ("height", f"{self.max_height_m:.0f} m"),
+        ]
+        if self.powered_slant_range_m is not None:
+            rows.append(("range at burnout", f"{self.powered_slant_range_m:.0f} m"))
+        if self.closest_approach_m is not None and self.target_m is not None:
+            place = ", ".join(f"{c:.0f}" for c in self.target_m)
+            rows.append(("closest approach", f"{self.closest_approach_m:.2f} m to ({place}) m"))
+        if self.attitude_error_rms_deg is not None:
+            rows.append(("attitude error", f"{self.attitude_error_rms_deg:.2f}° rms under power"))
+        if self.loop_closure_max_um is not None:
+            rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
+        rows.append(
+            ("computing", f"{self.wall_s:.2f} s for {self.physics_steps} steps"
+             f" ({self.physics_s:.2f} s of physics)")
+        )
+        rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
+        return _lines(rows, self.recording)
+
+
+@dataclass(frozen=True)
+class AxisResponse:
+    """Steps of one axis: means over the repeats, from the command on.
+
+    Attributes
+    ----------
+    rise_ms : 10 % to 90 % of the step
+    overshoot_percent : of the step
+    settling_ms : until within 2 % of the step for good; None where it does not settle
+    static_error_deg : final value less command
+    """
+
+    axis: str
+    amplitude_deg: float
+    steps: int
+    dead_time_ms: float
+    rise_ms: float
+    overshoot_percent: float
+    settling_ms: float | None
+    static_error_deg: float
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """Step responses of a gimbal, axis by axis."""
+
+    recording: str
+    gimbal: str
+    responses: tuple[AxisResponse, ...]
+    physics_steps: int
+    physics_s: float
+    wall_s: float
+    warnings: dict[str, int]
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values."""
+        return asdict(self)
+
+    def text(self) -> str:
+        """One screen."""
+        head = "axis  step     dead time  rise     overshoot  settling  static error"
+        body = []
+        for r in self.responses:
+            settling = "—" if r.settling_ms is None else f"{r.settling_ms:.0f} ms"
+            body.append(
+                f"{r.axis:<4}  ±{r.amplitude_deg:.1f}°    {r.dead_time_ms:>5.1f} ms  {r.rise_ms:>4.0f} ms"
+                f"  {r.overshoot_percent:>8.1f} %  {settling:>8}  {r.static_error_deg:+.3f}°"
+            )
+        rows = [("gimbal", self.gimbal)]
+        rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
+        return "\n".join([head, *body, "", _lines(rows, self.recording)])
+
+
+def _lines(rows: list[tuple[str, str]], recording: str) -> str:
+    lines = [f"{name:<18}{value}" for name, value in rows]
+    return "\n".join([*lines, f"{'recording':<18}{recording}", f"{'':<18}twin view {recording}"])

@@ -1,0 +1,172 @@
+"""One row a tick: the state, and what is derived from it, into the recorder's row."""
+
+import math
+import time
+
+import mujoco
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twin.aerodynamics import gust, mean_wind
+from twin.aerodynamics.atmosphere import MODE
+from twin.model import AXES
+from twin.plant import Plant
+from twin.recorder import Recorder
+from twin.seats import Pilot
+
+Array = NDArray[np.float64]
+STILL = 0.5  # m/s; below this airspeed an angle of attack means nothing
+GIMBAL = ("gimbal/command", "gimbal/simulated", "gimbal/rate/simulated")
+LINKAGE = ("linkage/closure", "linkage/servo")
+VEHICLE = (
+    "vehicle/position",
+    "vehicle/velocity",
+    "vehicle/attitude",
+    "vehicle/rate",
+    "vehicle/mass",
+)
+FLOW = ("vehicle/tilt", "vehicle/airspeed", "vehicle/angle_of_attack", "vehicle/thrust")
+CONTROL = ("control/setpoint", "control/error")
+
+
+class Rows:
+    """Gathers a run's signals from plant and pilot; `write` is called once a tick.
+
+    Attributes
+    ----------
+    signals : names of what is gathered, for the recorder
+    command : (2,) latest commanded gimbal angle, written by the loop [rad]
+    closure : (2,) gap of the two rod loops at the last row [m]; zeros without rods
+    """
+
+    def __init__(self, plant: Plant, pilot: Pilot | None = None) -> None:
+        self._plant, self._pilot = plant, pilot
+        self.command: Array = np.zeros(2)
+        self.closure: Array = np.zeros(2)
+        self._servo: Array = np.zeros(2)
+        self._flow: Array = np.zeros(7)  # tilt x y, airspeed, angle of attack, thrust, setpoint x y
+        self._wall_ns = 0
+        self._recorder: Recorder | None = None
+        self._copies: list[tuple[Array, Array]] = []
+        self._sources = self._gather()
+        self.signals = tuple(self._sources)
+
+    def _gather(self) -> dict[str, Array]:
+        plant, flow = self._plant, self._flow
+        sources = dict(
+            zip(GIMBAL, (self.command, plant.gimbal_angle, plant.gimbal_rate), strict=True)
+        )
+        self._loops = _loops(plant.model)
+        if self._loops.size:
+            sources |= dict(zip(LINKAGE, (self.closure, self._servo), strict=True))
+            self._shafts = np.array(
+                [plant.model.joint(f"gimbal_servo_{a}").qposadr[0] for a in AXES], np.int64
+            )
+        if plant.has_vehicle and self._pilot is not None:
+            vehicle = int(plant.model.body("vehicle").id)
+            mass = plant.model.body_subtreemass[vehicle : vehicle + 1]
+            state = (plant.position, plant.velocity, plant.attitude, plant.rate, mass)
+            sources |= dict(zip(VEHICLE, state, strict=True))
+            parts = (flow[0:2], flow[2:3], flow[3:4], flow[4:5])
+            sources |= dict(zip(FLOW, parts, strict=True))
+            sources |= dict(zip(CONTROL, (flow[5:7], self._pilot.error), strict=True))
+            self._tables = _tables(plant.model)
+        return sources
+
+    def bind(self, recorder: Recorder) -> None:
+        """Pair every signal with its place in the recorder's row, once, so that a tick only copies."""
+        self._recorder = recorder
+        row = recorder.row
+        self._copies = [(row[recorder.slices[name]], source) for name, source in self._sources.items()]
+        self._wall_ns = time.time_ns()
+
+    def derive(self, time_ns: int) -> None:
+        """Renew what is computed rather than read."""
+        plant, data = self._plant, self._plant.data
+        if self._loops.size:
+            _gaps(self.closure, data.site_xpos, self._loops)
+            self._servo[0] = data.qpos[self._shafts[0]]
+            self._servo[1] = data.qpos[self._shafts[1]]
+        if self._pilot is not None:
+            _flow(
+                self._flow, time_ns * 1e-9, plant.position, plant.velocity, plant.attitude,
+                self._pilot.direction, *self._tables,
+            )  # fmt: skip
+
+    def write(self, time_ns: int) -> None:
+        """Fill and commit one row; allocates nothing of its own."""
+        self.derive(time_ns)
+        recorder = self._recorder
+        if recorder is None:
+            return
+        for place, source in self._copies:
+            place[:] = source
+        recorder.commit(time_ns, self._wall_ns + time_ns)
+        recorder.commit_pose(time_ns, self._plant.data)
+
+
+def _loops(model: mujoco.MjModel) -> NDArray[np.int64]:
+    """Pairs of sites that the rods' loops close, (2, 2), or (0, 2) without rods."""
+    pairs = [
+        [
+            mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"gimbal_rod_{axis}_end"),
+            mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"gimbal_holder_{axis}_ball"),
+        ]
+        for axis in AXES
+    ]
+    found = np.array(pairs, np.int64)
+    return found if (found >= 0).all() else np.empty((0, 2), np.int64)
+
+
+def _tables(model: mujoco.MjModel) -> tuple[Array, Array, Array, Array]:
+    """Wind parameters (5,), gust modes, and the motor's curve over simulation time."""
+    wind = ("speed", "azimuth", "exponent", "reference_height", "turbulence")
+    return (
+        np.array([_numeric(model, f"wind_{name}")[0] for name in wind]),
+        _numeric(model, "wind_modes"),
+        _numeric(model, "motor_time") + _numeric(model, "motor_ignition")[0],
+        _numeric(model, "motor_thrust"),
+    )
+
+
+def _numeric(model: mujoco.MjModel, name: str) -> Array:
+    return np.array(model.numeric(name).data, dtype=np.float64)
+
+
+@njit(cache=True)
+def _gaps(out: Array, sites: Array, loops: NDArray[np.int64]) -> None:
+    for k in range(loops.shape[0]):
+        a, b = loops[k]
+        gap = 0.0
+        for i in range(3):
+            gap += (sites[a, i] - sites[b, i]) ** 2
+        out[k] = math.sqrt(gap)
+
+
+@njit(cache=True)
+def _flow(
+    out: Array, time: float, position: Array, velocity: Array, attitude: Array, nose: Array,
+    wind: Array, modes: Array, curve_time: Array, curve_thrust: Array,
+) -> None:  # fmt: skip
+    speed, azimuth, exponent, reference, turbulence = wind
+    mean = mean_wind(speed, position[2], reference, exponent)
+    u, v, w = mean * math.cos(azimuth), mean * math.sin(azimuth), 0.0
+    if turbulence > 0.0:
+        gu, gv, gw = gust(
+            modes, modes.size // MODE, position[0] - u * time, position[1] - v * time, position[2]
+        )
+        rms = turbulence * speed
+        u, v, w = u + rms * gu, v + rms * gv, w + rms * gw
+    rx, ry, rz = velocity[0] - u, velocity[1] - v, velocity[2] - w
+    airspeed = math.sqrt(rx * rx + ry * ry + rz * rz)
+    qw, qx, qy, qz = attitude
+    # the nose in the world: third column of the rotation matrix
+    zx, zy = 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx)
+    zz = 1.0 - 2.0 * (qx * qx + qy * qy)
+    out[0], out[1] = math.atan2(-zy, zz), math.atan2(zx, zz)
+    out[2] = airspeed
+    cosine = (zx * rx + zy * ry + zz * rz) / airspeed if airspeed > STILL else math.nan
+    out[3] = math.acos(min(1.0, max(-1.0, cosine))) if airspeed > STILL else math.nan
+    out[4] = np.interp(time, curve_time, curve_thrust)
+    out[5], out[6] = math.atan2(-nose[1], nose[2]), math.atan2(nose[0], nose[2])
