@@ -1,1 +1,24 @@
-"""Calibration of one rig."""
+"""Limit switches to zero, command matrix and sensor maps, each with covariance."""
+
+from hardware.calibration.file import read, write
+from hardware.calibration.procedure import SWITCHES, CalibrationRig, Procedure
+from hardware.calibration.result import (
+    Calibration,
+    CalibrationError,
+    GyroMap,
+    PotentiometerMap,
+    nominal,
+)
+
+__all__ = [
+    "SWITCHES",
+    "Calibration",
+    "CalibrationError",
+    "CalibrationRig",
+    "GyroMap",
+    "PotentiometerMap",
+    "Procedure",
+    "nominal",
+    "read",
+    "write",
+]

@@ -168,7 +168,7 @@ class Bench:
         """Return bits 0…3: +x, −x, +y, −y closed."""
         return sum(closed << i for i, closed in enumerate(self._closed))
 
-    def joystick_codes(self) -> Pair:
+    def joystick_codes(self) -> tuple[int, int]:
         """Return what the ADC gives for the joystick."""
         half = c.ADC_LEVELS // 2
         x, y = (min(max(round(half + half * v), 0), c.ADC_LEVELS - 1) for v in self.joystick)

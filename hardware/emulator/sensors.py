@@ -97,14 +97,18 @@ class SensorParameters:
     differential: float = radians(0.4)
 
 
+def _triple(values: NDArray[np.float64]) -> Triple:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
 def _imu(rng: np.random.Generator) -> Mpu6050:
     matrix = np.diag(rng.uniform(0.97, 1.03, 3)) + rng.normal(0, 0.005, (3, 3))
     bias = np.radians(rng.uniform(-20, 20, 3))
     return Mpu6050(
-        gyro_bias=tuple(bias.tolist()),
-        gyro_matrix=tuple(tuple(row) for row in matrix.tolist()),
-        accelerometer_bias=tuple(rng.normal(0, 0.25, 3).tolist()),
-        accelerometer_scale=tuple(rng.uniform(0.97, 1.03, 3).tolist()),
+        gyro_bias=_triple(bias),
+        gyro_matrix=(_triple(matrix[0]), _triple(matrix[1]), _triple(matrix[2])),
+        accelerometer_bias=_triple(rng.normal(0, 0.25, 3)),
+        accelerometer_scale=_triple(rng.uniform(0.97, 1.03, 3)),
     )
 
 

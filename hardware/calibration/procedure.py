@@ -1,0 +1,308 @@
+"""Drives the servos to four limit switches and notes what every sensor says there; no I/O.
+
+A procedure takes sensor frames and gives back pulse widths to send. Each switch is approached
+outwards until it closes and left inwards until it opens, several times, with the other servo held
+at three places, so that both directions and the coupling of the axes are seen.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from math import radians
+
+import numpy as np
+
+from hardware.calibration.result import Calibration, CalibrationError
+from hardware.frames import Pair, SensorFrame, Triple
+
+SWITCHES = ("+x", "-x", "+y", "-y")
+Steps = Generator[Pair, SensorFrame, None]
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationRig:
+    """The printed rig with its switches, and how to drive to them.
+
+    Attributes
+    ----------
+    switch_angle : at which +x, −x, +y, −y close [rad]
+    switch_sigma : standard deviation of these angles [rad]
+    neutral : pulse widths to start from [s]
+    lowest, highest : pulse widths that are safe [s]
+    coarse, fine : steps per dwell, while searching and near a switch [s]
+    dwell : time for the servo to follow a step; two PWM frames [s]
+    backoff : distance from a switch at which the fine approach begins [s]
+    offsets : places at which the other servo is held [s]
+    repeats : approaches per switch and place
+    seed : of the random start of each approach, which spreads quantisation evenly
+    """
+
+    switch_angle: tuple[float, float, float, float] = (
+        radians(8.0),
+        radians(-8.0),
+        radians(8.0),
+        radians(-8.0),
+    )
+    switch_sigma: float = radians(0.03)
+    neutral: Pair = (1.5e-3, 1.5e-3)
+    lowest: float = 1.0e-3
+    highest: float = 2.0e-3
+    coarse: float = 10e-6
+    fine: float = 2e-6
+    dwell: float = 0.04
+    backoff: float = 24e-6
+    offsets: tuple[float, ...] = (0.0, 40e-6, -40e-6)
+    repeats: int = 3
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One switch closing or opening.
+
+    Attributes
+    ----------
+    switch : index into `SWITCHES`
+    closed : it closed, on the way out; else it opened, on the way in
+    pulses : in force, moved back by half a step [s]
+    potentiometer : mean readings just then [1]
+    time : device time [s]
+    gyro : integral of the holder gyro's reading since the start, bias included [rad]
+    """
+
+    switch: int
+    closed: bool
+    pulses: Pair
+    potentiometer: tuple[float, float, float, float]
+    time: float
+    gyro: Triple
+
+
+@dataclass(slots=True)
+class Log:
+    """What a run has seen."""
+
+    events: list[Event] = field(default_factory=list)
+    gyro_bias: Triple = (0.0, 0.0, 0.0)
+    gyro_bias_sigma: float = 0.0
+
+
+class Procedure:
+    """One calibration run: feed it frames, send what it returns, until `done`.
+
+    Parameters
+    ----------
+    rig : switches and how to drive to them
+    identity : of the device, from HELLO
+    """
+
+    def __init__(self, rig: CalibrationRig | None = None, identity: int = 0) -> None:
+        self.rig = rig or CalibrationRig()
+        self.identity = identity
+        self.log = Log()
+        self.done = False
+        self._frame: SensorFrame | None = None
+        self._integral = np.zeros(3)
+        self._recent: list[tuple[float, float, float, float]] = []
+        self._pulses = list(self.rig.neutral)
+        self._direction = [1, 1]  # which way each servo moves its own axis
+        self._found = [0.0] * 4  # pulse width at which each switch closed last
+        self._random = np.random.default_rng(self.rig.seed)
+        self._steps = self._run()
+        self._total = 8 + 4 * len(self.rig.offsets) * self.rig.repeats * 2
+
+    @property
+    def progress(self) -> float:
+        """How much of the run is behind, 0…1."""
+        return 1.0 if self.done else min(0.99, len(self.log.events) / self._total)
+
+    def step(self, frame: SensorFrame) -> Pair:
+        """Take a frame and return the pulse widths to send [s].
+
+        Raises
+        ------
+        CalibrationError : a switch does not do what it should; the message names it
+        """
+        first = self._frame is None
+        if self._frame is not None:
+            dt = max(0.0, min((frame.device_us - self._frame.device_us) * 1e-6, 0.1))
+            self._integral += np.array(frame.gyro) * dt
+        self._frame = frame
+        self._recent = [*self._recent[-2:], frame.potentiometer]
+        if not self.done:
+            try:
+                if first:
+                    next(self._steps)
+                else:
+                    self._steps.send(frame)
+            except StopIteration:
+                self.done = True
+        return self._pulses[0], self._pulses[1]
+
+    def result(self) -> Calibration:
+        """Return the calibration of a run that is done.
+
+        Raises
+        ------
+        CalibrationError : implausible; the message names the switch or sensor
+        """
+        from hardware.calibration.solve import solve
+
+        if not self.done:
+            raise CalibrationError(f"calibration is not finished ({self.progress:.0%})")
+        return solve(self.log, self.rig, self.identity)
+
+    def _run(self) -> Steps:
+        yield from self._rest()
+        for axis in (0, 1):
+            yield from self._search(axis)
+        for offset in self.rig.offsets:
+            for _ in range(self.rig.repeats):
+                for switch in range(4):
+                    yield from self._visit(switch, offset)
+        yield from self._move(0, self.rig.neutral[0])
+        yield from self._move(1, self.rig.neutral[1])
+
+    def _wait(self, duration: float) -> Steps:
+        frame = yield self._sent()
+        end = frame.device_us + duration * 1e6
+        while frame.device_us < end:
+            frame = yield self._sent()
+
+    def _sent(self) -> Pair:
+        return self._pulses[0], self._pulses[1]
+
+    def _rest(self) -> Steps:
+        """Hold still; the gyro shows its bias, and no switch may be closed."""
+        yield from self._wait(0.5)
+        readings = []
+        frame = yield self._sent()
+        end = frame.device_us + 1_000_000
+        while frame.device_us < end:
+            readings.append(frame.gyro)
+            for name, closed in zip(SWITCHES, frame.switches, strict=True):
+                if closed:
+                    raise CalibrationError(
+                        f"switch {name} is closed at neutral; check its wiring (it must open to "
+                        "ground) and that the gimbal hangs free"
+                    )
+            frame = yield self._sent()
+        values = np.array(readings)
+        x, y, z = values.mean(axis=0).tolist()
+        self.log.gyro_bias = (x, y, z)
+        self.log.gyro_bias_sigma = float(values.std(axis=0).max() / len(values) ** 0.5)
+
+    def _search(self, axis: int) -> Steps:
+        """Find both switches of an axis and which way the servo turns it."""
+        names = (2 * axis, 2 * axis + 1)
+        for way in (1, -1):
+            yield from self._move(axis, self.rig.neutral[axis])
+            hit = yield from self._until_any(axis, way, names)
+            if way == 1:
+                self._direction[axis] = 1 if hit == names[0] else -1
+            elif hit != names[(self._direction[axis] == 1)]:
+                raise CalibrationError(
+                    f"switch {SWITCHES[hit]} closes at both ends of servo {'xy'[axis]}'s travel"
+                )
+            self._found[hit] = self._pulses[axis]
+        yield from self._move(axis, self.rig.neutral[axis])
+
+    def _until_any(
+        self, axis: int, way: int, own: tuple[int, int]
+    ) -> Generator[Pair, SensorFrame, int]:
+        """Step a servo until a switch closes; return which."""
+        while True:
+            self._step_by(axis, way * self.rig.coarse, own[0] if way > 0 else own[1])
+            end = self._now() + self.rig.dwell * 1e6
+            while self._now() < end:
+                frame = yield self._sent()
+                for index, closed in enumerate(frame.switches):
+                    if closed and index not in own:
+                        raise CalibrationError(
+                            f"switch {SWITCHES[index]} closed while servo {'xy'[axis]} moved; "
+                            "servos or switches are swapped"
+                        )
+                    if closed:
+                        return index
+
+    def _now(self) -> int:
+        assert self._frame is not None
+        return self._frame.device_us
+
+    def _step_by(self, axis: int, step: float, switch: int) -> None:
+        pulse = self._pulses[axis] + step
+        if not self.rig.lowest <= pulse <= self.rig.highest:
+            raise CalibrationError(
+                f"switch {SWITCHES[switch]} never closed: servo {'xy'[axis]} reached "
+                f"{self._pulses[axis] * 1e6:.0f} µs; check the switch's wiring and place, and the "
+                "servo horn"
+            )
+        self._pulses[axis] = pulse
+
+    def _move(self, axis: int, pulse: float) -> Steps:
+        """Bring a servo to a place, fast but not at once, and let it settle."""
+        while abs(pulse - self._pulses[axis]) > 1e-9:
+            step = pulse - self._pulses[axis]
+            self._pulses[axis] += max(-5 * self.rig.coarse, min(5 * self.rig.coarse, step))
+            yield from self._wait(self.rig.dwell / 2)
+        yield from self._wait(3 * self.rig.dwell)
+
+    def _visit(self, switch: int, offset: float) -> Steps:
+        """Close a switch and open it again, noting both."""
+        axis, other = switch // 2, 1 - switch // 2
+        outwards = self._direction[axis] * (1 if switch % 2 == 0 else -1)
+        held = self.rig.neutral[other] + offset
+        # From a random side, so that the held servo's own play is not always on the same side.
+        side = 30e-6 if self._random.random() < 0.5 else -30e-6
+        yield from self._move(other, held + side)
+        yield from self._move(other, held)
+        start = self._found[switch] - outwards * (self.rig.backoff + self._random.random() * 4e-6)
+        yield from self._move(axis, start)
+        yield from self._retreat(switch, axis, outwards)
+        yield from self._note(switch, axis, outwards, closing=True)
+        self._found[switch] = self._pulses[axis]
+        for _ in range(2):
+            self._step_by(axis, outwards * self.rig.fine, switch)
+            yield from self._wait(self.rig.dwell)
+        yield from self._note(switch, axis, -outwards, closing=False)
+
+    def _retreat(self, switch: int, axis: int, outwards: int) -> Steps:
+        """Step back until the switch is open, wherever the other servo has left it."""
+        for _ in range(20):
+            if self._frame is not None and not self._frame.switches[switch]:
+                return
+            yield from self._move(axis, self._pulses[axis] - outwards * self.rig.backoff)
+        raise CalibrationError(f"switch {SWITCHES[switch]} stays closed; it is stuck or shorted")
+
+    def _note(self, switch: int, axis: int, way: int, *, closing: bool) -> Steps:
+        limit = int(0.4e-3 / self.rig.fine)
+        for _ in range(limit):
+            self._step_by(axis, way * self.rig.fine, switch)
+            end = self._now() + self.rig.dwell * 1e6
+            while self._now() < end:
+                frame = yield self._sent()
+                if frame.switches[switch] == closing:
+                    self._record(switch, axis, way, closing, frame)
+                    return
+        if closing:
+            raise CalibrationError(f"switch {SWITCHES[switch]} closed once and then never again")
+        raise CalibrationError(f"switch {SWITCHES[switch]} stays closed; it is stuck or shorted")
+
+    def _record(self, switch: int, axis: int, way: int, closing: bool, frame: SensorFrame) -> None:
+        pulses = [frame.pulse[0], frame.pulse[1]]
+        # The crossing lay anywhere within the step that the servo was taking.
+        pulses[axis] -= way * self.rig.fine / 2
+        mean = np.mean(self._recent, axis=0).tolist()
+        self.log.events.append(
+            Event(
+                switch=switch,
+                closed=closing,
+                pulses=(pulses[0], pulses[1]),
+                potentiometer=(mean[0], mean[1], mean[2], mean[3]),
+                time=frame.device_us * 1e-6,
+                gyro=(
+                    float(self._integral[0]),
+                    float(self._integral[1]),
+                    float(self._integral[2]),
+                ),
+            )
+        )
