@@ -1,4 +1,4 @@
-"""What the parts are drawn around: positions and dimensions read from mechanism.xml, in millimetres."""
+"""What the parts are drawn around: positions and dimensions read from MJCF, in millimetres."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,5 +72,5 @@ class Drawing:
         return np.asarray(self.model.geom(name).size) * MILLIMETRE
 
     def numeric(self, name: str) -> list[float]:
-        """A `<numeric>` that holds lengths [mm]."""
+        """Values of a `<numeric>` that holds lengths [mm]."""
         return [float(v) * MILLIMETRE for v in self.model.numeric(name).data]

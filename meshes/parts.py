@@ -21,9 +21,7 @@ def bulkhead(drawing: Drawing) -> Solid:
     return collar + (pads ^ trim) - rod((-30, 0, 0), (30, 0, 0), thread)
 
 
-def _pad(
-    side: int, reach: float, outer: float, half: float, aft: float, forward: float
-) -> Solid:
+def _pad(side: int, reach: float, outer: float, half: float, aft: float, forward: float) -> Solid:
     inside, outside = sorted((side * reach, side * (outer - 0.6)))
     return box((inside, -half, aft), (outside, half, forward - 0.5))
 
@@ -59,9 +57,11 @@ def holder(drawing: Drawing) -> Solid:
     for name in ("holder_x_ball", "holder_y_ball"):
         ball = drawing.site(name)
         outward = ball * (1, 1, 0) / max(abs(ball[:2]))
-        seat = ball - outward * 2.5  # room for the cup to swivel
+        seat = ball - outward * 2.9  # room for the cup to swivel
         foot = outward * (bore + 0.6) + (0, 0, ball[2])
-        solid += hull(rod(foot, seat, 2.2), rod(foot - (0, 0, 3.5), foot - (0, 0, 3.5) + outward, 2.2))
+        solid += hull(
+            rod(foot, seat, 2.0), rod(foot - (0, 0, 3.5), foot - (0, 0, 3.5) + outward, 2.0)
+        )
         cut.append(rod(foot + outward * 0.2, ball, thread, segments=16))
     lug, slit = _clamp(bore, outer, aft, thread)
     solid = union(solid, lug) - union(*cut, slit)
@@ -83,7 +83,9 @@ def horn(drawing: Drawing) -> Solid:
     arm = (drawing.site("horn_x_ball") - drawing.body("horn_x"))[0]
     floor = cover - depth - 1.2
     solid = rod((0, floor, 0), (0, cover, 0), hub, segments=48)
-    solid += hull(rod((0, -plate, 0), (0, 0, 0), hub - 0.4), rod((arm, -plate, 0), (arm, 0, 0), tip))
+    solid += hull(
+        rod((0, -plate, 0), (0, 0, 0), hub - 0.4), rod((arm, -plate, 0), (arm, 0, 0), tip)
+    )
     bore = rod((0, floor - 1, 0), (0, floor + depth, 0), spline, segments=42)
     screw = rod((0, -9, 0), (0, 9, 0), clearance)
     return solid - bore - screw - rod((arm, -9, 0), (arm, 9, 0), thread, segments=16)

@@ -14,7 +14,7 @@ BAR = 4.0  # mm
 
 
 def calibration_rig(drawing: Drawing) -> Solid:
-    """Clamp, posts, ring and the four switch mounts; z points to the nose, as on the bench's mount."""
+    """Clamp, posts, ring and the four switch mounts; z points to the nose."""
     inner, wall, aft, forward, reach = drawing.numeric("print_rig")
     thread, clearance, _ = drawing.numeric("gimbal_print_screw")
     low = float(drawing.local("switch_x_positive_case", "calibration_rig")[2])
@@ -26,7 +26,7 @@ def calibration_rig(drawing: Drawing) -> Solid:
         solid -= rod((outer - 9, 0, forward - 4), (outer + 9, 0, forward - 4), thread).rotate(
             (0, 0, turn)
         )
-    solid = union(solid, *(_mount(drawing, side, reach, shelf, clearance) for side in SIDES))
+    solid = union(solid, *(_mount(drawing, side, reach, shelf) for side in SIDES))
     solid -= disc(inner, aft - 1, forward + 1)
     for side in SIDES:
         solid -= _holes(drawing, side, shelf, clearance)
@@ -46,7 +46,7 @@ def _azimuth(drawing: Drawing, side: str) -> float:
     return math.degrees(math.atan2(case[1], case[0]))
 
 
-def _mount(drawing: Drawing, side: str, reach: float, shelf: float, clearance: float) -> Solid:
+def _mount(drawing: Drawing, side: str, reach: float, shelf: float) -> Solid:
     """Shelf under one switch, from its face to the ring."""
     case = drawing.local(f"switch_{side}_case", "calibration_rig")
     half = drawing.geom_size(f"switch_{side}_case")

@@ -5,6 +5,7 @@ from typing import Any
 
 import manifold3d
 import numpy as np
+from numpy.typing import ArrayLike
 
 Solid = Any  # manifold3d.Manifold, which carries no types
 SEGMENTS = 64  # chords of a 52 mm bore stay within 0.03 mm of the circle
@@ -16,15 +17,17 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> So
     return manifold3d.Manifold.cube(size).translate(low)
 
 
-def rod(start: Any, end: Any, radius: float, end_radius: float = -1.0, segments: int = 24) -> Solid:
+def rod(
+    start: ArrayLike, end: ArrayLike, radius: float, end_radius: float = -1.0, segments: int = 24
+) -> Solid:
     """Cylinder, or cone with `end_radius`, between two points."""
-    start, end = np.asarray(start, float), np.asarray(end, float)
-    along = end - start
+    foot = np.asarray(start, float)
+    along = np.asarray(end, float) - foot
     length = float(np.linalg.norm(along))
     solid = manifold3d.Manifold.cylinder(length, radius, end_radius, segments)
     tilt = math.degrees(math.acos(along[2] / length))
     turn = math.degrees(math.atan2(along[1], along[0]))
-    return solid.rotate((0, tilt, turn)).translate(tuple(start))
+    return solid.rotate((0, tilt, turn)).translate(tuple(foot))
 
 
 def tube(inner: float, outer: float, bottom: float, top: float) -> Solid:

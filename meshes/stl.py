@@ -18,7 +18,7 @@ class MeshError(ValueError):
 
 
 def write(path: Path, solid: Solid) -> None:
-    """Write a solid as binary STL in millimetres, vertices on a grid and triangles in a fixed order."""
+    """Write a solid as binary STL [mm], vertices on a grid and triangles in a fixed order."""
     mesh = solid.simplify(2 * GRID).to_mesh()
     points = np.round(np.asarray(mesh.vert_properties, np.float64)[:, :3] / GRID).astype(np.int64)
     path.write_bytes(_encode(_canonical(points, np.asarray(mesh.tri_verts, np.int64))))

@@ -1,4 +1,4 @@
-"""The gimbal's mechanism: how it can move, where its servos put it, and what its servos are like."""
+"""The gimbal's mechanism: how it can move, where its servos put it, what its servos are like."""
 
 from twin.mechanism.kinematics import Kinematics, Workspace
 from twin.mechanism.mobility import Mobility, mobility

@@ -81,7 +81,8 @@ class Kinematics:
         gimbal = _pairs(angles)
         if self.direct:
             return gimbal.copy()
-        return loops.servo_angles(self._geometry, gimbal.reshape(-1, 2)).reshape(gimbal.shape)
+        servo: Array = loops.servo_angles(self._geometry, gimbal.reshape(-1, 2))
+        return servo.reshape(gimbal.shape)
 
     def gimbal_from_servo(self, angles: ArrayLike) -> Array:
         """Gimbal angles at which the rods fit servos at `angles`.
@@ -97,7 +98,8 @@ class Kinematics:
         servo = _pairs(angles)
         if self.direct:
             return servo.copy()
-        return loops.gimbal_angles(self._geometry, servo.reshape(-1, 2)).reshape(servo.shape)
+        gimbal: Array = loops.gimbal_angles(self._geometry, servo.reshape(-1, 2))
+        return gimbal.reshape(servo.shape)
 
     def servo_from_gimbal_fast(self, x: float, y: float) -> tuple[float, float]:
         """`servo_from_gimbal` for one pair within a control tick; the nearest a rod can reach."""
@@ -122,7 +124,9 @@ class Kinematics:
         """Distance between each rod's end and the ball it sits on, (2,) [m]; zeros without rods."""
         if self.direct:
             return np.zeros(2)
-        return np.array([np.linalg.norm(data.site_xpos[a] - data.site_xpos[b]) for a, b in self._balls])
+        return np.array(
+            [np.linalg.norm(data.site_xpos[a] - data.site_xpos[b]) for a, b in self._balls]
+        )
 
 
 def _pairs(angles: ArrayLike) -> Array:
@@ -161,7 +165,7 @@ def _loop(model: mujoco.MjModel, data: mujoco.MjData, before: str, axis: str) ->
     points += [data.xanchor[servo], data.site_xpos[horn]]
     axes = [data.xaxis[joint_x], data.xaxis[joint_y], data.xaxis[servo]]
     geometry = np.concatenate([(np.array(points) - origin) @ turn, np.array(axes) @ turn])
-    length = np.linalg.norm(data.site_xpos[rod] - data.site_xpos[horn])
+    length = float(np.linalg.norm(data.site_xpos[rod] - data.site_xpos[horn]))
     return np.append(loops.pack(geometry.ravel(), length), _branch(geometry))
 
 

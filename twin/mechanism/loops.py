@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
 SIZE = 26
 LENGTH, BRANCH = 24, 25
 ITERATIONS, SOLVED = 20, 1e-13  # Newton halves nothing near home: 5 iterations are usual
@@ -23,7 +24,7 @@ def pack(geometry: Array, length: float) -> Array:
 
 
 @njit(cache=True)
-def _turn(ux: float, uy: float, uz: float, angle: float, x: float, y: float, z: float):  # type: ignore[no-untyped-def]  # noqa: ANN202
+def _turn(ux: float, uy: float, uz: float, angle: float, x: float, y: float, z: float) -> Vector:
     """Rotate (x, y, z) about the unit vector u: Rodrigues."""
     c, s = math.cos(angle), math.sin(angle)
     k = (ux * x + uy * y + uz * z) * (1 - c)
@@ -35,17 +36,15 @@ def _turn(ux: float, uy: float, uz: float, angle: float, x: float, y: float, z: 
 
 
 @njit(cache=True)
-def _ball(g, x, y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _ball(g: Array, x: float, y: float) -> Vector:
     """Ball on the holder at gimbal angles x, y: about the inner axis, then about the outer."""
     px, py, pz = _turn(g[18], g[19], g[20], y, g[6] - g[3], g[7] - g[4], g[8] - g[5])
-    px, py, pz = _turn(
-        g[15], g[16], g[17], x, px + g[3] - g[0], py + g[4] - g[1], pz + g[5] - g[2]
-    )
+    px, py, pz = _turn(g[15], g[16], g[17], x, px + g[3] - g[0], py + g[4] - g[1], pz + g[5] - g[2])
     return px + g[0], py + g[1], pz + g[2]
 
 
 @njit(cache=True)
-def _servo(g, x, y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _servo(g: Array, x: float, y: float) -> tuple[float, float]:
     """Servo angle and how far the cosine it needs lies beyond one."""
     px, py, pz = _ball(g, x, y)
     dx, dy, dz = px - g[9], py - g[10], pz - g[11]
@@ -63,13 +62,13 @@ def _servo(g, x, y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 
 @njit(cache=True)
-def servo_pair(loops, x, y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def servo_pair(loops: Array, x: float, y: float) -> tuple[float, float]:
     """Servo angles (x, y) [rad] for gimbal angles, clipped to what the rods can reach."""
     return _servo(loops[0], x, y)[0], _servo(loops[1], x, y)[0]
 
 
 @njit(cache=True)
-def servo_angles(loops, gimbal):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def servo_angles(loops: Array, gimbal: Array) -> Array:
     """Servo angles (n, 2) for gimbal angles (n, 2) [rad], NaN beyond reach."""
     out = np.empty_like(gimbal)
     for n in range(len(gimbal)):
@@ -80,12 +79,10 @@ def servo_angles(loops, gimbal):  # type: ignore[no-untyped-def]  # noqa: ANN001
 
 
 @njit(cache=True)
-def _residual(g, x, y, servo):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _residual(g: Array, x: float, y: float, servo: float) -> Vector:
     """`|p - h|² - L²` of one loop and its slopes over x and y."""
     px, py, pz = _ball(g, x, y)
-    hx, hy, hz = _turn(
-        g[21], g[22], g[23], servo, g[12] - g[9], g[13] - g[10], g[14] - g[11]
-    )
+    hx, hy, hz = _turn(g[21], g[22], g[23], servo, g[12] - g[9], g[13] - g[10], g[14] - g[11])
     dx, dy, dz = px - hx - g[9], py - hy - g[10], pz - hz - g[11]
     # velocity of the ball: outer axis at its anchor, inner axis carried by the outer rotation
     rx, ry, rz = px - g[0], py - g[1], pz - g[2]
@@ -102,7 +99,7 @@ def _residual(g, x, y, servo):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
 
 
 @njit(cache=True)
-def _gimbal(loops, servo_x, servo_y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _gimbal(loops: Array, servo_x: float, servo_y: float) -> tuple[float, float]:
     """Newton from home on both loops at once."""
     x, y = 0.0, 0.0
     for _ in range(ITERATIONS):
@@ -119,7 +116,7 @@ def _gimbal(loops, servo_x, servo_y):  # type: ignore[no-untyped-def]  # noqa: A
 
 
 @njit(cache=True)
-def gimbal_angles(loops, servo):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def gimbal_angles(loops: Array, servo: Array) -> Array:
     """Gimbal angles (n, 2) for servo angles (n, 2) [rad], NaN where Newton finds no pose."""
     out = np.empty_like(servo)
     for n in range(len(servo)):

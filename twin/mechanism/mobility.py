@@ -76,7 +76,7 @@ def _closes(model: mujoco.MjModel, equality: int, links: set[int]) -> bool:
 
 
 def _ends(model: mujoco.MjModel, equality: int) -> tuple[int, int]:
-    """The two links a connect joins."""
+    """Links that a connect joins."""
     ends = [int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])]
     if model.eq_objtype[equality] == mujoco.mjtObj.mjOBJ_SITE:
         ends = [int(model.site_bodyid[s]) for s in ends]

@@ -13,7 +13,7 @@ class MechanismError(TwinError):
 
 
 def prefix(model: mujoco.MjModel) -> str:
-    """What stands before the gimbal's names: `gimbal_` after attaching, nothing in its own file.
+    """Prefix of the gimbal's names: `gimbal_` after attaching, nothing in its own file.
 
     Raises
     ------
@@ -43,5 +43,7 @@ def require(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
     index = find(model, kind, name)
     if index < 0:
         word = str(kind.name).removeprefix("mjOBJ_").lower()
-        raise MechanismError(f"the mechanism lacks {word} {name!r}; docs/mechanism.md lists the names")
+        raise MechanismError(
+            f"the mechanism lacks {word} {name!r}; docs/mechanism.md lists the names"
+        )
     return index

@@ -37,8 +37,9 @@ def apply_servo(model: mujoco.MjModel) -> None:
             (GAIN, "gain"),
         ):
             gain[slot] = _value(model, f"{before}servo_{name}", index, gain[slot], positive=True)
-        # cancels the back-EMF compensation of MuJoCo's controller, which a 9 g servo has not
-        gain[DAMPING] = gain[CONSTANT] ** 2 / gain[RESISTANCE]
+        # K²/R cancels the back-EMF compensation of MuJoCo's controller, which a 9 g servo has not
+        emf = gain[CONSTANT] ** 2 / gain[RESISTANCE]
+        gain[DAMPING] = emf + _value(model, f"{before}servo_rate_gain", index, 0.0)
         if model.actuator_actnum[servo] > 0:
             slew = _value(model, f"{before}servo_slew", index, model.actuator_dynprm[servo, SLEW])
             model.actuator_dynprm[servo, SLEW] = slew or UNLIMITED

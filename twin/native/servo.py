@@ -9,7 +9,9 @@ actuator (twin.mechanism.apply_servo writes it); zero or none leaves a servo alo
 from typing import Final
 
 import mujoco
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from twin.native.layout import DATA, MODEL, characters, floats, integers, number, size
 
@@ -81,7 +83,7 @@ def _dead_band(m: int, d: int, k: int, n: int, half: float) -> None:
 
 
 @njit
-def drive(prm, error, rate):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def drive(prm: NDArray[np.float64], error: float, rate: float) -> float:
     """Winding voltage of a `dcmotor` [V] from its gain parameters, error [rad] and rate [rad/s]."""
     torque = prm[_GAIN] * error - prm[_DAMPING] * rate
     voltage = prm[_RESISTANCE] / prm[_CONSTANT] * torque + prm[_CONSTANT] * rate

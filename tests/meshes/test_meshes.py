@@ -1,0 +1,85 @@
+"""The printed parts: closed, the same on every drawing, printable."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meshes import MeshError, check
+from meshes.generate import PARTS, generate
+from meshes.stl import read
+
+MESHES = Path(__file__).resolve().parents[2] / "meshes"
+COMMITTED = sorted(MESHES.glob("*.stl"))
+
+
+def test_every_part_is_committed_and_every_committed_mesh_is_drawn():
+    assert {p.stem for p in COMMITTED} >= set(PARTS)
+
+
+def test_drawing_again_gives_the_committed_bytes(tmp_path):
+    for name, path in generate(tmp_path).items():
+        assert path.read_bytes() == (MESHES / f"{name}.stl").read_bytes(), name
+
+
+@pytest.mark.parametrize("name", sorted(PARTS))
+def test_a_part_is_closed_in_the_eyes_of_another_library(name):
+    body = trimesh.load(MESHES / f"{name}.stl")
+    assert body.is_watertight
+    assert body.is_winding_consistent
+    assert body.volume > 0
+    assert len(body.split()) == 1  # one piece to print
+    assert len(body.faces) <= 5000
+
+
+@pytest.mark.parametrize("name", sorted(PARTS))
+def test_a_part_is_in_millimetres_and_fits_a_printer(name):
+    size = np.ptp(read(MESHES / f"{name}.stl").reshape(-1, 3), axis=0)
+    assert size.min() > 2
+    assert size.max() < 150
+
+
+def write_raw(path, corners):
+    record = np.zeros(len(corners), np.dtype([("v", "<f4", (4, 3)), ("a", "<u2")]))
+    record["v"][:, 1:] = corners
+    path.write_bytes(bytes(80) + struct.pack("<I", len(record)) + record.tobytes())
+
+
+def test_a_mesh_with_a_hole_is_refused_and_the_hole_counted(tmp_path):
+    corners = np.array(read(MESHES / "ring.stl"))
+    write_raw(tmp_path / "open.stl", corners[1:])
+    with pytest.raises(MeshError, match="not watertight: 3 of its edges"):
+        check(tmp_path / "open.stl")
+
+
+def test_a_mesh_turned_inside_out_is_refused(tmp_path):
+    write_raw(tmp_path / "inverted.stl", np.array(read(MESHES / "ring.stl"))[:, ::-1])
+    with pytest.raises(MeshError, match="inside out"):
+        check(tmp_path / "inverted.stl")
+
+
+def test_a_mesh_with_a_number_that_is_none_is_refused(tmp_path):
+    corners = np.array(read(MESHES / "ring.stl"))
+    corners[5, 1, 2] = np.nan
+    write_raw(tmp_path / "nan.stl", corners)
+    with pytest.raises(MeshError, match="not a finite number"):
+        check(tmp_path / "nan.stl")
+
+
+def test_a_missing_mesh_is_named(tmp_path):
+    with pytest.raises(MeshError, match=r"none\.stl.*No such file"):
+        check(tmp_path / "none.stl")
+
+
+@settings(max_examples=200, deadline=None)
+@given(content=st.binary(max_size=400))
+def test_bytes_that_are_no_mesh_are_refused_in_one_line(content, tmp_path_factory):
+    path = tmp_path_factory.mktemp("hostile") / "m.stl"
+    path.write_bytes(content)
+    with pytest.raises(MeshError) as refusal:
+        check(path)
+    assert "\n" not in str(refusal.value)
