@@ -58,5 +58,3 @@ def unwrap(previous: int, stamp: int) -> int:
     """Return a 32-bit device stamp [µs] as the nearest continuation of an unwrapped one [µs]."""
     step = (stamp - previous) & 0xFFFF_FFFF
     return previous + (step if step < 0x8000_0000 else step - 0x1_0000_0000)
-
-

@@ -1,0 +1,357 @@
+"""The gimbal seat over a link: handshake, clock, counts to SI, fusion, health, losses, reconnect.
+
+Nothing here blocks but `connect`. The phases of a connection are a table; every `poll` moves along
+it, so a pulled cable leads back to the greeting without a thread and without the caller's help.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hardware.calibration.result import Calibration, nominal
+from hardware.faults import Fault
+from hardware.frames import GimbalCommand, GimbalState, HardwareError, SensorFrame
+from hardware.fusion import Fusion, Noise
+from hardware.link import Gap
+from hardware.protocol import (
+    LAYOUT,
+    PROTOCOL,
+    Arm,
+    Command,
+    Config,
+    Disarm,
+    Frame,
+    Hello,
+    HelloRequest,
+    Mode,
+    Ping,
+    Pong,
+    Telemetry,
+    constants,
+)
+from hardware.rig.clock import ClockEstimate
+from hardware.rig.line import Line
+from hardware.rig.reading import Converter, unwrap
+
+GREETING_NS = 100_000_000  # between HELLO_REQUESTs
+SYNC_NS = 10_000_000  # between PINGs while the clock is not known yet
+PING_NS = 200_000_000  # and later
+SYNC_COUNT = 10
+CONNECT_NS = 4_000_000_000  # a Nano's bootloader takes 2 s
+TIMEOUT_MS = 100
+_POLL_NS = 1_000_000
+
+
+class RigError(HardwareError):
+    """The device behind the port is not a rig of this version, or does not answer."""
+
+
+class Phase(StrEnum):
+    """Where a connection stands."""
+
+    AWAY = "away"
+    GREETING = "greeting"
+    SYNCING = "syncing"
+    READY = "ready"
+
+
+class Sign(StrEnum):
+    """What moves it on."""
+
+    LOST = "lost"
+    OPENED = "opened"
+    HELLO = "hello"
+    SYNCED = "synced"
+
+
+# A pair that is missing leaves the phase as it is.
+TRANSITIONS: dict[tuple[Phase, Sign], Phase] = {
+    (Phase.AWAY, Sign.OPENED): Phase.GREETING,
+    (Phase.GREETING, Sign.HELLO): Phase.SYNCING,
+    (Phase.GREETING, Sign.LOST): Phase.AWAY,
+    (Phase.SYNCING, Sign.SYNCED): Phase.READY,
+    (Phase.SYNCING, Sign.LOST): Phase.AWAY,
+    (Phase.SYNCING, Sign.OPENED): Phase.GREETING,
+    (Phase.READY, Sign.LOST): Phase.AWAY,
+    (Phase.READY, Sign.OPENED): Phase.GREETING,
+    (Phase.READY, Sign.HELLO): Phase.SYNCING,  # it rebooted behind our back
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RigStatistics:
+    """Losses and timing of a rig since it was made.
+
+    Attributes
+    ----------
+    frames : telemetry frames turned into sensor frames
+    lost, crc_errors : of what the device sent
+    device_lost, device_crc_errors : of what it was sent, by its own count
+    skipped : frames it had no room to send
+    refused : messages the line did not take
+    gaps : times without a connection
+    round_trip_ns, shortest_ns : of the last PING, and without the slow ones [ns]
+    skew : how fast the device's clock is [1]
+    """
+
+    frames: int
+    lost: int
+    crc_errors: int
+    device_lost: int
+    device_crc_errors: int
+    skipped: int
+    refused: int
+    gaps: tuple[Gap, ...]
+    round_trip_ns: int
+    shortest_ns: int
+    skew: float
+
+
+class Rig:
+    """A gimbal on a line.
+
+    Parameters
+    ----------
+    line : `hardware.link.Link` or `LockstepLine`
+    calibration : of this rig; the drawings' values when left out
+    clock : experiment time [ns], the one the line uses
+    wait : lets time pass [ns] while `connect` waits; lockstep advances the device here
+    noise : assumptions of the fusion
+    arm : obey commands once connected; a mirror that only watches leaves the servos alone
+
+    Attributes
+    ----------
+    state : latest estimate, None before the first frame
+    hello : what the device said of itself
+    phase : where the connection stands
+    fusion : the estimator, with the fault monitor in it
+    """
+
+    def __init__(
+        self,
+        line: Line,
+        calibration: Calibration | None = None,
+        *,
+        clock: Callable[[], int] = time.monotonic_ns,
+        wait: Callable[[int], None] = lambda ns: time.sleep(ns * 1e-9),
+        noise: Noise | None = None,
+        arm: bool = True,
+    ) -> None:
+        self.line = line
+        self.calibrated = calibration is not None
+        self.calibration = calibration or nominal()
+        self.fusion = Fusion(self.calibration, noise)
+        self.state: GimbalState | None = None
+        self.hello: Hello | None = None
+        self.phase = Phase.AWAY
+        self.estimate = ClockEstimate()
+        self._clock, self._wait, self._arm = clock, wait, arm
+        self._converter: Converter | None = None
+        self._generation = 0
+        self._next_ns = 0
+        self._device_us: int | None = None
+        self._frames = 0
+        self._latest: Telemetry | None = None
+
+    def connect(self, timeout_ns: int = CONNECT_NS) -> Hello:
+        """Wait until the rig is ready and return its HELLO.
+
+        Raises
+        ------
+        RigError : nothing answers, something else does, or a rig of another version
+        """
+        end = self._clock() + timeout_ns
+        while self.phase is not Phase.READY:
+            self.poll()
+            if self._clock() > end:
+                raise RigError(self._silence(timeout_ns))
+            self._wait(_POLL_NS)
+        assert self.hello is not None
+        return self.hello
+
+    def _silence(self, timeout_ns: int) -> str:
+        seen = self.line.statistics
+        seconds = timeout_ns * 1e-9
+        if self.hello is not None:
+            return f"the rig said hello but answered no PING within {seconds:g} s"
+        if seen.received > 0 and seen.decoder.frames == 0:
+            return (
+                f"{seen.received} bytes came but no frame within {seconds:g} s: another device, "
+                f"another baud rate than {constants.BAUD}, or old firmware; flash it anew"
+            )
+        return (
+            f"nothing answered within {seconds:g} s: is the firmware flashed and is this the "
+            "right port?"
+        )
+
+    def poll(self) -> list[SensorFrame]:
+        """Return the sensor frames that have arrived; never blocks.
+
+        Raises
+        ------
+        RigError : a device of another version has appeared on the line
+        """
+        arrived = self.line.poll()
+        if not self.line.connected:
+            self._move(Sign.LOST)
+            return []
+        if self.line.generation != self._generation:
+            self._generation = self.line.generation
+            self._move(Sign.OPENED)
+        frames = [f for event in arrived if (f := self._take(event)) is not None]
+        self._speak()
+        return frames
+
+    def send(self, command: GimbalCommand, turntable: float = 0.0) -> int | None:
+        """Send a command; return its sequence number, None when it could not be sent.
+
+        Parameters
+        ----------
+        command : gimbal angles [rad]
+        turntable : pulse width of the third servo, 0 for neutral [s]
+        """
+        if self.phase is not Phase.READY:
+            return None
+        x, y = self.calibration.pulses(command.angle)
+        return self.send_pulses(x, y, turntable)
+
+    def send_pulses(self, x: float, y: float, turntable: float = 0.0) -> int | None:
+        """Send pulse widths [s], held within the limits the device announced."""
+        if self._converter is None or self.hello is None:
+            return None
+        wanted = [self._converter.ticks(p) for p in (x, y, turntable)]
+        low, high = self.hello.minimum, self.hello.maximum
+        held = [min(max(w, a), b) if w else 0 for w, a, b in zip(wanted, low, high, strict=True)]
+        return self.line.send(Command((held[0], held[1], held[2]), TIMEOUT_MS, Mode.DRIVE))
+
+    def neutral(self) -> None:
+        """Send the servos to neutral and leave them armed."""
+        self.line.send(Command((0, 0, 0), TIMEOUT_MS, Mode.NEUTRAL))
+
+    def configure(self, config: Config) -> None:
+        """Change the device's settings and ask what it made of them."""
+        self.line.send(config)
+        self.line.send(HelloRequest())
+
+    def close(self) -> None:
+        """Disarm, which drives to neutral at once, and give the line back."""
+        self.line.send(Disarm())
+        self.line.close()
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The sensors that are known to be wrong."""
+        return self.fusion.monitor.faults
+
+    @property
+    def health(self) -> str:
+        """Health of connection and sensors in one line, "ok" when there is nothing to say."""
+        if self.phase is not Phase.READY:
+            return f"rig {self.phase}"
+        return self.fusion.monitor.describe()
+
+    @property
+    def statistics(self) -> RigStatistics:
+        """Losses and timing so far."""
+        s, t = self.line.statistics, self._latest
+        return RigStatistics(
+            frames=self._frames,
+            lost=s.decoder.lost,
+            crc_errors=s.decoder.crc_errors,
+            device_lost=t.lost if t else 0,
+            device_crc_errors=t.crc_errors if t else 0,
+            skipped=t.skipped if t else 0,
+            refused=s.refused,
+            gaps=s.gaps,
+            round_trip_ns=self.estimate.round_trip_ns,
+            shortest_ns=self.estimate.shortest_ns,
+            skew=self.estimate.skew,
+        )
+
+    def _move(self, sign: Sign) -> None:
+        new = TRANSITIONS.get((self.phase, sign), self.phase)
+        if new is self.phase:
+            return
+        self.phase = new
+        self._next_ns = 0
+        if new in (Phase.GREETING, Phase.SYNCING):
+            self.estimate = ClockEstimate()
+            self._device_us = None
+            self.fusion.restart()
+        elif new is Phase.READY and self._arm:
+            self.line.send(Arm())
+
+    def _speak(self) -> None:
+        """Send what the phase asks for, when it is time."""
+        now = self._clock()
+        if now < self._next_ns:
+            return
+        if self.phase is Phase.GREETING:
+            self.line.send(HelloRequest())
+            self._next_ns = now + GREETING_NS
+        elif self.phase in (Phase.SYNCING, Phase.READY):
+            self.line.send(Ping(now))
+            self._next_ns = now + (PING_NS if self.phase is Phase.READY else SYNC_NS)
+
+    def _take(self, event: Frame) -> SensorFrame | None:
+        message = event.message
+        if isinstance(message, Telemetry):
+            return self._telemetry(message)
+        if isinstance(message, Hello):
+            self._greet(message, event.sequence)
+        elif isinstance(message, Pong) and self.phase in (Phase.SYNCING, Phase.READY):
+            self._sync(message)
+        elif isinstance(event.message, Telemetry | Pong):
+            pass
+        elif self.phase is Phase.GREETING and getattr(message, "type_id", 0) == Hello.TYPE_ID:  # type: ignore[attr-defined]
+            raise RigError(
+                "the rig's firmware is of another version (its HELLO has another length); flash "
+                "the one in hardware/firmware"
+            )
+        return None
+
+    def _greet(self, hello: Hello, sequence: int) -> None:
+        if hello.protocol != PROTOCOL or hello.layout != LAYOUT:
+            major, minor, patch = hello.firmware
+            raise RigError(
+                f"the rig speaks protocol {hello.protocol} (layout {hello.layout:04x}, firmware "
+                f"{major}.{minor}.{patch}), this program protocol {PROTOCOL} (layout "
+                f"{LAYOUT:04x}); flash the firmware in hardware/firmware"
+            )
+        if self.calibrated and self.calibration.rig not in (0, hello.build):
+            raise RigError(
+                f"the calibration is of rig {self.calibration.rig:08x}, this one is "
+                f"{hello.build:08x}; run `twin calibrate` on it"
+            )
+        self.hello = hello
+        self._converter = Converter(hello)
+        # Number 0 is a boot; any other answers our request and changes nothing once we are ready.
+        if self.phase is Phase.GREETING or sequence == 0:
+            self._move(Sign.HELLO)
+
+    def _sync(self, pong: Pong) -> None:
+        start = self._unwrapped(pong.received_us)
+        out = start + ((pong.sent_us - pong.received_us) & 0xFFFF_FFFF)
+        self.estimate.add(pong.host_ns, self.line.polled_ns, start, out)
+        if self.phase is Phase.SYNCING and self.estimate.count >= SYNC_COUNT:
+            self._move(Sign.SYNCED)
+
+    def _unwrapped(self, stamp: int) -> int:
+        return stamp if self._device_us is None else unwrap(self._device_us, stamp)
+
+    def _telemetry(self, t: Telemetry) -> SensorFrame | None:
+        self._latest = t
+        if self._converter is None or self.phase is not Phase.READY:
+            return None
+        self._device_us = self._unwrapped(t.device_us)
+        if self._frames == 0 and self.hello is not None:
+            self.fusion.set_gyro_delay(
+                constants.GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
+                + t.imu_age_us[0] * 1e-6
+            )
+        time_ns = self.estimate.host_ns(self._device_us)
+        frame = self._converter.frame(t, time_ns, self._device_us)
+        self.state = self.fusion.update(frame)
+        self._frames += 1
+        return frame
