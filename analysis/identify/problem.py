@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.identify.basis import Denominator, denominator, over_single, over_square
 from analysis.identify.modal import impulse_response, modal_response
+from analysis.identify.ramps import Bounds, ramps
 from analysis.identify.records import Record
 
 Array = NDArray[np.float64]
@@ -77,6 +78,7 @@ class Part:
     angle_rows: Rows
     rate_rows: Rows
     free: bool
+    slack: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,13 +156,7 @@ class Problem:
     # each record, then the initial motion of each record that has one.
     def _columns(self, values: Sequence["_Values"]) -> Array:
         blocks = [np.concatenate([v.angle for v in values] + [v.rate for v in values])]
-        if not self.is_rate.all():
-            if self.shared_offset:
-                blocks.append((~self.is_rate).astype(float)[:, None])
-            else:
-                blocks.append(self._per_record(~self.is_rate))
-        if self.is_rate.any():
-            blocks.append(self._per_record(self.is_rate))
+        blocks.append(self.offsets())
         for index, value in enumerate(values):
             if value.free_angle is not None and value.free_rate is not None:
                 columns = np.zeros((len(self.measured), value.free_angle.shape[1]))
@@ -168,6 +164,16 @@ class Problem:
                 columns[mine & ~self.is_rate] = value.free_angle
                 columns[mine & self.is_rate] = value.free_rate
                 blocks.append(columns)
+        return np.hstack(blocks)
+
+    def offsets(self) -> Array:
+        """Columns of the angle offset(s) and of the gyro bias of each record (rows, …)."""
+        blocks = []
+        if not self.is_rate.all():
+            shared = (~self.is_rate).astype(float)[:, None]
+            blocks.append(shared if self.shared_offset else self._per_record(~self.is_rate))
+        if self.is_rate.any():
+            blocks.append(self._per_record(self.is_rate))
         return np.hstack(blocks)
 
     def _per_record(self, rows: NDArray[np.bool_]) -> Array:
@@ -253,7 +259,9 @@ def assemble(
     parts, angle, rate = [], [], []
     for r in records:
         a_rows, r_rows = _measured_rows(r.angle, axis), _measured_rows(r.rate, axis)
-        parts.append(Part(r.time, r.input_time, r.input, a_rows, r_rows, r.initial == "free"))
+        parts.append(
+            Part(r.time, r.input_time, r.input, a_rows, r_rows, r.initial == "free", r.slack)
+        )
         angle.append(np.zeros(0) if r.angle is None else r.angle[a_rows, axis])
         rate.append(np.zeros(0) if r.rate is None else r.rate[r_rows, axis])
     counts = [len(x) for x in angle + rate]
@@ -281,12 +289,30 @@ def _measured_rows(values: Array | None, axis: int) -> Rows:
 
 def _states(part: Part, den: Denominator, column: int, delay: float) -> Array:
     """Real and imaginary parts of the modes' states, and the delayed input (n, 4·modes + 1)."""
-    moved = part.input[:, column] - part.input[0, column]
-    changes = np.flatnonzero(np.diff(moved, prepend=0.0) != 0.0)
-    single, double, held = modal_response(
-        part.time, part.input_time[changes], moved[changes], den.poles, delay
-    )
+    times, values = _changes(part.input_time, part.input[:, column])
+    single, double, held = modal_response(part.time, times, values, den.poles, delay)
     return np.hstack([single.real, -single.imag, double.real, -double.imag, held[:, None]])
+
+
+def held_states(
+    time: Array, input_time: Array, command: Array, den: Denominator, delay: float, bounds: Bounds
+) -> tuple[NDArray[np.complex128], Array]:
+    """States of 1/(s−p) (n, modes) behind a bounded command, and that command (n,), from zero."""
+    times, values = _changes(input_time, command)
+    corners, slopes, reached = ramps(times, values, bounds.rate_limit, bounds.dead_band)
+    single, _, _ = modal_response(time, corners, slopes, den.poles, delay)
+    held = np.zeros(len(time))
+    if len(corners):
+        held = np.interp(time - delay, corners, reached)
+    # a ramp is the integral of its slope: 1/(s−p)·1/s = (1/(s−p) − 1/s)/p
+    return (single - held[:, None]) / den.poles, held
+
+
+def _changes(input_time: Array, command: Array) -> tuple[Array, Array]:
+    """When a command takes a new value, and which, counted from the first."""
+    moved = command - command[0]
+    rows = np.flatnonzero(np.diff(moved, prepend=0.0) != 0.0)
+    return input_time[rows], moved[rows]
 
 
 def _free_states(part: Part, den: Denominator) -> Array:

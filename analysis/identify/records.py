@@ -30,6 +30,8 @@ class Record:
     angle : potentiometer angle [rad], NaN where there is no reading (n, q), or None
     rate : gyro rate [rad/s], NaN where there is no reading (n, q), or None
     initial : `rest` if the gimbal stood still when the record starts, `free` if it may have moved
+    slack : how long before its stamp a command may have been given [s]; one sampling period where
+        the command was only sampled
     name : how messages call the record
     inputs, outputs : names of the p commands and q axes
 
@@ -45,6 +47,7 @@ class Record:
     angle: Array | None = None
     rate: Array | None = None
     initial: Initial = "rest"
+    slack: float = 0.0
     name: str = "record"
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
@@ -161,7 +164,10 @@ def record(
     rates = None if rate is None else _table(rate) * scale
     if gyro_delay and rates is not None:
         stamps, angles, rates = _advance_rate(stamps, angles, rates, gyro_delay)
-    return Record(stamps, own, values, angles, rates, initial, name, tuple(inputs), tuple(outputs))
+    slack = 0.0 if command_time is not None or len(stamps) < 2 else float(np.median(np.diff(own)))
+    return Record(
+        stamps, own, values, angles, rates, initial, slack, name, tuple(inputs), tuple(outputs)
+    )
 
 
 def merge_stamps(

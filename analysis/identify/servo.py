@@ -1,0 +1,445 @@
+"""Fit of a bounded servo: linear part and delay together with rate limit, dead band and backlash.
+
+Two places for the bound are tried, because servos differ in it. `speed`: the servo's own loop
+saturates (`servo_motion`). `command`: the command is limited to ramps ahead of the linear part
+(`ramps`). Gain, offsets and biases enter linearly and are solved for in every step.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify import noise as sensor_noise
+from analysis.identify.basis import denominator
+from analysis.identify.errors import IdentificationError
+from analysis.identify.noise import Mask, Pair, weights
+from analysis.identify.problem import Part, Problem
+from analysis.identify.ramps import Bounds
+from analysis.identify.segments import step_folds
+from analysis.identify.servo_motion import play, speed_servo
+
+Array = NDArray[np.float64]
+Structure = Literal["speed", "command"]
+
+_ROUNDS = 3
+_FOLLOWED = 3
+_FOLDS = 4
+_WORTH = 0.97  # of the held-out loss: what a parameter more must save
+_DIFFERENCE = 1e-5  # of each parameter's scale: far above rounding, far below curvature
+
+
+@dataclass(frozen=True, slots=True)
+class ServoFit:
+    """A bounded servo as found on one axis.
+
+    Attributes
+    ----------
+    structure : where the rate is bounded
+    poles : 1 or 2
+    theta : denominator (as `basis.denominator`), delay [s], ln rate limit, dead band, backlash
+    linear : gain, offsets, biases
+    residual : measured − model (rows,)
+    jacobian : of the weighted residual in θ and the linear parameters (rows, all)
+    noise : of angle [rad] and rate [rad/s]
+    """
+
+    problem: Problem
+    structure: Structure
+    poles: int
+    theta: Array
+    linear: Array
+    residual: Array
+    jacobian: Array
+    noise: Pair
+    converged: bool
+
+    @property
+    def gain(self) -> float:
+        """Output per command at rest."""
+        return float(self.linear[0])
+
+    @property
+    def delay(self) -> float:
+        """Transport delay [s]."""
+        return float(self.theta[self.poles])
+
+    @property
+    def rate_limit(self) -> float:
+        """Fastest change of the command's side of the gain [rad/s]."""
+        return float(np.exp(self.theta[self.poles + 1]))
+
+    @property
+    def dead_band(self) -> float:
+        """Half width, on the command's side [rad]."""
+        return float(self.theta[self.poles + 2])
+
+    @property
+    def backlash(self) -> float:
+        """Total width at the output [rad]."""
+        return float(self.theta[self.poles + 3] * abs(self.gain))
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squared residuals at the noise of the first guess: for comparing."""
+        sigma = np.where(self.problem.is_rate, self.noise[1], self.noise[0])
+        return float(np.sum(np.log(sigma[self.problem.weight > 0.0])))
+
+
+def search_servo(
+    problem: Problem,
+    axis: int,
+    *,
+    max_delay: float,
+    structure: Structure | None = None,
+    keep: Mask | None = None,
+) -> ServoFit:
+    """Fit a bounded servo to one axis, driven by the command of the same number.
+
+    Raises
+    ------
+    IdentificationError
+        if the layout has zeros or more than two poles, which no bounded servo here has.
+    """
+    if problem.layout.zeros or problem.layout.poles not in (1, 2):
+        raise IdentificationError(
+            f"servo: fitted with 1 or 2 poles and no zeros, not {problem.layout.poles} and "
+            f"{problem.layout.zeros}; leave zeros away or fit without the servo"
+        )
+    kept = np.ones(len(problem.measured), dtype=bool) if keep is None else keep
+    floor = sensor_noise.quantisation(problem)
+    first = sensor_noise.from_differences(problem, kept, floor)
+    problem = problem.weighed(weights(problem, first, kept))
+    tried: tuple[Structure, ...] = ("speed", "command") if structure is None else (structure,)
+    fits = [_fit(problem, axis, s, max_delay, kept, floor) for s in tried]
+    return min(fits, key=lambda f: f.cost)
+
+
+def servo_response(
+    part: Part, axis: int, structure: Structure, poles: int, theta: Array
+) -> tuple[Array, Array]:
+    """Angle and rate (n,) of the servo with unit gain and no offset."""
+    delay, limit = float(theta[poles]), float(np.exp(theta[poles + 1]))
+    dead_band, backlash = float(theta[poles + 2]), float(theta[poles + 3])
+    command = np.ascontiguousarray(part.input[:, axis])
+    if structure == "speed":
+        k, w = _loop(theta[:poles])
+        motion = speed_servo(part.time, part.input_time, command, delay, k, w, limit, dead_band)
+    else:
+        motion = _behind_ramps(part, command, theta[:poles], delay, Bounds(limit, dead_band))
+    return play(*motion, backlash) if backlash > 0.0 else motion
+
+
+def _loop(section: Array) -> tuple[float, float]:
+    """Loop gain k and speed bandwidth w of s² + c₁s + c₀ = s² + w·s + k·w, or of s + k."""
+    if len(section) == 1:
+        return float(np.exp(section[0])), 0.0
+    c1, c0 = np.exp(section)
+    return float(c0 / c1), float(c1)
+
+
+def _behind_ramps(
+    part: Part, command: Array, section: Array, delay: float, bounds: Bounds
+) -> tuple[Array, Array]:
+    from analysis.identify.basis import over_single
+    from analysis.identify.problem import held_states
+
+    den = denominator(section)
+    single, held = held_states(part.time, part.input_time, command, den, delay, bounds)
+    a0 = den.coefficients[-1]
+    both = []
+    for numerator in (np.array([[a0]]), np.array([[a0, 0.0]])):
+        weight, through = over_single(numerator, den)
+        both.append((single @ weight).real[:, 0] + held * through[0])
+    return both[0] + command[0], both[1]
+
+
+def _fit(
+    problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair
+) -> ServoFit:
+    """Judge a grid of starts, follow the best few, settle the noise."""
+    poles = problem.layout.poles
+    starts = _starts(problem, max_delay)
+    ranked = sorted(range(len(starts)), key=lambda i: _loss(problem, axis, structure, starts[i]))
+    tight = np.arange(poles + 2)  # neither dead band nor backlash
+    ended = [
+        _descend(problem, axis, structure, starts[i], max_delay, tight) for i in ranked[:_FOLLOWED]
+    ]
+    theta, converged = min(ended, key=lambda e: _loss(problem, axis, structure, e[0]))
+    free, theta = _worth_having(problem, axis, structure, theta, max_delay, kept)
+    noise: Pair = (np.nan, np.nan)
+    for _ in range(_ROUNDS):
+        _, linear, residual = _project(problem, axis, structure, theta)
+        noise = _noise(problem, residual, len(theta) + len(linear), kept, floor)
+        problem = problem.weighed(weights(problem, noise, kept))
+        theta, converged = _descend(problem, axis, structure, theta, max_delay, free)
+    _, linear, residual = _project(problem, axis, structure, theta)
+    jacobian = _jacobian(problem, axis, structure, theta, linear)
+    return ServoFit(problem, structure, poles, theta, linear, residual, jacobian, noise, converged)
+
+
+def _noise(problem: Problem, residual: Array, paid: int, kept: Mask, floor: Pair) -> Pair:
+    both = []
+    for is_rate in (False, True):
+        rows = kept & (problem.is_rate == is_rate)
+        share = min(paid / max(int(kept.sum()), 1), 0.9)
+        power = float(np.mean(residual[rows] ** 2)) / (1.0 - share) if rows.any() else np.nan
+        both.append(max(float(np.sqrt(power)), floor[int(is_rate)], 1e-12) if rows.any() else power)
+    return both[0], both[1]
+
+
+def _starts(problem: Problem, max_delay: float) -> list[Array]:
+    """Grid over speed, delay and limit; the limit around the fastest motion in the readings."""
+    fixed = problem.layout.delays[0]
+    delays = np.linspace(0.0, 0.6 * max_delay, 6) if np.isnan(fixed) else np.array([fixed])
+    fastest = _fastest(problem)
+    starts = []
+    for limit in fastest * np.array([0.5, 0.8, 1.1]):
+        for speed in (6.0, 12.0, 25.0, 50.0, 100.0):
+            for delay in delays:
+                section = [np.log(speed)]
+                if problem.layout.poles == 2:
+                    section = [np.log(1.6 * speed), 2.0 * np.log(speed)]
+                starts.append(np.array([*section, delay, np.log(limit), 0.0, 0.0]))
+    return starts
+
+
+def _fastest(problem: Problem) -> float:
+    """Fastest motion that lasts: the 98th percentile of the speed over 5 samples [rad/s]."""
+    found = [1e-6]
+    for index in range(len(problem.parts)):
+        for is_rate in (False, True):
+            rows = (problem.owner == index) & (problem.is_rate == is_rate) & (problem.weight > 0)
+            if rows.sum() < 12:
+                continue
+            time, value = problem.time[rows], problem.measured[rows]
+            if is_rate:
+                centred = np.abs(value - np.median(value))
+                found.append(float(np.quantile(centred, 0.98)))
+            else:
+                speed = np.abs((value[5:] - value[:-5]) / (time[5:] - time[:-5]))
+                found.append(float(np.quantile(speed, 0.98)))
+    return max(found)
+
+
+def _columns(problem: Problem, axis: int, structure: Structure, theta: Array) -> Array:
+    """Columns of gain, offsets and biases (rows, linear)."""
+    both = [servo_response(p, axis, structure, problem.layout.poles, theta) for p in problem.parts]
+    angle = [y[p.angle_rows] for p, (y, _) in zip(problem.parts, both, strict=True)]
+    rate = [v[p.rate_rows] for p, (_, v) in zip(problem.parts, both, strict=True)]
+    return np.hstack([np.concatenate(angle + rate)[:, None], problem.offsets()])
+
+
+def _project(
+    problem: Problem, axis: int, structure: Structure, theta: Array
+) -> tuple[Array, Array, Array]:
+    """Weighted residual, linear parameters and residual at θ."""
+    phi = _columns(problem, axis, structure, theta)
+    weighted = phi * problem.weight[:, None]
+    linear = np.linalg.lstsq(weighted, problem.measured * problem.weight, rcond=1e-12)[0]
+    residual = problem.measured - phi @ linear
+    return residual * problem.weight, linear, residual
+
+
+def _loss(problem: Problem, axis: int, structure: Structure, theta: Array) -> float:
+    return float(np.sum(_project(problem, axis, structure, theta)[0] ** 2))
+
+
+def _scales(problem: Problem) -> Array:
+    amplitude = max(float(np.ptp(p.input)) for p in problem.parts)
+    return np.array([0.3] * problem.layout.poles + [0.01, 0.1, 0.01 * amplitude, 0.01 * amplitude])
+
+
+def _limits(problem: Problem, max_delay: float) -> tuple[Array, Array]:
+    poles = problem.layout.poles
+    amplitude = max(float(np.ptp(p.input)) for p in problem.parts)
+    fixed = problem.layout.delays[0]
+    slack = max(p.slack for p in problem.parts)
+    delay = (-slack - 1e-6, max_delay) if np.isnan(fixed) else (fixed - 1e-12, fixed + 1e-12)
+    rate = np.log(_fastest(problem))
+    low = [-3.0] * poles + [delay[0], rate - 2.0, -1e-12, -1e-12]
+    fast = np.log(10.0 / min(float(np.median(np.diff(p.time))) for p in problem.parts))
+    section = [fast] if poles == 1 else [fast + 0.7, 2.0 * fast]
+    high = [*section, delay[1], rate + 3.0, 0.25 * amplitude, 0.25 * amplitude]
+    return np.array(low), np.array(high)
+
+
+def _descend(
+    problem: Problem,
+    axis: int,
+    structure: Structure,
+    theta: Array,
+    max_delay: float,
+    free: NDArray[np.intp],
+) -> tuple[Array, bool]:
+    """Follow the loss down along the free parameters."""
+    from scipy.optimize import least_squares
+
+    low, high = _limits(problem, max_delay)
+    scale = _scales(problem)
+    start = np.clip(theta, low, high)
+
+    def whole(x: Array) -> Array:
+        full = start.copy()
+        full[free] = x * scale[free]
+        return full
+
+    found = least_squares(
+        lambda x: _project(problem, axis, structure, whole(x))[0],
+        start[free] / scale[free],
+        bounds=(low[free] / scale[free], high[free] / scale[free]),
+        diff_step=_DIFFERENCE,
+        max_nfev=60,
+        ftol=1e-9,
+        xtol=1e-8,
+    )
+    return whole(found.x), bool(found.status > 0)
+
+
+def _worth_having(
+    problem: Problem, axis: int, structure: Structure, theta: Array, max_delay: float, kept: Mask
+) -> tuple[NDArray[np.intp], Array]:
+    """Which parameters to free, and where to start: dead band and backlash if they predict steps.
+
+    On the steps it is fitted to, a second excuse for a static error always helps; so steps held
+    out decide. Where the gimbal settled, the dead band is read off there (`static_dead_band`).
+    Backlash shows only where the motion reverses: elsewhere it is gain by another name.
+    """
+    poles = problem.layout.poles
+    tight = np.arange(poles + 2)
+    band, play_ = poles + 2, poles + 3
+    if structure == "speed":
+        theta = _with(theta, [band], np.array([static_dead_band(problem, axis)]))
+    choices = [(tight, theta)]
+    extra = [[band]] if structure == "speed" else []
+    if _reverses(problem, axis):
+        extra += [[play_], [band, play_]] if structure == "speed" else [[play_]]
+    scale = _scales(problem)
+    for more in extra:
+        free = np.concatenate([tight, more])
+        starts = [_with(theta, more, np.maximum(theta[more], scale[more] * f)) for f in (0.3, 1.5)]
+        ended = [_descend(problem, axis, structure, s, max_delay, free)[0] for s in starts]
+        choices.append((free, min(ended, key=lambda t: _loss(problem, axis, structure, t))))
+    folds = step_folds(problem, axis, _FOLDS)
+    losses = []
+    for free, start in choices:
+        loss = 0.0
+        for fold in folds:
+            training = problem.weighed(np.where(fold | ~kept, 0.0, problem.weight))
+            found, _ = _descend(training, axis, structure, start, max_delay, free)
+            loss += _held_out(problem, _project(training, axis, structure, found)[2], fold & kept)
+        losses.append(loss)
+    best = int(np.argmin(losses))
+    return choices[best] if losses[best] < _WORTH * losses[0] else choices[0]
+
+
+def static_dead_band(problem: Problem, axis: int) -> float:
+    """Dead band as the shortfall of settled angles behind the command, in its direction [rad].
+
+    Angle at rest = gain·u + offset − band·(direction of approach); the scatter of such points grows
+    with the amplitude, hence the weights 1/√|u|. Zero where it does not stand out of the scatter.
+    """
+    points = [p for i in range(len(problem.parts)) for p in _settled(problem, i, axis)]
+    if len(points) < 4:
+        return 0.0
+    command, angle, direction, weight = np.array(points).T
+    if len(set(direction)) < 2:
+        return 0.0  # one direction only: shortfall and offset are the same
+    columns = np.stack([command, -direction], axis=1) * weight[:, None]
+    found, _, rank, _ = np.linalg.lstsq(columns, angle * weight, rcond=None)
+    scatter = (angle * weight - columns @ found) / np.sqrt(max(len(points) - 2, 1))
+    if rank < 2 or found[0] <= 0.0:
+        return 0.0
+    error = np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1] * float(scatter @ scatter))
+    return float(found[1] / found[0]) if found[1] > 2.0 * error else 0.0
+
+
+def _settled(problem: Problem, index: int, axis: int) -> list[tuple[float, float, float, float]]:
+    """Command, angle, direction and weight of every step of a record that came to rest."""
+    part = problem.parts[index]
+    rows = (problem.owner == index) & ~problem.is_rate & (problem.weight > 0.0)
+    time, angle = problem.time[rows], problem.measured[rows]
+    moved = np.flatnonzero(np.diff(part.input[:, axis]) != 0.0) + 1
+    found = []
+    for k, row in enumerate(moved):
+        end = part.input_time[moved[k + 1]] if k + 1 < len(moved) else np.inf
+        inside = np.flatnonzero((time >= part.input_time[row]) & (time < end))
+        change = part.input[row, axis] - part.input[row - 1, axis]
+        rest = inside[-(len(inside) // 3) :]
+        if len(inside) < 12 or np.ptp(angle[rest]) > 0.1 * abs(change):
+            continue
+        before = angle[time < part.input_time[row]]
+        offset = float(before[-1]) if k == 0 and len(before) else float(angle[0]) if k == 0 else 0.0
+        target = part.input[row, axis] - part.input[0, axis]
+        start = float(angle[0]) if k else offset
+        found.append(
+            (
+                float(target),
+                float(angle[rest].mean()) - start,
+                float(np.sign(change)),
+                float(1.0 / np.sqrt(max(abs(target), 1e-9))),
+            )
+        )
+    return found
+
+
+def _with(theta: Array, places: list[int], values: Array) -> Array:
+    changed = theta.copy()
+    changed[places] = values
+    return changed
+
+
+def _reverses(problem: Problem, axis: int) -> bool:
+    """Whether the command ever turns back within a record."""
+    for part in problem.parts:
+        steps = np.diff(part.input[:, axis])
+        if (steps > 0.0).any() and (steps < 0.0).any():
+            return True
+    return False
+
+
+def _held_out(problem: Problem, residual: Array, fold: Mask) -> float:
+    """Weighted squares of the held-out residual around each record's own offset."""
+    total = 0.0
+    for index in range(len(problem.parts)):
+        for is_rate in (False, True):
+            rows = fold & (problem.owner == index) & (problem.is_rate == is_rate)
+            if rows.any():
+                centred = residual[rows] - residual[rows].mean()
+                total += float(np.sum((centred * problem.weight[rows]) ** 2))
+    return total
+
+
+def _jacobian(
+    problem: Problem, axis: int, structure: Structure, theta: Array, linear: Array
+) -> Array:
+    """Derivatives of the weighted model output (rows, θ + linear)."""
+    scale = _scales(problem) * 1e-3
+    columns = []
+    for i, step in enumerate(scale):
+        shift = np.zeros(len(theta))
+        shift[i] = step
+        low = np.zeros(len(theta)) if i < len(theta) - 2 or theta[i] > step else shift
+        ahead = _columns(problem, axis, structure, theta + shift) @ linear
+        behind = _columns(problem, axis, structure, theta - shift + low) @ linear
+        columns.append((ahead - behind) / (2.0 * step - (low[i])))
+    phi = _columns(problem, axis, structure, theta)
+    return np.hstack([np.stack(columns, axis=1), phi]) * problem.weight[:, None]
+
+
+def without_bounds(fit: ServoFit) -> ServoFit:
+    """The linear part alone: no limit is ever reached."""
+    theta = fit.theta.copy()
+    theta[fit.poles + 1 :] = [np.log(1e6), 0.0, 0.0]
+    return replace(fit, theta=theta)
+
+
+def predictions(fit: ServoFit, parts: Sequence[Part], axis: int) -> list[tuple[Array, Array]]:
+    """Angle and rate (n,) of the fitted servo on other records, without offsets."""
+    found = []
+    for part in parts:
+        angle, rate = servo_response(part, axis, fit.structure, fit.poles, fit.theta)
+        found.append((fit.gain * angle, fit.gain * rate))
+    return found
