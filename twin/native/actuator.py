@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from analysis.transfer_function import DiscreteChannel, Servo, TransferFunctionModel
 from twin.errors import TwinError
 from twin.native.cache import fingerprint
+from twin.native.inverse import torques
 from twin.native.layout import (
     DATA,
     MODEL,
@@ -56,7 +57,7 @@ _NDYN: Final = int(mujoco.mjNDYN)
 _RK4: Final = int(mujoco.mjtIntegrator.mjINT_RK4)
 _TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; held by test
 _INTEGRATOR: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["integrator"]
-_NACTUATOR, _NU, _NA, _NV, _NC = (MODEL[n] for n in ("nactuator", "nu", "na", "nv", "nC"))
+_NACTUATOR, _NU, _NA, _NV = (MODEL[n] for n in ("nactuator", "nu", "na", "nv"))
 _NQ, _NJNT, _NNUMERIC, _NNUMERICDATA = (
     MODEL[n] for n in ("nq", "njnt", "nnumeric", "nnumericdata")
 )
@@ -65,11 +66,8 @@ _DYNPRM, _TRNID, _CTRLADR, _ACTADR, _ACTNUM = (
 )
 _LIMITED, _RANGE = MODEL["actuator_ctrllimited"], MODEL["actuator_ctrlrange"]
 _QPOSADR, _DOFADR = MODEL["jnt_qposadr"], MODEL["jnt_dofadr"]
-_ROWNNZ, _ROWADR, _COLIND = MODEL["M_rownnz"], MODEL["M_rowadr"], MODEL["M_colind"]
 _NUMERIC_ADR, _NUMERIC_DATA = MODEL["numeric_adr"], MODEL["numeric_data"]
 _CTRL, _ACT, _ACT_DOT, _QPOS, _QVEL = (DATA[n] for n in ("ctrl", "act", "act_dot", "qpos", "qvel"))
-_PASSIVE, _BIAS, _APPLIED = DATA["qfrc_passive"], DATA["qfrc_bias"], DATA["qfrc_applied"]
-_LD, _DIAGONAL = DATA["qLD"], DATA["qLDiagInv"]
 
 
 def attach(spec: mujoco.MjSpec, model: TransferFunctionModel, dt: float) -> None:
@@ -231,48 +229,6 @@ def _acceleration(
 
 
 @njit
-def _unit_response(m: int, d: int, nv: int, dof: int, out: Array) -> None:
-    """Acceleration (nv,) of a unit torque on one dof: a column of M⁻¹ from MuJoCo's LᵀDL."""
-    count, start = integers(m, _ROWNNZ, nv), integers(m, _ROWADR, nv)
-    column, L = integers(m, _COLIND, size(m, _NC)), floats(d, _LD, size(m, _NC))
-    diagonal = floats(d, _DIAGONAL, nv)
-    out[:] = 0.0
-    out[dof] = 1.0
-    for i in range(dof, -1, -1):
-        if out[i] != 0.0:
-            for k in range(start[i], start[i] + count[i] - 1):
-                out[column[k]] -= L[k] * out[i]
-    for i in range(nv):
-        out[i] *= diagonal[i]
-        for k in range(start[i], start[i] + count[i] - 1):
-            out[i] -= L[k] * out[column[k]]
-
-
-@njit
-def _torques(m: int, d: int, first: int, act: Array) -> None:
-    """Turn the wanted accelerations of both axes, left in their last activations, into torques."""
-    nv, n = size(m, _NV), size(m, _NACTUATOR)
-    joints, dofs = integers(m, _TRNID, 2 * n), integers(m, _DOFADR, size(m, _NJNT))
-    adr, num = integers(m, _ACTADR, n), integers(m, _ACTNUM, n)
-    x, y = dofs[joints[2 * first]], dofs[joints[2 * (first + 1)]]
-    last_x, last_y = adr[first] + num[first] - 1, adr[first + 1] + num[first + 1] - 1
-    from_x, from_y = np.empty(nv), np.empty(nv)
-    _unit_response(m, d, nv, x, from_x)
-    _unit_response(m, d, nv, y, from_y)
-    passive, bias = floats(d, _PASSIVE, nv), floats(d, _BIAS, nv)
-    applied = floats(d, _APPLIED, nv)
-    need_x, need_y = act[last_x], act[last_y]
-    for i in range(nv):
-        force = passive[i] - bias[i] + applied[i]
-        need_x -= from_x[i] * force
-        need_y -= from_y[i] * force
-    xx, xy, yy = from_x[x], from_x[y], from_y[y]
-    determinant = xx * yy - xy * xy
-    act[last_x] = (yy * need_x - xy * need_y) / determinant
-    act[last_y] = (xx * need_y - xy * need_x) / determinant
-
-
-@njit
 def _commands(m: int, d: int, first: int, out: Array) -> None:
     """Commands (2,) of both axes within their control ranges [rad]."""
     n, nu = size(m, _NACTUATOR), size(m, _NU)
@@ -336,7 +292,12 @@ def _act(m: int, d: int, index: int) -> None:
     v = floats(d, _QVEL, size(m, _NV))[integers(m, _DOFADR, size(m, _NJNT))[joint]]
     act[num - 1] = _acceleration(act[kept : kept + 3], share, smooth, dt, p[2], q, v)
     if axis == len(AXES) - 1:
-        _torques(m, d, index - axis, everything)
+        x, y = index - 1, index
+        joints, dofs = integers(m, _TRNID, 2 * n), integers(m, _DOFADR, size(m, _NJNT))
+        first = integers(m, _ACTADR, n)[x] + integers(m, _ACTNUM, n)[x] - 1
+        everything[first], act[num - 1] = torques(
+            m, d, dofs[joints[2 * x]], dofs[joints[2 * y]], everything[first], act[num - 1]
+        )
 
 
 def _callback() -> Any:  # noqa: ANN401 - numba's compiled functions carry no types

@@ -1,0 +1,261 @@
+"""The transfer-function actuator against python-control, closed forms and conservation laws."""
+
+import time
+
+import control
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.transfer_function import Channel, Servo, TransferFunctionModel
+from tests.conftest import ROOT
+from twin import native
+from twin.errors import TwinError
+from twin.integrators import make
+from twin.native.actuator import attach, phases
+
+DT = 1e-3
+REFERENCE = TransferFunctionModel.read(ROOT / "mjcf" / "gimbal.json")
+NONE = Channel((0.0,), (1.0,))
+
+# The gimbal of a 29 mm motor: 203 g, 213 mm, centre of mass 71 mm below the pivot (H13ST)
+GIMBAL = """
+<body name="ring"><joint name="gimbal_x" axis="1 0 0"/>
+  <geom type="box" size="0.02 0.02 0.005" mass="0.01"/>
+  <body name="holder"><joint name="gimbal_y" axis="0 1 0"/>
+    <geom type="cylinder" size="0.0145 0.1067" pos="0 0 -0.0707" mass="0.2034"/>
+    <site name="gimbal_nozzle" pos="0 0 -0.1774"/></body></body>"""
+CLAMPED = f"<body>{GIMBAL}</body>"
+FREE = f"""<body name="vehicle" pos="0 0 9"><freejoint name="vehicle"/>
+  <inertial pos="0 0 0.36" mass="0.8" diaginertia="0.07 0.07 4e-4"/>{GIMBAL}</body>"""
+
+
+def build(
+    body: str = CLAMPED,
+    model: TransferFunctionModel = REFERENCE,
+    gravity: float = -9.81,
+    dt: float = DT,
+    extra: str = "",
+) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    spec = mujoco.MjSpec.from_string(
+        f"""<mujoco><option timestep="{dt}" gravity="0 0 {gravity}"/>
+        <default><geom contype="0" conaffinity="0"/></default>
+        <worldbody>{body}</worldbody>{extra}</mujoco>"""
+    )
+    attach(spec, model, dt)
+    compiled = spec.compile()
+    return compiled, mujoco.MjData(compiled)
+
+
+def staircase(n: int, seed: int = 0, hold: int = 37, most: float = 0.12) -> np.ndarray:
+    levels = np.random.default_rng(seed).uniform(-most, most, (n // hold + 1, 2))
+    return np.repeat(levels, hold, axis=0)[:n]
+
+
+def fly(model, data, commands, integrator="implicitfast", each=None):
+    """Output held in the activations, and joint angles, at the instant of each command."""
+    stepper = make(integrator)
+    outputs, joints = np.empty_like(commands), np.empty_like(commands)
+    first = [int(model.actuator(f"gimbal_{a}").actadr[0]) for a in "xy"]
+    u = [int(model.actuator(f"gimbal_{a}").id) for a in "xy"]
+    q = [int(model.joint(f"gimbal_{a}").qposadr[0]) for a in "xy"]
+    with native.installed():
+        for k, command in enumerate(commands):
+            outputs[k] = data.act[first[0] + 2], data.act[first[1] + 2]
+            joints[k] = data.qpos[q]
+            data.ctrl[u] = command
+            if each is not None:
+                each(k)
+            stepper.step(model, data, 1)
+    return outputs, joints
+
+
+def coupled(delays: tuple[float, float, float, float]) -> TransferFunctionModel:
+    a, b, c, d = delays
+    return TransferFunctionModel(
+        (
+            (Channel((2500.0,), (1.0, 70.0, 2500.0), a), Channel((3.0, 40.0), (1.0, 30.0, 9e2), b)),
+            (Channel((90.0,), (1.0, 60.0, 1600.0), c), Channel((8e4,), (1.0, 90.0, 4e3, 8e4), d)),
+        )
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "euler", "rk4", "ab1", "ab2", "ab4"])
+@pytest.mark.parametrize("body", [CLAMPED, FREE])
+def test_outputs_equal_forced_response_of_python_control_under_every_integrator(integrator, body):
+    system = coupled((0.012, 0.007, 0.02, 0.0))
+    commands = staircase(250)
+    outputs, _ = fly(*build(body, system), commands, integrator)
+    for i in range(2):
+        truth = np.zeros(250)
+        for j in range(2):
+            c = system.channel(i, j)
+            shift = round(c.delay / DT)
+            held = np.concatenate([np.zeros(shift), commands[: 250 - shift, j]])
+            plant = control.c2d(control.ss(control.tf(list(c.num), list(c.den))), DT, "zoh")
+            truth += control.forced_response(plant, inputs=held).outputs
+        assert np.abs(outputs[:, i] - truth).max() < 1e-9
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "rk4"])
+def test_fractional_delays_equal_python_control_on_a_grid_that_resolves_them(integrator):
+    fine = DT / 8
+    delays = (0.012 + 3 * fine, 0.007 + fine, 5 * fine, 0.02 + 7 * fine)
+    system = coupled(delays)
+    commands = staircase(200, seed=1)
+    outputs, _ = fly(*build(CLAMPED, system), commands, integrator)
+    for i in range(2):
+        truth = np.zeros(200 * 8)
+        for j in range(2):
+            c = system.channel(i, j)
+            shift = round(c.delay / fine)
+            held = np.concatenate([np.zeros(shift), np.repeat(commands[:, j], 8)])[: 200 * 8]
+            plant = control.c2d(control.ss(control.tf(list(c.num), list(c.den))), fine, "zoh")
+            truth += control.forced_response(plant, inputs=held).outputs
+        assert np.abs(outputs[:, i] - truth[::8]).max() < 1e-9
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "euler", "rk4", "ab2", "ab3", "ab4"])
+def test_joints_follow_within_a_hundredth_of_a_degree_rms(integrator):
+    model, data = build(FREE)
+    force, torque = np.zeros(3), np.zeros(3)
+    holder, nozzle = model.body("holder").id, model.site("gimbal_nozzle").id
+
+    def thrust(k):
+        """45 N along the nozzle falling to 13 N, and a gust of 20 N across the airframe."""
+        force[:] = data.site_xmat[nozzle].reshape(3, 3)[:, 2] * (45.0 if k < 400 else 13.0)
+        data.qfrc_applied[:] = 0
+        mujoco.mj_applyFT(
+            model, data, force, torque, data.site_xpos[nozzle], holder, data.qfrc_applied
+        )
+        data.xfrc_applied[model.body("vehicle").id, :2] = 20 * np.sin(0.01 * k), 5.0
+
+    outputs, joints = fly(model, data, staircase(800), integrator, thrust)
+    error = np.degrees(joints - outputs)
+    assert np.sqrt((error**2).mean()) < 0.01
+    assert np.abs(outputs).max() > 0.1  # it did move
+
+
+def test_semi_implicit_integrators_put_the_joint_exactly_on_the_output():
+    outputs, joints = fly(*build(FREE), staircase(300))
+    assert np.abs(joints - outputs).max() < 1e-12  # inverse dynamics leaves rounding only
+
+
+@pytest.mark.parametrize(("integrator", "tolerance"), [("rk4", 1e-6), ("implicitfast", 1e-6)])
+def test_angular_momentum_of_a_free_vehicle_in_vacuum_is_conserved(integrator, tolerance):
+    """Relative to the momentum the motor itself exchanges while it swings."""
+    model, data = build(FREE, gravity=0.0, dt=1e-3 if integrator == "rk4" else 1e-5)
+    n = 600 if integrator == "rk4" else 6000
+    commands = staircase(n, hold=n // 6)
+    total, swung = np.empty((n, 3)), np.empty(n)
+    vehicle = model.body("vehicle").id
+
+    def momentum(k):
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        total[k] = data.subtree_angmom[vehicle]
+        swung[k] = np.linalg.norm(data.subtree_angmom[model.body("ring").id])
+
+    fly(model, data, commands, integrator, momentum)
+    assert swung.max() > 1e-3  # N m s
+    assert np.abs(total - total[0]).max() < tolerance
+
+
+def test_servo_block_equals_its_reference_in_analysis():
+    servo = Servo(rate_limit=4.0, dead_band=0.02, backlash=0.01)
+    system = TransferFunctionModel(coupled((0.012, 0.0071, 0.02, 0.0)).channels, servo=servo)
+    commands = staircase(400, seed=4)
+    truth = system.discretise(DT).simulate(commands, servo)
+    for integrator in ("implicitfast", "rk4"):
+        outputs, _ = fly(*build(CLAMPED, system), commands, integrator)
+        assert np.abs(outputs - truth).max() < 1e-12
+    assert np.abs(np.diff(truth, axis=0)).max() < 5.5e-3  # 4 rad/s and overshoot of the dynamics
+
+
+def test_feedthrough_arrives_one_step_late_and_no_later():
+    lead = TransferFunctionModel(((Channel((1.0,), (1.0,)), NONE), (NONE, Channel((1.0,), (1.0,)))))
+    commands = staircase(60, hold=20)
+    outputs, _ = fly(*build(CLAMPED, lead), commands)
+    np.testing.assert_allclose(outputs[1:], commands[:-1], atol=1e-15)
+
+
+def test_mj_forward_changes_nothing_however_often_it_is_called():
+    ends = []
+    for calls in (0, 3):
+        model, data = build(FREE)
+
+        def forward(_, model=model, data=data, calls=calls):
+            for _ in range(calls):
+                mujoco.mj_forward(model, data)
+
+        ends.append(fly(model, data, staircase(100), "rk4", forward)[1])
+    np.testing.assert_array_equal(ends[0], ends[1])
+
+
+def test_other_user_actuators_and_other_numerics_are_left_alone():
+    extra = """
+    <custom><numeric name="motor_time" data="0 1 2"/></custom>
+    <actuator><general name="else" joint="gimbal_x" dyntype="user" gainprm="0"/></actuator>"""
+    model, data = build(extra=extra)
+    assert len(phases(model)) == 2
+    outputs, _ = fly(model, data, staircase(100))
+    np.testing.assert_allclose(outputs, fly(*build(), staircase(100))[0], atol=1e-15)
+    assert data.act[int(model.actuator("else").actadr[0])] == 0.0
+
+
+def test_another_step_than_the_matrices_were_made_for_fails_loudly():
+    model, data = build()
+    model.opt.timestep = 2e-3
+    with native.installed():
+        mujoco.mj_step(model, data)
+    assert np.isnan(data.act).any() or data.warning.number.sum() > 0
+    model, data = build()
+    with native.installed(), pytest.raises(TwinError, match=r"exact for steps of 0\.001 s only"):
+        make("ab2").step(model, data, 1, dt=0.0012)
+
+
+def test_the_two_axes_and_their_order_come_from_the_names():
+    straight = coupled((0.012, 0.007, 0.02, 0.0))
+    turned = TransferFunctionModel(
+        tuple(tuple(reversed(row)) for row in reversed(straight.channels)), ("y", "x"), ("y", "x")
+    )
+    commands = staircase(80)
+    a, b = (fly(*build(CLAMPED, m), commands)[0] for m in (straight, turned))
+    np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(
+    ("model", "says"),
+    [
+        (TransferFunctionModel(((NONE,),), ("x",), ("x",)), r"from \['x'\] to \['x'\]"),
+        (
+            TransferFunctionModel(((Channel((1.0,), (1.0, -1.0)), NONE), (NONE, NONE))),
+            "unstable",
+        ),
+    ],
+)
+def test_models_that_cannot_move_a_gimbal_are_refused(model, says):
+    with pytest.raises(TwinError, match=says):
+        build(model=model)
+
+
+def test_a_spec_without_the_joints_is_refused_with_the_names_it_has():
+    with pytest.raises(TwinError, match=r"no joint 'gimbal_x'; its joints are hinge"):
+        build('<body><joint name="hinge"/><geom size="0.1"/></body>')
+
+
+@pytest.mark.bench
+def test_one_axis_costs_half_a_microsecond_a_step_at_most():
+    def best(active: bool) -> float:
+        model, data = build(FREE)
+        if not active:
+            model.actuator_dynprm[:] = 0
+        times = []
+        with native.installed():
+            for _ in range(200):
+                begun = time.process_time()
+                mujoco.mj_step(model, data, 200)
+                times.append((time.process_time() - begun) / 200)
+        return min(times)
+
+    assert (best(True) - best(False)) / 2 < 0.5e-6
