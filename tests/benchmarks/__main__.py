@@ -1,0 +1,18 @@
+"""`make bench`: every speed the project claims, measured on this machine."""
+
+import sys
+
+from tests.benchmarks import flight, process
+
+
+def main() -> int:
+    """Print the table of the sections asked for; all without arguments."""
+    sections = {"flight": flight.table, "process": process.table}
+    for name in sys.argv[1:] or sections:
+        for line in sections[name]():
+            print(line, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,126 @@
+"""Cost of the loop, the native forces and the recorder over bare `mj_step`."""
+
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from tests.benchmarks.timing import paired, ratio, row
+from twin import native
+from twin.clock import Lockstep
+from twin.control import AttitudeController, Hold, control_config, launch_direction
+from twin.loop import Seats, run
+from twin.model import ModelConfig, load
+from twin.plant import Plant
+from twin.recorder import Recorder
+from twin.rows import Rows
+from twin.seats import Pilot, SimulatedGimbal
+
+STEPS_PER_TICK = 4  # 250 Hz at 1 ms
+SECONDS = 20.0  # a powered flight and some; opening and closing the file is a fixed cost
+
+
+def table() -> Iterator[str]:
+    """Lines of the table."""
+    yield from _forces()
+    yield from _loop()
+
+
+class _Assembly:
+    """One flight, ready to run again and again from its start."""
+
+    def __init__(self) -> None:
+        self.plant = Plant(load(ModelConfig()))
+        model = self.plant.model
+        launch = launch_direction(float(model.numeric("ramp_elevation").data[0]))
+        controller = AttitudeController(control_config(model))
+        self.pilot = Pilot(self.plant, controller, Hold(launch=launch), 0.004)
+        self.gimbal = SimulatedGimbal(self.plant)
+        self.rows = Rows(self.plant, self.pilot)
+        self.ticks: np.ndarray = np.empty(0)
+
+    def fly(self, recorder: Recorder | None = None) -> None:
+        self.plant.reset()
+        if recorder is not None:
+            self.rows.bind(recorder)
+        run(
+            Seats(self.plant, self.gimbal, self.pilot, Lockstep()),
+            steps_per_tick=STEPS_PER_TICK,
+            duration_ns=round(SECONDS * 1e9),
+            command=self.rows.command,
+            each_tick=(self.rows.write,) if recorder is not None else (),
+        )
+
+    def bare(self) -> None:
+        """The same steps of the same model under the same commands' average, nothing else."""
+        self.plant.reset()
+        mujoco.mj_step(self.plant.model, self.plant.data, round(SECONDS * 1000))
+
+
+def _forces() -> Iterator[str]:
+    model = load(ModelConfig()).mj
+    data = mujoco.MjData(model)
+    steps = 2000
+
+    def stepped() -> None:
+        mujoco.mj_resetData(model, data)
+        data.qvel[2] = 60.0
+        mujoco.mj_step(model, data, steps)
+
+    def with_native() -> None:
+        with native.installed():
+            stepped()
+
+    def with_python() -> None:
+        mujoco.set_mjcb_passive(lambda m, d: None)
+        stepped()
+        mujoco.set_mjcb_passive(None)
+
+    taken = paired({"bare": stepped, "native": with_native, "python": with_python})
+    bare = float(np.median(taken["bare"])) / steps * 1e6
+    added = ratio(taken, "native", "bare") - 1
+    python = ratio(taken, "python", "bare") - 1
+    yield row("bare mj_step of the flight model", f"{bare:.2f} µs", "", True)
+    yield row("native forces add to a step", f"{added:.1%}", "≤ 15 %", added <= 0.15)
+    yield row("an empty Python callback adds", f"{python:.0%}", "(for comparison)", True)
+
+
+def _loop() -> Iterator[str]:
+    with tempfile.TemporaryDirectory() as folder, native.installed():
+        flight = _Assembly()
+
+        def recorded() -> None:
+            with Recorder(
+                Path(folder, "bench.rrd"), signals=flight.rows.signals, properties={}, model=flight.plant.model
+            ) as recorder:
+                flight.fly(recorder)
+
+        taken = paired({"bare": flight.bare, "loop": flight.fly, "recorded": recorded}, rounds=9)
+        loop, record = ratio(taken, "loop", "bare"), ratio(taken, "recorded", "bare")
+        yield row("linkage flight over bare mj_step", f"{loop:.2f} ×", "≤ 1.5", loop <= 1.5)
+        yield row("the same, recorded", f"{record:.2f} ×", "≤ 1.8", record <= 1.8)
+        tick = _tick(flight, Path(folder, "tick.rrd"))
+        yield row("control tick: read, control, write, append (p50)", f"{tick:.1f} µs", "≤ 25", tick <= 25)
+
+
+def _tick(flight: _Assembly, path: Path) -> float:
+    """Median of one tick without its physics [µs]."""
+    plant, pilot, gimbal, rows = flight.plant, flight.pilot, flight.gimbal, flight.rows
+    plant.reset()
+    from hardware.frames import GimbalCommand
+
+    spent = []
+    with Recorder(path, signals=rows.signals, properties={}, model=plant.model) as recorder:
+        rows.bind(recorder)
+        for _ in range(1000):
+            began = time.perf_counter_ns()
+            angle = pilot.update(plant.time_ns * 1e-9, gimbal.poll())
+            rows.command[0], rows.command[1] = angle
+            gimbal.send(GimbalCommand(plant.time_ns, angle))
+            rows.write(plant.time_ns)
+            spent.append(time.perf_counter_ns() - began)
+            plant.advance(STEPS_PER_TICK)
+    return float(np.median(spent)) * 1e-3

@@ -1,0 +1,56 @@
+"""Whole commands: start-up, file size, memory."""
+
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+
+from tests.benchmarks.timing import row
+
+TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
+
+
+def table() -> Iterator[str]:
+    """Lines of the table."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "fly.rrd")
+        flights = [_timed([*TWIN, "fly", "--json", "--out", str(out)]) for _ in range(4)][1:]
+        whole = statistics.median(seconds for seconds, _ in flights)
+        numbers = json.loads(flights[-1][1])
+        yield row("twin fly, prompt to prompt, warm", f"{whole:.2f} s", "≤ 4 s", whole <= 4)
+        load = [_timed([sys.executable, "-c", "import twin.cli, twin.experiments"])[0] for _ in range(4)][1:]
+        imports = statistics.median(load)
+        yield row("its imports", f"{imports:.2f} s", "≤ 1.5 s", imports <= 1.5)
+        minute = out.stat().st_size / numbers["flight_time_s"] * 60 / 1e6
+        yield row("recording per simulated minute", f"{minute:.1f} MB", "≤ 20 MB", minute <= 20)
+    grown = _growth()
+    yield row("memory over 10 simulated minutes", f"{grown:+.1f} MB", "±5 MB", abs(grown) <= 5)
+
+
+def _timed(command: list[str]) -> tuple[float, str]:
+    began = time.perf_counter()
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return time.perf_counter() - began, done.stdout
+
+
+def _growth() -> float:
+    """Resident memory gained between the second and the last of ten simulated minutes [MB]."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [*TWIN, "step", "--repeats", "93", "--out", str(Path(folder, "long.rrd"))]
+        process = psutil.Popen(command, stdout=subprocess.DEVNULL)
+        sizes = []
+        while process.poll() is None:
+            try:
+                sizes.append((time.monotonic(), process.memory_info().rss))
+            except psutil.NoSuchProcess:
+                break
+            time.sleep(0.05)
+    start, end = sizes[0][0], sizes[-1][0]
+    later = [rss for at, rss in sizes if at > start + 0.35 * (end - start)]
+    return (max(later[-10:]) - max(later[:10])) / 1e6
