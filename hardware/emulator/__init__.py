@@ -12,6 +12,7 @@ from hardware.emulator.device import Device, Sample
 from hardware.emulator.emulator import Emulator, UnpluggedError, identity
 from hardware.emulator.injection import FaultNameError, Injection, parse, valid_names
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters
+from hardware.emulator.server import Server, ServerError, serve
 from hardware.emulator.servo import Servo, ServoParameters
 
 __all__ = [
@@ -25,6 +26,8 @@ __all__ = [
     "PlantParameters",
     "RigParameters",
     "Sample",
+    "Server",
+    "ServerError",
     "Servo",
     "ServoParameters",
     "UnpluggedError",
@@ -33,5 +36,6 @@ __all__ = [
     "quiet",
     "reference_rig",
     "sample_rig",
+    "serve",
     "valid_names",
 ]

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 WINDOW = 256  # exchanges kept
 SPAN_US = 30_000_000  # a resonator drifts with temperature: older exchanges say less
 LARGEST_SKEW = 0.02  # ceramic resonators are good to 5e-3
-SKEW_SPAN_US = 500_000  # before, the slope is noise: the rates are taken as equal
-SLACK_NS = 100_000  # beyond the shortest delay at which an exchange still counts
+SKEW_SPAN_US = 150_000  # before, the slope is noise: the rates are taken as equal
+BEST = 0.25  # share of the exchanges, by delay, that count
+FEWEST = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +34,11 @@ class ClockEstimate:
     (minimum-delay filter, as in NTP, RFC 5905 section 10).
     """
 
-    def __init__(self) -> None:
+    def __init__(self, skew: float = 0.0) -> None:
         self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
         self._at_us = 0.0
         self._at_ns = 0.0
-        self.skew = 0.0
+        self.skew = skew  # of an earlier connection, until this one knows better
         self.round_trip_ns = 0
 
     @property
@@ -66,8 +67,9 @@ class ClockEstimate:
         return round(self._at_ns + (device_us - self._at_us) * 1000.0 / (1 + self.skew))
 
     def _fit(self) -> None:
-        limit = self.shortest_ns + SLACK_NS
-        good = [e for e in self._exchanges if e.delay_ns <= limit]
+        by_delay = sorted(self._exchanges, key=lambda e: e.delay_ns)
+        good = by_delay[: max(FEWEST, round(BEST * len(by_delay)))]
+        good.sort(key=lambda e: e.device_us)
         n = len(good)
         self._at_us = sum(e.device_us for e in good) / n
         # Differences from one of them: sums of nanoseconds since boot would lose digits.

@@ -28,7 +28,9 @@ from hardware.protocol import (
     Ping,
     Pong,
     Telemetry,
+    Unknown,
     constants,
+    layout,
 )
 from hardware.rig.clock import ClockEstimate
 from hardware.rig.line import Line
@@ -276,7 +278,7 @@ class Rig:
         self.phase = new
         self._next_ns = 0
         if new in (Phase.GREETING, Phase.SYNCING):
-            self.estimate = ClockEstimate()
+            self.estimate = ClockEstimate(self.estimate.skew)
             self._device_us = None
             self.fusion.restart()
         elif new is Phase.READY and self._arm:
@@ -302,9 +304,7 @@ class Rig:
             self._greet(message, event.sequence)
         elif isinstance(message, Pong) and self.phase in (Phase.SYNCING, Phase.READY):
             self._sync(message)
-        elif isinstance(event.message, Telemetry | Pong):
-            pass
-        elif self.phase is Phase.GREETING and getattr(message, "type_id", 0) == Hello.TYPE_ID:  # type: ignore[attr-defined]
+        elif isinstance(message, Unknown) and message.type_id == layout(Hello).type_id:
             raise RigError(
                 "the rig's firmware is of another version (its HELLO has another length); flash "
                 "the one in hardware/firmware"
