@@ -164,6 +164,12 @@ class Bench:
         self._frozen = None
         return counts
 
+    def gyro_bias(self) -> Triple:
+        """Return the holder gyro's zero-rate output as it is now [rad/s]."""
+        jump = radians(self._value("gyro", "bias"))
+        x, y, z = self._imus.bias[:3].tolist()
+        return x + jump, y + jump, z + jump
+
     def switch_bits(self) -> int:
         """Return bits 0…3: +x, −x, +y, −y closed."""
         return sum(closed << i for i, closed in enumerate(self._closed))
