@@ -4,7 +4,7 @@ Everything works on arrays (..., n): one vehicle or ten thousand run through the
 """
 
 from twin.control.attitude import AttitudeController, ControlConfig
-from twin.control.authority import control_config
+from twin.control.authority import control_config, fixed_point, launch_of, steer_to
 from twin.control.guidance import FixedPoint
 from twin.control.pid import PID, LowPass, PIDGains
 from twin.control.setpoint import (
@@ -15,6 +15,7 @@ from twin.control.setpoint import (
     Setpoint,
     Step,
     launch_direction,
+    off_axis,
 )
 
 __all__ = [
@@ -31,5 +32,9 @@ __all__ = [
     "Setpoint",
     "Step",
     "control_config",
+    "fixed_point",
     "launch_direction",
+    "launch_of",
+    "off_axis",
+    "steer_to",
 ]

@@ -33,15 +33,15 @@ class ControlConfig:
     authority_floor : below it the gimbal is centred and the integral waits [rad/s² per rad]
     """
 
-    kp: float = 12.0
-    ki: float = 3.0
-    kd: float = 5.0
-    cutoff: float = 60.0
+    kp: float = 25.0
+    ki: float = 10.0
+    kd: float = 8.0
+    cutoff: float = 80.0
     limit: float = math.radians(8.0)
     rate_limit: float = 0.0
     error_limit: float = 0.5
     authority_time: tuple[float, ...] = (0.0,)
-    authority: tuple[float, ...] = (60.0,)
+    authority: tuple[float, ...] = (40.0,)
     authority_floor: float = 5.0
 
     def __post_init__(self) -> None:

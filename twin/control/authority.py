@@ -1,15 +1,18 @@
-"""Gains and control authority of a vehicle from its model."""
+"""Gains, control authority and steering of a vehicle from its model."""
 
-import math
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.control.attitude import ControlConfig
+from twin.control.guidance import FixedPoint
+from twin.control.setpoint import Vector, off_axis
 
 Array = NDArray[np.float64]
+DENSITY = 1.225  # kg/m³, ICAO standard atmosphere at sea level
 
 # numeric of the vehicle → field of ControlConfig
 NUMERICS = {
@@ -56,24 +59,87 @@ def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
     return lever, float(0.5 * (in_body[0, 0] + in_body[1, 1]))
 
 
+def thrust_curve(model: mujoco.MjModel) -> tuple[Array, Array] | None:
+    """Times (n,) [s], ignition included, and thrusts (n,) [N] of the model's motor, or None."""
+    time, thrust = numeric(model, "motor_time"), numeric(model, "motor_thrust")
+    if time is None or thrust is None:
+        return None
+    ignition = numeric(model, "motor_ignition")
+    count = int(np.argmax(time)) + 1  # the rest of the table repeats its end
+    return time[:count] + (0.0 if ignition is None else ignition[0]), thrust[:count]
+
+
 def control_config(model: mujoco.MjModel) -> ControlConfig:
     """Gains from the model's `control_*` numerics, authority from its thrust curve.
 
-    What the model does not carry keeps its default. Thrust is read from `motor_time` and
-    `motor_thrust`; lever and inertia are those of the loaded vehicle, 15 % below the empty one's
-    ratio at most (field notes: 0.45/0.099 → 0.49/0.084).
+    What the model does not carry keeps its default. Lever and inertia are those of the loaded
+    vehicle: the burn takes the reference vehicle's authority 15 % above that (field notes: 0.45 to
+    0.49 m from the tail, 0.099 to 0.084 kg m²), which the gain margin covers.
     """
     found = {field: numeric(model, name) for name, field in NUMERICS.items()}
     gains = {field: float(v[0]) for field, v in found.items() if v is not None}
     config = replace(ControlConfig(), **gains)  # type: ignore[arg-type]
-    time, thrust = numeric(model, "motor_time"), numeric(model, "motor_thrust")
-    if time is None or thrust is None:
+    curve = thrust_curve(model)
+    if curve is None:
         return config
-    count = int(np.argmax(time)) + 1
     lever, inertia = lever_and_inertia(model)
-    authority = thrust[:count] * lever / inertia
     return replace(
         config,
-        authority_time=tuple(float(t) for t in time[:count]),
-        authority=tuple(float(a) if math.isfinite(a) else 0.0 for a in authority),
+        authority_time=tuple(float(t) for t in curve[0]),
+        authority=tuple(float(f) * lever / inertia for f in curve[1]),
     )
+
+
+def launch_of(model: mujoco.MjModel) -> tuple[Vector, Vector]:
+    """Launch direction (unit) and position of the gimbal pivot [m] of the model's initial pose."""
+    q = int(model.joint("vehicle").qposadr[0])
+    x, y, z = (float(c) for c in model.qpos0[q : q + 3])
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, model.qpos0[q + 3 : q + 7])
+    return (float(matrix[2]), float(matrix[5]), float(matrix[8])), (x, y, z)
+
+
+def fixed_point(
+    model: mujoco.MjModel, right: float, up: float, distance: float = 500.0, **knobs: float
+) -> FixedPoint:
+    """Programme that steers to a point given relative to the launch direction.
+
+    Parameters
+    ----------
+    right, up : off the launch direction, as seen along it [rad]
+    distance : from the launch point [m]
+    knobs : further attributes of `FixedPoint`
+
+    Raises
+    ------
+    TwinError
+        The point lies outside the 30° cone.
+    """
+    launch, origin = launch_of(model)
+    toward = off_axis(launch, right, up)
+    target = tuple(o + distance * t for o, t in zip(origin, toward, strict=True))
+    return steer_to(model, (target[0], target[1], target[2]), **knobs)
+
+
+def steer_to(model: mujoco.MjModel, target: Vector, **knobs: float) -> FixedPoint:
+    """Programme that steers to `target` [m], world, with the vehicle's own thrust, mass and air.
+
+    Raises
+    ------
+    TwinError
+        The point lies outside the 30° cone around the launch direction.
+    """
+    launch, origin = launch_of(model)
+    base = FixedPoint(target, launch, origin, **knobs)  # type: ignore[arg-type]
+    found: dict[str, Any] = {"mass": float(model.body_subtreemass[model.body("vehicle").id])}
+    curve = thrust_curve(model)
+    if curve is not None:
+        found["thrust_time"] = tuple(float(t) for t in curve[0])
+        found["thrust"] = tuple(float(f) for f in curve[1])
+    area, drag = numeric(model, "air_reference_area"), numeric(model, "air_axial_drag")
+    nose, fins = numeric(model, "air_nose_slope"), numeric(model, "air_fin_slope")
+    if area is not None and nose is not None and fins is not None:
+        found["normal_force"] = float(0.5 * DENSITY * area[0] * (nose[0] + fins[0]))
+    if area is not None and drag is not None:
+        found["drag"] = float(0.5 * DENSITY * area[0] * drag[0])
+    return replace(base, **(found | knobs))

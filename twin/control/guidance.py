@@ -40,6 +40,8 @@ class FixedPoint:
     drag : ½ρ·area·drag coefficient [N per (m/s)²]
     most : largest angle between nose and velocity [rad]
     begin : launch direction is held until then [s]
+    last : the gain grows no further within this time of the point [s]; the attitude loop could
+        not follow, and what it steers then no longer moves the path
     """
 
     target: Vector
@@ -51,8 +53,9 @@ class FixedPoint:
     thrust: tuple[float, ...] = (13.0,)
     normal_force: float = 0.011
     drag: float = 0.0007
-    most: float = math.radians(35.0)
+    most: float = math.radians(25.0)
     begin: float = 0.7
+    last: float = 0.3
 
     def __post_init__(self) -> None:
         launch = _unit(self.launch, "launch")
@@ -70,7 +73,7 @@ class FixedPoint:
         object.__setattr__(self, "launch", launch)
         fixed = np.array(
             [*self.target, *launch, self.navigation, self.mass, self.normal_force, self.drag,
-             self.most, self.begin], dtype=np.float64,
+             self.most, self.begin, self.last], dtype=np.float64,
         )  # fmt: skip
         times, thrust = np.array(self.thrust_time, float), np.array(self.thrust, float)
         for name, value in (("_fixed", fixed), ("_times", times), ("_thrust", thrust)):
@@ -102,7 +105,7 @@ def _directions(
     out: Array,
 ) -> None:  # fmt: skip
     target, launch = fixed[0:3], fixed[3:6]
-    navigation, mass, normal_force, drag, most, begin = fixed[6:12]
+    navigation, mass, normal_force, drag, most, begin, last = fixed[6:13]
     thrust = interpolate(t, times, thrusts)
     for k in range(len(out)):
         v = velocity[k]
@@ -118,7 +121,7 @@ def _directions(
             continue
         ahead = v / speed
         push = (thrust - drag * speed * speed) / mass - GRAVITY * ahead[2]
-        go = max(_time_to_go(distance, closing, push), 0.05)
+        go = max(_time_to_go(distance, closing, push), last)
         miss = line - v * go
         miss[2] += 0.5 * GRAVITY * go * go
         along = miss[0] * ahead[0] + miss[1] * ahead[1] + miss[2] * ahead[2]

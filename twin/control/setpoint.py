@@ -32,6 +32,25 @@ def launch_direction(elevation: float, azimuth: float = 0.0) -> Vector:
     return (level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation))
 
 
+def off_axis(launch: Vector, right: float, up: float) -> Vector:
+    """Return the unit vector `right` and `up` of a launch direction, as seen along it [rad].
+
+    The angles make a rotation vector, so that the direction lies hypot(right, up) off the launch.
+    From a vertical launch, `up` leads to the west and `right` to the south, as for one that leans
+    to the east.
+    """
+    launch = _unit(launch, "launch")
+    beside = _cross(launch, UP)
+    beside = _unit(beside, "right") if math.hypot(*beside) > 1e-9 else (0.0, -1.0, 0.0)
+    above = _cross(beside, launch)
+    angle = math.hypot(right, up)
+    if angle == 0.0:
+        return launch
+    along, across = math.cos(angle), math.sin(angle) / angle
+    a, b, c = (along * launch[k] + across * (right * beside[k] + up * above[k]) for k in range(3))
+    return (a, b, c)
+
+
 def _unit(vector: Vector, name: str) -> Vector:
     length = math.sqrt(sum(c * c for c in vector))
     if not (math.isfinite(length) and length > 0.0):
