@@ -12,7 +12,7 @@ def main() -> None:
     """Compile the file, slice its geometry and print `<numeric>` elements to paste into it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("vehicle", type=Path, help="MJCF file with a body 'vehicle'")
-    parser.add_argument("--nodes", type=int, default=20, help="stations in all")
+    parser.add_argument("--nodes", type=int, default=32, help="stations in all")
     options = parser.parse_args()
     try:
         model = mujoco.MjModel.from_xml_path(str(options.vehicle))

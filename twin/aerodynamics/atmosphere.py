@@ -28,7 +28,7 @@ def density(altitude: float) -> float:
     """Density of the ICAO standard atmosphere [kg/m³].
 
     `altitude` is geometric, above mean sea level [m]; held constant below -5 km and above 20 km,
-    where the two layers modelled here end. Source: ICAO Doc 7488/3, eqs. (8)-(13).
+    where the two layers modelled here end. Source: ICAO Doc 7488/3.
     """
     bounded = min(max(altitude, -5000.0), 20000.0)
     geopotential = EARTH_RADIUS * bounded / (EARTH_RADIUS + bounded)

@@ -135,6 +135,6 @@ def roll_damping(vz: float, wz: float, scale: float) -> float:
     """Moment about the axis that opposes roll [N m]; `scale` = ½ρ · damping [kg m], see docs.
 
     Source: Barrowman (1967), The practical calculation of the aerodynamic characteristics of
-    slender finned vehicles, section 3.3 (each fin strip at the angle of attack ω y / v).
+    slender finned vehicles (each fin strip at the angle of attack ω y / v).
     """
     return -scale * np.abs(vz) * wz

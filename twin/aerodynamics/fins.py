@@ -45,7 +45,7 @@ class Fins:
         """Moment against roll over ½ρ v ω: lift slope × Σ ∫ c y² dy [m⁴].
 
         The lift slope of a fin is its share of `slope` without interference over its area.
-        Source: Barrowman (1967), section 3.3.
+        Source: Barrowman (1967).
         """
         y = np.linspace(0.0, 1.0, 2001)
         chord = self.root + (self.tip - self.root) * y

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Width = Callable[[Array], Array]
 
 _SEGMENTS = 256  # of a circle: mean width of the polygon within (π/256)²/6 = 3e-5
+_FEW_LEVELS = 4  # a prism or plate, whose every level of vertices is a kink; a round mesh has more
 _SHORTEST_PANEL = 1e-2  # m; closer edges are one edge
 
 
@@ -44,18 +45,27 @@ def strips(width: Width, edges: Sequence[float], nodes: Sequence[int]) -> tuple[
     """Stations z (n,) [m] and areas b dz (n,) [m²] for the crossflow integral.
 
     Gauss-Legendre panels between `edges` (k + 1,) [m] with `nodes` (k,) each; edges belong where
-    the silhouette jumps or kinks. `width` gives b [m] at stations (…,) [m].
+    the silhouette jumps or kinks. Toward a tip, where b vanishes like a root, nodes are spaced
+    evenly in the root of the distance. `width` gives b [m] at stations (…,) [m].
     """
     z, area = [], []
     for low, high, count in zip(edges[:-1], edges[1:], nodes, strict=True):
         x, weight = np.polynomial.legendre.leggauss(count)
-        station = (low + high) / 2 + (high - low) / 2 * x
+        t, length = (1 + x) / 2, high - low
+        station, stretch = low + length * t, np.ones(count)
+        if high == edges[-1] and _vanishes(width, low, high):
+            station, stretch = high - length * t**2, 2 * t
         z.append(station)
-        area.append((high - low) / 2 * weight * width(station))
+        area.append(length / 2 * weight * stretch * width(station))
     return np.concatenate(z), np.concatenate(area)
 
 
-def strip_table(model: mujoco.MjModel, nodes: int = 20) -> tuple[Array, Array]:
+def _vanishes(width: Width, low: float, high: float) -> bool:
+    near, far = width(np.array([high - 1e-3 * (high - low), low + 1e-3 * (high - low)]))
+    return bool(near < 0.1 * far)
+
+
+def strip_table(model: mujoco.MjModel, nodes: int = 32) -> tuple[Array, Array]:
     """Stations (nodes,) [m] and areas (nodes,) [m²] of the body `vehicle` and all it carries.
 
     Joints stand at their zero; geometry that may touch (collision) or lies in a hidden group (3 and
@@ -63,28 +73,28 @@ def strip_table(model: mujoco.MjModel, nodes: int = 20) -> tuple[Array, Array]:
 
     Raises
     ------
-    TwinError : no body `vehicle`, no geometry, or fewer nodes than twice the panels
+    TwinError : no body `vehicle`, no geometry, or fewer than three nodes a panel
     """
     vertices, faces, extents = _geometry(model)
     edges = _edges(extents)
     lengths = np.diff(edges)
-    if nodes < 2 * lengths.size:
-        raise TwinError(f"{nodes} stations are too few; {lengths.size} panels need two each")
-    counts = np.full(lengths.size, 2)
+    if nodes < 3 * lengths.size:
+        raise TwinError(f"{nodes} stations are too few; {lengths.size} panels need three each")
+    counts = np.full(lengths.size, 3)
     for _ in range(nodes - int(counts.sum())):
         counts[np.argmax(lengths / counts)] += 1
     return strips(silhouette(vertices, faces), list(edges), [int(c) for c in counts])
 
 
 def _edges(extents: Array) -> Array:
-    """Ends of all outer geometry, ends closer than the shortest panel merged."""
+    """Stations where the outline jumps or kinks, those closer than the shortest panel merged."""
     ends = np.unique(extents)
     keep = np.concatenate([[True], np.diff(ends) > _SHORTEST_PANEL])
     return np.asarray(ends[keep])
 
 
 def _geometry(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64], Array]:
-    """Vertices and faces in the vehicle's frame, and the axial ends of the outermost parts."""
+    """Vertices and faces in the vehicle's frame, and where the outer parts end or kink."""
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "vehicle")
     if body < 0:
         raise TwinError("the model has no body 'vehicle' whose silhouette could be taken")
@@ -103,10 +113,11 @@ def _geometry(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64], Array]:
         faces.append(triangles + count)
         count += len(points)
         if owner == body or model.body(owner).name == "gimbal_motor":
-            ends.append([points[:, 2].min(), points[:, 2].max()])
+            levels = np.unique(points[:, 2].round(6))
+            ends.append(levels if levels.size <= _FEW_LEVELS else levels[[0, -1]])
     if not vertices:
         raise TwinError("the body 'vehicle' has no geometry that its silhouette could be taken from")
-    return np.vstack(vertices), np.vstack(faces), np.array(ends)
+    return np.vstack(vertices), np.vstack(faces), np.concatenate(ends)
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> tuple[Array, NDArray[np.int64]]:

@@ -93,6 +93,19 @@ def locate(m: int) -> tuple[bool, NDArray[np.float64]]:
     return True, index
 
 
+def entries(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Index of a model (LENGTH,), by MuJoCo's own name lookup; -1 for what it lacks."""
+    body, site, numeric = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_NUMERIC
+    ids = [mujoco.mj_name2id(model, body, name) for name in BODIES]
+    ids += [mujoco.mj_name2id(model, site, name) for name in SITES]
+    pairs: list[int] = []
+    for wanted in NUMERICS:
+        found = mujoco.mj_name2id(model, numeric, wanted.name)
+        fits = found >= 0 and model.numeric_size[found] >= wanted.size
+        pairs += [model.numeric_adr[found], model.numeric_size[found]] if fits else [-1, 0]
+    return np.array([MARK, *ids, *pairs], dtype=np.float64)
+
+
 def bind(model: mujoco.MjModel) -> None:
     """Prepare a compiled vehicle for the compiled forces; again after changing its numerics.
 
@@ -108,8 +121,9 @@ def bind(model: mujoco.MjModel) -> None:
     index = model.numeric(INDEX).data
     if index.size < LENGTH:
         raise TwinError(f"numeric '{INDEX}' has size {index.size}; it needs {LENGTH} or more")
-    resolve(model._address, index)
-    _require(index)
+    found = entries(model)
+    _require(found)
+    index[:LENGTH] = found
     _draw_gusts(model)
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "vehicle")
     if joint >= 0:

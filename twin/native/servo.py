@@ -88,7 +88,7 @@ def drive(prm: NDArray[np.float64], error: float, rate: float) -> float:
     torque = prm[_GAIN] * error - prm[_DAMPING] * rate
     voltage = prm[_RESISTANCE] / prm[_CONSTANT] * torque + prm[_CONSTANT] * rate
     limit = prm[_VOLTAGE]
-    return max(-limit, min(limit, voltage)) if limit > 0 else voltage
+    return float(max(-limit, min(limit, voltage)) if limit > 0 else voltage)
 
 
 @njit
@@ -105,4 +105,4 @@ def _set_point(m: int, d: int, k: int, n: int) -> float:
         held = floats(d, _ACT, size(m, _NA))[integers(m, _ACTADR, n)[k]]
         step = slew * number(m, _TIMESTEP)
         command = max(held - step, min(held + step, command))
-    return command
+    return float(command)
