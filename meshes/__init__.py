@@ -1,5 +1,7 @@
 """Printable parts of the mechanism: committed STL in millimetres, and what draws them."""
 
-from meshes.stl import MeshError, check
+from meshes.compiled import check_model
+from meshes.errors import MeshError
+from meshes.stl import check
 
-__all__ = ["MeshError", "check"]
+__all__ = ["MeshError", "check", "check_model"]

@@ -2,22 +2,19 @@
 
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meshes.solids import Solid
+from meshes.errors import MeshError
 
 HEADER, FACET = 84, 50  # bytes
 GRID = 1e-3  # mm; far below what a printer resolves, far above the noise of a float
 LARGEST = 20_000_000  # bytes; 400 000 triangles
 
 
-class MeshError(ValueError):
-    """A mesh file that is no closed surface."""
-
-
-def write(path: Path, solid: Solid) -> None:
+def write(path: Path, solid: Any) -> None:  # noqa: ANN401  manifold3d carries no types
     """Write a solid as binary STL [mm], vertices on a grid and triangles in a fixed order."""
     mesh = solid.simplify(2 * GRID).to_mesh()
     points = np.round(np.asarray(mesh.vert_properties, np.float64)[:, :3] / GRID).astype(np.int64)
@@ -60,7 +57,7 @@ def read(path: Path) -> NDArray[np.float32]:
         raise MeshError(f"cannot read mesh {path}: {error.strerror}") from error
     if size > LARGEST:
         raise MeshError(f"{path}: {size} bytes; a mesh here has at most {LARGEST}")
-    count = struct.unpack_from("<I", content, 80)[0] if size >= HEADER else -1
+    count = struct.unpack_from("<I", content, 80)[0] if size >= HEADER else 0
     if size != HEADER + FACET * count:
         raise MeshError(f"{path} is no binary STL: {size} bytes do not fit its triangle count")
     record = np.frombuffer(content, np.dtype([("v", "<f4", (4, 3)), ("a", "<u2")]), offset=HEADER)
@@ -78,20 +75,25 @@ def check(path: Path) -> None:
     MeshError : unreadable (see `read`), empty, open (with the number of open edges), or inside out
     """
     corners = read(path)
-    if not len(corners):
-        raise MeshError(f"{path} holds no triangles")
     _, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    faces = index.reshape(-1, 3)
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    directed, times = np.unique(edges, axis=0, return_counts=True)
-    partners = {tuple(e) for e in directed[:, ::-1].tolist()}
-    lonely = sum(tuple(e) not in partners for e in directed.tolist()) + int((times > 1).sum())
+    check_closed(str(path), corners, index.reshape(-1, 3))
+
+
+def check_closed(name: str, corners: NDArray[np.float32], faces: NDArray[np.int64]) -> None:
+    """`check` for triangles in memory: corners (n, 3, 3) and the vertices they are (n, 3)."""
+    if not len(faces):
+        raise MeshError(f"{name} holds no triangles")
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
+    count = int(faces.max()) + 1
+    there, times = np.unique(edges[:, 0] * count + edges[:, 1], return_counts=True)
+    back = edges[:, 1] * count + edges[:, 0]
+    lonely = np.setdiff1d(there, back, assume_unique=False).size + int((times > 1).sum())
     if lonely:
         raise MeshError(
-            f"{path} is not watertight: {lonely} of its edges do not join exactly two triangles;"
+            f"{name} is not watertight: {lonely} of its edges do not join exactly two triangles;"
             " repair it in the program that drew it"
         )
     a, b, c = corners.astype(np.float64).transpose(1, 0, 2)
     volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
     if volume <= 0:
-        raise MeshError(f"{path} is inside out: its volume is {volume:.3g} mm³; flip its normals")
+        raise MeshError(f"{name} is inside out: its volume is {volume:.3g}; flip its normals")

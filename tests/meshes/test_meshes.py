@@ -3,13 +3,14 @@
 import struct
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import MeshError, check
+from meshes import MeshError, check, check_model
 from meshes.generate import PARTS, generate
 from meshes.stl import read
 
@@ -54,6 +55,22 @@ def test_a_mesh_with_a_hole_is_refused_and_the_hole_counted(tmp_path):
     write_raw(tmp_path / "open.stl", corners[1:])
     with pytest.raises(MeshError, match="not watertight: 3 of its edges"):
         check(tmp_path / "open.stl")
+
+
+def test_a_model_that_takes_mass_from_an_open_mesh_is_refused_by_the_meshs_name(tmp_path):
+    corners = np.array(read(MESHES / "ring.stl"))
+    write_raw(tmp_path / "open.stl", corners[1:])
+    text = (
+        '<mujoco><asset><mesh name="part" file="open.stl" inertia="shell"/></asset>'
+        '<worldbody><geom type="mesh" mesh="part"/></worldbody></mujoco>'
+    )
+    (tmp_path / "m.xml").write_text(text)
+    with pytest.raises(MeshError, match="mesh 'part' is not watertight: 3 of its edges"):
+        check_model(mujoco.MjModel.from_xml_path(str(tmp_path / "m.xml")))
+
+
+def test_the_shipped_mechanism_takes_mass_from_closed_meshes_only():
+    check_model(mujoco.MjModel.from_xml_path(str(MESHES.parent / "mjcf" / "mechanism.xml")))
 
 
 def test_a_mesh_turned_inside_out_is_refused(tmp_path):

@@ -11,7 +11,8 @@ Array = NDArray[np.float64]
 RESISTANCE, CONSTANT, GAIN, DAMPING, VOLTAGE = 0, 1, 4, 6, 7  # actuator_gainprm
 SLEW = 7  # actuator_dynprm
 UNLIMITED = 1e9  # rad/s; a slew limit that is off, since zero would take its state away
-PLAY_ARMATURE, PLAY_DAMPING = 1e-7, 1e-4  # kg m² and N m s: small beside a horn under load
+# kg m² and N m s: a thirtieth of the rotor; the limit is as stiff as this inertia lets it be
+PLAY_ARMATURE, PLAY_DAMPING = 2e-6, 1e-4
 
 
 def apply_servo(model: mujoco.MjModel) -> None:
@@ -84,6 +85,7 @@ def insert_backlash(spec: mujoco.MjSpec, backlash: float | None = None) -> None:
             armature=PLAY_ARMATURE,
             damping=PLAY_DAMPING,
             solref_limit=[0.004, 1],
+            solimp_limit=[0.9999, 0.9999, 0.001, 0.5, 2],
         )
 
 
