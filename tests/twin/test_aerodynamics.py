@@ -1,0 +1,221 @@
+"""The air against quadrature, published tables and symmetry."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad
+
+from twin import aerodynamics as air
+from twin.aerodynamics.fins import Fins
+from twin.aerodynamics.silhouette import silhouette, strips
+
+Array = NDArray[np.float64]
+
+EDGES = [-0.1774, -0.03, 0.0, 0.03, 0.6726, 0.8226]  # motor, fins, their taper, tube, nose
+NODES = [3, 3, 3, 18, 5]
+RADIUS, FIN_TIP, NOSE = 0.027, 0.0605, 0.15
+
+
+def outline(z: Array) -> Array:
+    """Mean width of the reference vehicle's sections, in closed form."""
+    z = np.asarray(z, dtype=float)
+    rho = np.maximum(FIN_TIP - np.clip(z / 0.03, 0, 1) * (FIN_TIP - RADIUS), RADIUS)
+    reach = np.arccos(RADIUS / rho)  # of the tangent from a fin tip to the tube
+    hull = 8 * np.sqrt(rho**2 - RADIUS**2) + RADIUS * (2 * np.pi - 8 * reach)
+    fins = np.where(reach < np.pi / 4, hull, 4 * np.sqrt(2) * rho) / np.pi
+    nose = 2 * RADIUS * np.sqrt(np.clip(1 - ((z - 0.6726) / NOSE) ** 2, 0, 1))
+    return np.select([z < -0.03, z <= 0.03, z <= 0.6726], [0.029 + 0 * z, fins, 0.054 + 0 * z], nose)
+
+
+def integrals(v: Array, w: Array, centre: float) -> Array:
+    """Crossflow force (2,), moment (2,) and their uncancelled sizes (2,) by adaptive quadrature."""
+
+    def integrand(z: float, what: int) -> float:
+        r = z - centre
+        ux, uy = v[0] + w[1] * r, v[1] - w[0] * r
+        drag = np.hypot(ux, uy) * float(outline(np.array(z)))
+        size = np.hypot(ux, uy) * drag
+        return float((-drag * ux, -drag * uy, r * drag * uy, -r * drag * ux, size, abs(r) * size)[what])
+
+    def whole(what: int) -> float:
+        panels = zip(EDGES[:-1], EDGES[1:], strict=True)
+        return sum(
+            float(quad(integrand, a, b, (what,), epsabs=1e-9, epsrel=1e-6, limit=100)[0]) for a, b in panels
+        )
+
+    return np.array([whole(k) for k in range(6)])
+
+
+@pytest.mark.parametrize("planar", [False, True])
+def test_strips_agree_with_adaptive_quadrature_to_1e_4(planar: bool) -> None:
+    """Relative to the integral of magnitudes, since force and moment may cancel to nothing."""
+    z, area = strips(outline, EDGES, NODES)
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        v, w = 8 * rng.normal(size=2), 8 * rng.normal(size=2)
+        if planar:  # a point of the axis stands still in the air: the worst kink
+            v[1] = w[0] = 0.0
+        centre = rng.uniform(0.27, 0.32)
+        truth = integrals(v, w, centre)
+        load = np.array(air.crossflow(v[0], v[1], w[0], w[1], 1.0, z, area, centre))
+        assert np.hypot(*(load - truth[:4])[:2]) <= 1e-4 * truth[4]
+        assert np.hypot(*(load - truth[:4])[2:]) <= 1e-4 * truth[5]
+
+
+def test_turning_the_flow_about_the_axis_turns_the_load_with_it() -> None:
+    z, area = strips(outline, EDGES, NODES)
+    rng = np.random.default_rng(4)
+    for angle in rng.uniform(0, 2 * np.pi, 20):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        v, w = rng.normal(size=2), rng.normal(size=2)
+        (vx, vy), (wx, wy) = turn @ v, turn @ w
+        plain = np.array(
+            [
+                air.crossflow(*v, *w, 1.0, z, area, 0.3),
+                air.normal_force(*v, 40.0, *w, 1.0, 0.2),
+            ]
+        ).reshape(2, 2, 2)
+        turned = np.array(
+            [air.crossflow(vx, vy, wx, wy, 1.0, z, area, 0.3), air.normal_force(vx, vy, 40.0, wx, wy, 1.0, 0.2)]
+        ).reshape(2, 2, 2)
+        np.testing.assert_allclose(turned, plain @ turn.T, rtol=1e-12, atol=1e-12)  # rounding
+
+
+def test_load_does_not_depend_on_the_point_it_is_reckoned_about() -> None:
+    z, area = strips(outline, EDGES, NODES)
+    v, w, shift = np.array([4.0, -2.0]), np.array([1.5, 3.0]), 0.11
+    f = np.array(air.crossflow(*v, *w, 1.0, z, area, 0.3))
+    moved = v + shift * np.array([w[1], -w[0]])
+    g = np.array(air.crossflow(*moved, *w, 1.0, z, area, 0.3 + shift))
+    np.testing.assert_allclose(g[:2], f[:2], rtol=1e-12)
+    np.testing.assert_allclose(g[2:], f[2:] - shift * np.array([-f[1], f[0]]), rtol=1e-12)
+
+
+def test_crossflow_takes_energy_out_whatever_the_motion() -> None:
+    z, area = strips(outline, EDGES, NODES)
+    for v, w in np.random.default_rng(5).normal(scale=9, size=(50, 2, 2)):
+        fx, fy, mx, my = air.crossflow(*v, *w, 1.0, z, area, 0.3)
+        assert fx * v[0] + fy * v[1] + mx * w[0] + my * w[1] < 0
+
+
+def test_broadside_cylinder_has_the_textbook_drag() -> None:
+    """½ρ C d l v² for a cylinder of 54 mm and 1 m at 10 m/s."""
+    z, area = strips(lambda s: np.full(np.shape(s), 0.054), [0.0, 1.0], [4])
+    fx, fy, mx, my = air.crossflow(10.0, 0.0, 0.0, 0.0, 0.5 * 1.225 * 1.2, z, area, 0.5)
+    assert fx == pytest.approx(-0.5 * 1.225 * 1.2 * 0.054 * 100, rel=1e-12)
+    assert (fy, mx) == (0, 0)
+    assert my == pytest.approx(0, abs=1e-15)
+
+
+def test_area_moment_form_equals_its_printed_polynomial() -> None:
+    """M = ½ (1/C_v) ρ [v0³, -3v0²ω, 3v0ω², -ω³]·∫C_d [r¹…r⁴] b dr, the integrals by quadrature."""
+    moments = [
+        quad(lambda r, n=n: 0.9 * r**n * (0.05 + 0.01 * r), -0.4, 0.6, epsabs=1e-15)[0] for n in range(5)
+    ]
+    rho, r_ref, dv = 1.1, 0.25, 0.1
+    for v0, w in np.random.default_rng(6).normal(scale=6, size=(200, 2)):
+        polynomial = [v0**3, -3 * v0**2 * w, 3 * v0 * w**2, -(w**3)]
+        c_v = abs(v0 - w * r_ref) + dv
+        force, moment = air.crossflow_area_moment(v0, w, rho, tuple(moments), r_ref, dv)
+        scale = sum(abs(p * a) for p, a in zip(polynomial, moments[1:], strict=True)) / c_v
+        assert abs(moment - 0.5 / c_v * rho * np.dot(polynomial, moments[1:])) <= 1e-12 * scale
+        assert abs(force - 0.5 / c_v * rho * np.dot(polynomial, moments[:4])) <= 1e-12 * max(scale, 1)
+
+
+def test_area_moment_form_is_exact_for_a_body_that_does_not_turn() -> None:
+    """Without rotation and with ∂v_ref → 0 the cubic form is v0|v0| itself; signs agree with strips."""
+    z, area = strips(outline, EDGES, NODES)
+    exact = air.crossflow(3.0, -5.0, 0.0, 0.0, 0.5 * 1.2 * 0.84, z, area, 0.3)
+    for axis, v in ((0, (3.0, 0.0)), (1, (0.0, -5.0))):
+        single = air.crossflow(*v, 0.0, 0.0, 0.5 * 1.2 * 0.84, z, area, 0.3)
+        form = air.crossflow_by_moments(*v, 0.0, 0.0, 1.2, 0.84, z, area, 0.3, 0.25, 1e-12)
+        np.testing.assert_allclose(form, single, rtol=1e-9, atol=1e-15)
+        assert np.sign(form[axis]) == np.sign(exact[axis])
+
+
+def test_area_moment_form_damps_a_turning_body() -> None:
+    z, area = strips(outline, EDGES, NODES)
+    fx, fy, mx, my = air.crossflow_by_moments(0, 0, 2.0, 3.0, 1.2, 0.84, z, area, 0.3, 0.25, 0.1)
+    assert mx < 0
+    assert my < 0
+
+
+def test_silhouette_of_a_cylinder_mesh_is_its_diameter_to_0_1_percent() -> None:
+    import trimesh
+
+    for turn in (0.0, 0.3):
+        mesh = trimesh.creation.cylinder(radius=0.027, height=1.0, sections=64)
+        mesh.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
+        width = silhouette(mesh.vertices, mesh.faces)
+        np.testing.assert_allclose(width(np.linspace(-0.49, 0.49, 9)), 0.054, rtol=1e-3)
+
+
+def test_silhouette_sees_fins_alike_at_every_roll_angle() -> None:
+    """Mean width of a cross of plates by direct averaging of its shadow over 720 views."""
+    import trimesh
+
+    plates = [trimesh.creation.box(extents=e) for e in ((0.12, 0.002, 0.1), (0.002, 0.12, 0.1))]
+    mesh = trimesh.util.concatenate(plates)
+    views = np.linspace(0, 2 * np.pi, 720, endpoint=False)
+    shadow = np.ptp(mesh.vertices[:, :2] @ np.array([np.cos(views), np.sin(views)]), axis=0)
+    width = silhouette(mesh.vertices, mesh.faces)
+    assert width(np.array([0.01]))[0] == pytest.approx(shadow.mean(), rel=1e-4)  # 720 views
+
+
+@pytest.mark.parametrize(
+    ("altitude", "published"),
+    [(0, 1.2250), (1000, 1.1117), (5000, 0.73643), (11000, 0.36480), (15000, 0.19476), (20000, 0.08891)],
+)
+def test_density_is_the_published_standard_atmosphere(altitude: float, published: float) -> None:
+    """U.S. Standard Atmosphere 1976, table I (geometric altitude), five digits."""
+    assert air.density(altitude) == pytest.approx(published, rel=1e-4)
+
+
+def test_wind_follows_the_power_law_and_stops_at_the_ground() -> None:
+    assert air.mean_wind(5.0, 10.0, 10.0, 1 / 7) == pytest.approx(5.0)
+    assert air.mean_wind(5.0, 320.0, 10.0, 0.2) == pytest.approx(10.0)  # 32^0.2 = 2
+    assert air.mean_wind(5.0, 320.0, 10.0, 0.0) == 5.0
+    assert air.mean_wind(5.0, -1.0, 10.0, 1 / 7) == 0.0
+
+
+def test_gusts_have_unit_variance_and_no_divergence() -> None:
+    rng = np.random.default_rng(0)
+    samples = np.array(
+        [
+            air.gust(modes, 64, *point)
+            for modes in (air.gust_modes(seed, 20.0, 64) for seed in range(40))
+            for point in rng.uniform(-1e4, 1e4, (100, 3))
+        ]
+    )
+    # 4000 samples, 40 independent fields of 64 modes: 5 % is three standard errors
+    np.testing.assert_allclose(samples.var(axis=0), 1.0, atol=0.05)
+    np.testing.assert_allclose(samples.mean(axis=0), 0.0, atol=0.06)
+    modes, h, x = air.gust_modes(1, 20.0, 64), 1e-4, np.array([3.0, -7.0, 11.0])
+    slopes = [
+        (air.gust(modes, 64, *(x + h * e))[k] - air.gust(modes, 64, *(x - h * e))[k]) / (2 * h)
+        for k, e in enumerate(np.eye(3))
+    ]
+    assert sum(slopes) == pytest.approx(0, abs=1e-6 * max(map(abs, slopes)) + 1e-7)
+
+
+def test_gusts_decorrelate_over_their_length() -> None:
+    """Correlation near 1 within a hundredth of the length and near 0 beyond five lengths."""
+    pairs = {near: [] for near in (True, False)}
+    for seed in range(200):
+        modes = air.gust_modes(seed, 50.0, 16)
+        origin = air.gust(modes, 16, 0, 0, 0)[0]
+        pairs[True].append((origin, air.gust(modes, 16, 0.5, 0, 0)[0]))
+        pairs[False].append((origin, air.gust(modes, 16, 250.0, 0, 0)[0]))
+    assert np.corrcoef(np.array(pairs[True]).T)[0, 1] > 0.95
+    assert abs(np.corrcoef(np.array(pairs[False]).T)[0, 1]) < 0.25  # 200 fields: 3 σ = 0.21
+
+
+def test_barrowman_coefficients_of_a_worked_fin_set() -> None:
+    """Rectangular fins without sweep: C_Nα and centre of pressure worked by hand."""
+    fins = Fins(count=4, root=0.1, tip=0.1, span=0.1, sweep=0.0, radius=0.05)
+    bare = 4 * 4 * 1.0 / (1 + np.sqrt(1 + (2 * 0.1 / 0.2) ** 2))
+    assert fins.slope() == pytest.approx(bare * (1 + 0.05 / 0.15))
+    assert fins.behind() == pytest.approx(0.025)  # quarter chord
+    # slope per fin area a: 2 fins carry `bare`; Σ∫ c y² dy = 4 c (R³-r³)/3
+    per_area = bare * np.pi * 0.05**2 / (2 * 0.1 * 0.1)
+    assert fins.roll_damping() == pytest.approx(per_area * 4 * 0.1 * (0.15**3 - 0.05**3) / 3, rel=1e-6)
