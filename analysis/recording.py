@@ -76,7 +76,7 @@ class TimeSeries:
 
     @property
     def time_ns(self) -> NDArray[np.int64]:
-        """Experiment time (n,) in whole nanoseconds, exact below 104 days (2⁵³ ns)."""
+        """Experiment time (n,) in whole nanoseconds, exact up to 13 days (2⁵⁰ ns)."""
         return np.rint(self.time * 1e9).astype(np.int64)
 
     def column(self, component: str) -> NDArray[np.float64]:

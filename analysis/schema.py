@@ -56,8 +56,8 @@ class Signal:
     components : names of the k components
     unit : SI unit of the values inside [k]
     stored_unit : unit of the values in the file
-    kind : `continuous` is finite in every row; `sampled` may hold NaN where nothing was measured;
-        `counter` holds whole numbers that start at zero
+    kind : `continuous` is finite in every row; of `sampled`, rows without any measurement are not
+        stored and a component may be NaN; `counter` holds whole numbers that start at zero
     """
 
     name: str

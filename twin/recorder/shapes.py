@@ -62,7 +62,7 @@ def plane(half: Floats) -> Triangles:
 def grid() -> Triangles:
     """Stripes every 50 m just above an infinite plane, as a sense of scale."""
     end, half = PLANE_HALF_EXTENT, 0.5 * GRID_WIDTH
-    places = np.arange(-end, end + 1.0, GRID_SPACING)
+    places = np.arange(-end + 0.5 * GRID_SPACING, end, GRID_SPACING)  # none through the ramp
     stripes = [
         plane(np.array([half, end])).moved(np.eye(3), np.array([x, 0, 0.02])) for x in places
     ]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import socket
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -17,8 +18,8 @@ from twin.errors import TwinError
 from twin.recorder import blueprint, columns
 from twin.recorder.poses import Poses
 
-DRAIN_NS = 1_000_000_000
 THRUST = "vehicle/thrust"
+LOOPBACK = "127.0.0.1"
 
 
 Stamps = NDArray[np.int64]
@@ -43,6 +44,8 @@ class Recorder:
     model : model whose bodies are drawn; None leaves the 3D scene out
     pose_period_ns : experiment time between two drawn poses [ns]
     capacity : rows kept at most before they are written
+    drain_ns : experiment time between two writes [ns]; what a killed process loses at most.
+        Shorter costs size: every write of a signal takes about 1.5 kB besides its values.
     serve : port on the loopback interface where a viewer may watch, besides the file
 
     Raises
@@ -61,21 +64,24 @@ class Recorder:
         model: mujoco.MjModel | None = None,
         pose_period_ns: int = 20_000_000,
         capacity: int = 4096,
+        drain_ns: int = 1_000_000_000,
         serve: int | None = None,
     ) -> None:
         self.path = Path(path)
         self._partial = self.path.with_name(self.path.name + ".partial")
         self._signals = _signals(signals)
         text = _json(properties)
+        if serve is not None:
+            _free(serve)
         _claim(self.path, self._partial)
-        self._layout(capacity)
+        self._layout(capacity, drain_ns)
         self._poses = None if model is None else Poses(model, pose_period_ns)
         self._texts: list[tuple[str, int, str, str]] = []
         self._last_wall = 0
         self._open = True
         self._stream = self._start(text, serve)
 
-    def _layout(self, capacity: int) -> None:
+    def _layout(self, capacity: int, drain_ns: int) -> None:
         width = sum(len(s.components) for s in self._signals)
         ends = np.cumsum([len(s.components) for s in self._signals]).tolist()
         self.slices: dict[str, slice] = {
@@ -88,7 +94,8 @@ class Recorder:
         self._wall = np.zeros(capacity, dtype=np.int64)
         self._n = 0
         self._capacity = capacity
-        self._due = DRAIN_NS
+        self._drain_every = drain_ns
+        self._due = drain_ns
         self.row: NDArray[np.float64] = np.full(width, np.nan)
 
     def _start(self, text: str, serve: int | None) -> rr.RecordingStream:
@@ -101,7 +108,7 @@ class Recorder:
         try:
             sinks.append(rr.FileSink(self._partial))
             if serve is not None:
-                sinks.append(rr.GrpcServerSink("127.0.0.1", serve, server_memory_limit="256MiB"))
+                sinks.append(rr.GrpcServerSink(LOOPBACK, serve, server_memory_limit="256MiB"))
             names = [s.name for s in self._signals]
             stream.set_sinks(*sinks, default_blueprint=blueprint.build(names, self._poses))
         except (RuntimeError, OSError, ValueError) as error:
@@ -127,7 +134,7 @@ class Recorder:
         n += 1
         self._n = n
         if n == self._capacity or time_ns >= self._due:
-            self._due = time_ns - time_ns % DRAIN_NS + DRAIN_NS
+            self._due = time_ns - time_ns % self._drain_every + self._drain_every
             self.drain()
 
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
@@ -163,9 +170,15 @@ class Recorder:
     def _drain_rows(self, time: Stamps, wall: Stamps) -> None:
         stored = self._block[: self._n] * self._scale
         when = columns.times(time, wall)
-        for name, part in self.slices.items():
-            entity = schema.SIGNALS[name].entity
-            self._stream.send_columns(entity, when, columns.scalars(stored[:, part]))
+        for signal in self._signals:
+            values, stamps = stored[:, self.slices[signal.name]], when
+            # Rows without any measurement are left out: NaN never compares equal to itself, and
+            # two equal runs must.
+            if (missing := np.isnan(values).all(axis=1)).any():
+                there = ~missing
+                values, stamps = values[there], columns.times(time[there], wall[there])
+            if len(values):
+                self._stream.send_columns(signal.entity, stamps, columns.scalars(values))
         self._last_wall = int(wall[-1])
         self._n = 0
 
@@ -192,10 +205,12 @@ class Recorder:
             self.drain()
             if self._poses:
                 self._poses.finish(self._stream)
-        finally:
             self._stream.flush()
+        except RuntimeError as error:
+            raise RecorderError(f"{self.path} may lack its end: {_line(error)}") from None
+        finally:
             self._stream.disconnect()
-        self._partial.replace(self.path)
+            self._partial.replace(self.path)
 
     def __enter__(self) -> Self:
         return self
@@ -207,7 +222,7 @@ class Recorder:
         trace: TracebackType | None,
     ) -> None:
         if self._open and error is not None and not isinstance(error, KeyboardInterrupt):
-            last = int(self._time[self._n - 1]) if self._n else self._due - DRAIN_NS
+            last = int(self._time[self._n - 1]) if self._n else self._due - self._drain_every
             self.event(max(last, 0), f"run ended early: {_line(error)}", "ERROR")
         self.close()
 
@@ -239,8 +254,19 @@ def _claim(path: Path, partial: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb"):
             pass
-    except OSError as error:
-        raise RecorderError(f"cannot record to {path}: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise RecorderError(f"cannot record to {path}: {reason}") from None
+
+
+def _free(port: int) -> None:
+    """Fail early if the port is taken: Rerun would only log it, and then lose the file's end."""
+    try:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((LOOPBACK, port))
+    except (OSError, OverflowError) as error:
+        raise RecorderError(f"cannot serve a viewer on port {port}: {error}") from None
 
 
 def _line(error: BaseException) -> str:

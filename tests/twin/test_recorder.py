@@ -1,0 +1,285 @@
+"""The recorder: nothing lost, nothing different between two runs, nothing in the loop's way."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import tracemalloc
+
+import mujoco
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from analysis import recording, schema
+from tests.conftest import ROOT
+from tests.twin import runs
+from twin import viewer
+from twin.recorder import Recorder, RecorderError, scene, shapes
+from twin.viewer import opening
+
+
+def compare(a, b):
+    options = ["rrd", "compare", "--unordered", "--ignore-timeline", schema.WALL_TIME]
+    done = subprocess.run([opening.binary(), *options, a, b], capture_output=True, text=True)
+    print(done.stderr[:2000])
+    return done.returncode
+
+
+def test_two_runs_with_the_same_data_compare_equal(tmp_path):
+    for name, offset in (("a.rrd", 0), ("b.rrd", 12345)):
+        runs.fly(tmp_path / name, 2.2, wall_offset=offset)
+    assert compare(tmp_path / "a.rrd", tmp_path / "b.rrd") == 0
+
+
+def test_two_runs_with_the_same_data_are_equal_to_the_last_bit(tmp_path):
+    read = []
+    for name in ("a.rrd", "b.rrd"):
+        runs.fly(tmp_path / name, 2.2)
+        read.append(recording.read(tmp_path / name))
+    # `rrd compare` forgives the last bits of a number; this does not
+    for name, series in read[0].series.items():
+        assert series.values.tobytes() == read[1][name].values.tobytes(), name
+        assert series.time.tobytes() == read[1][name].time.tobytes(), name
+
+
+def test_a_difference_in_one_row_is_seen(tmp_path):
+    for name, last in (("a.rrd", 1.0), ("b.rrd", 1.001)):
+        with Recorder(tmp_path / name, signals=["vehicle/mass"], properties={}) as recorder:
+            for tick in range(10):
+                recorder.row[:] = last if tick == 9 else 1.0
+                recorder.commit(tick * runs.PERIOD_NS, tick)
+    assert compare(tmp_path / "a.rrd", tmp_path / "b.rrd") == 1
+
+
+def test_a_minute_takes_at_most_20_megabytes_and_a_second(tmp_path, capsys):
+    start = time.perf_counter()
+    runs.fly(tmp_path / "minute.rrd", 60.0)
+    took, size = time.perf_counter() - start, (tmp_path / "minute.rrd").stat().st_size / 1e6
+    width = sum(len(schema.SIGNALS[name].components) for name in runs.SIGNALS)
+    with capsys.disabled():
+        print(
+            f"\n60 s at 250 Hz of {width} scalars and 3 bodies: {size:.1f} MB, {took:.2f} s in all"
+        )
+    assert size < 20.0
+    assert viewer.repaired(tmp_path / "minute.rrd") == tmp_path / "minute.rrd"
+
+
+def test_committing_allocates_nothing(tmp_path, capsys):
+    recorder = Recorder(tmp_path / "a.rrd", signals=list(runs.SIGNALS), properties={})
+    commit, ticks = recorder.commit, list(range(3000))
+    for tick in ticks[:10]:
+        commit(tick, tick)
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for tick in ticks:
+        commit(tick, tick)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    recorder.drain()
+    start = time.perf_counter()
+    for tick in ticks:
+        commit(tick, tick)
+    each = (time.perf_counter() - start) / len(ticks)
+    recorder.close()
+    with capsys.disabled():
+        print(f"\ncommit: {1e6 * each:.2f} µs a row of {len(recorder.row)}")
+    assert grown < 200  # the row counter and little else; one float a row would be 72 000
+
+
+def test_views_of_the_row_stay_valid(tmp_path):
+    with Recorder(tmp_path / "a.rrd", signals=["gimbal/command"], properties={}) as recorder:
+        place = recorder.row[recorder.slices["gimbal/command"]]
+        for tick in range(600):
+            place[:] = tick * 1e-3
+            recorder.commit(tick * runs.PERIOD_NS, tick)
+    values = recording.read(tmp_path / "a.rrd")["gimbal/command"].values
+    np.testing.assert_allclose(values[:, 0], np.arange(600) * 1e-3, rtol=1e-15)
+
+
+def test_more_rows_than_the_ring_holds_are_all_kept(tmp_path):
+    with Recorder(
+        tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}, capacity=7
+    ) as recorder:
+        for tick in range(100):
+            recorder.row[:] = tick
+            recorder.commit(tick, tick)
+    assert recording.read(tmp_path / "a.rrd")["vehicle/mass"].values[:, 0].tolist() == list(
+        range(100)
+    )
+
+
+def test_an_exception_keeps_the_run_up_to_there(tmp_path):
+    path = tmp_path / "a.rrd"
+    with pytest.raises(RuntimeError, match="exploded"):
+        runs.fly(path, 5.0, fail_at=2.5)
+    run = recording.read(path)
+    assert run["gimbal/command"].time[-1] == pytest.approx(2.496)
+    assert run.events[-1].level == "ERROR"
+    assert "the plant exploded" in run.events[-1].text
+    assert not path.with_name("a.rrd.partial").exists()
+
+
+KILLED = """
+import time, sys
+from pathlib import Path
+from twin.recorder import Recorder
+from tests.twin import runs
+every = int(sys.argv[2])
+recorder = Recorder(Path(sys.argv[1]), signals=["vehicle/mass"], properties={}, drain_ns=every)
+start = time.time_ns()
+while True:
+    recorder.row[:] = 1.0
+    now = time.time_ns()
+    recorder.commit(now - start, now)
+    print(now - start, flush=True)
+    time.sleep(0.01)
+"""
+
+
+def test_a_killed_process_loses_at_most_one_write(tmp_path):
+    path, every = tmp_path / "a.rrd", 100_000_000
+    process = subprocess.Popen(
+        [sys.executable, "-c", KILLED, path, str(every)],
+        stdout=subprocess.PIPE,
+        cwd=ROOT,
+        text=True,
+    )
+    last = 0
+    while last < 1_250_000_000:
+        last = int(process.stdout.readline())
+    os.kill(process.pid, signal.SIGKILL)
+    last = max([last, *map(int, process.stdout.read().split())])
+    process.wait()
+    process.stdout.close()
+    assert not path.exists()
+    saved = viewer.repaired(path.with_name("a.rrd.partial"))
+    kept = recording.read(saved)["vehicle/mass"].time_ns[-1]
+    # one write outstanding, and one tick of Rerun's own batcher (0.2 s) at the very worst
+    assert last - kept <= every + 200_000_000
+
+
+@pytest.mark.parametrize("name", ["no/such\0name.rrd", "folder.rrd", "run.txt"])
+def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path, name):
+    (tmp_path / "folder.rrd").mkdir()
+    with pytest.raises(RecorderError, match=r"cannot record|ends in \.rrd"):
+        Recorder(tmp_path / name, signals=["vehicle/mass"], properties={})
+
+
+def test_a_file_in_the_way_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecorderError, match=r"cannot record to .*file"):
+        Recorder(tmp_path / "file" / "a.rrd", signals=["vehicle/mass"], properties={})
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "file"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"signals": ["vehicle/mas"]}, "did you mean 'vehicle/mass'"),
+        ({"signals": []}, "at least one signal"),
+        ({"properties": {"a": object()}}, "must be JSON"),
+        ({"properties": {"a": float("nan")}}, "must be JSON"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_written(tmp_path, change, message):
+    options = {"signals": ["vehicle/mass"], "properties": {}} | change
+    with pytest.raises(RecorderError, match=message):
+        Recorder(tmp_path / "a.rrd", **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_taken_port_is_refused(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(RecorderError, match=str(port)):
+            Recorder(tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}, serve=port)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_viewers_server_listens_on_loopback_alone(tmp_path):
+    import psutil
+
+    port = opening.free_port()
+    with Recorder(tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}, serve=port):
+        listening = [
+            connection.laddr.ip
+            for connection in psutil.Process().net_connections("inet")
+            if connection.status == psutil.CONN_LISTEN and connection.laddr.port == port
+        ]
+    assert listening == ["127.0.0.1"]
+
+
+def test_poses_are_those_of_the_model_with_quaternions_turned_for_rerun(tmp_path):
+    runs.fly(tmp_path / "a.rrd", 1.0)
+    chunks = RrdReader(tmp_path / "a.rrd").stream().filter(content="/world/vehicle").to_chunks()
+    batches = [chunk.to_record_batch() for chunk in chunks if not chunk.is_static]
+    place = np.concatenate([b["Transform3D:translation"].flatten().flatten() for b in batches])
+    turn = np.concatenate([b["Transform3D:quaternion"].flatten().flatten() for b in batches])
+    time = np.arange(len(place) // 3) * 0.02
+    tilt = 0.2 + 0.15 * np.sin(0.8 * time)
+    zero = np.zeros_like(tilt)
+    np.testing.assert_allclose(
+        place.reshape(-1, 3),
+        np.column_stack([0.3 * time**2, 0.5 * time, 0.3 + 2.0 * time**2]),
+        atol=1e-6,  # Rerun keeps single precision
+    )
+    np.testing.assert_allclose(
+        turn.reshape(-1, 4),
+        np.column_stack([zero, np.sin(tilt / 2), zero, np.cos(tilt / 2)]),
+        atol=1e-6,
+    )
+
+
+def test_collision_shapes_are_left_out():
+    drawn = {body.name: body for body in scene.bodies(mujoco.MjModel.from_xml_string(runs.SCENE))}
+    assert set(drawn) == {"ground", "vehicle", "gimbal_ring", "gimbal_holder"}
+    assert not drawn["ground"].moves
+    assert drawn["vehicle"].triangles.vertices[:, :2].max() < 0.028  # the capsule has 0.05
+
+
+SHAPES = {
+    "box": ("0.1 0.2 0.3", 8 * 0.1 * 0.2 * 0.3),
+    "sphere": ("0.2", 4 / 3 * np.pi * 0.2**3),
+    "ellipsoid": ("0.1 0.2 0.3", 4 / 3 * np.pi * 0.1 * 0.2 * 0.3),
+    "cylinder": ("0.1 0.3", np.pi * 0.1**2 * 0.6),
+    "capsule": ("0.1 0.3", np.pi * 0.1**2 * 0.6 + 4 / 3 * np.pi * 0.1**3),
+}
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_primitive_encloses_its_volume_and_looks_outward(kind):
+    size, volume = SHAPES[kind]
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody><geom type="{kind}" size="{size}"/></worldbody></mujoco>'
+    )
+    mesh = shapes.of_geom(model, 0)
+    corners = mesh.vertices[mesh.faces]
+    # divergence theorem; 32 sides around enclose 2 % less than the circle, ends as much again
+    enclosed = (
+        np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    )
+    assert enclosed == pytest.approx(volume, rel=0.03)
+    assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1.0)
+    assert (np.einsum("ij,ij->i", mesh.vertices, mesh.normals) > 0.0).all()
+
+
+def test_memory_stays_flat(tmp_path):
+    import psutil
+
+    with Recorder(
+        tmp_path / "a.rrd", signals=list(runs.SIGNALS), properties={}, drain_ns=10**9
+    ) as recorder:
+        resident = []
+        for second in range(240):
+            for tick in range(25):
+                stamp = second * 10**9 + tick * 40_000_000
+                recorder.commit(stamp, stamp)
+            if second in (60, 239):
+                resident.append(psutil.Process().memory_info().rss)
+    # Rerun keeps about 0.7 kB of index for each write of each signal until the file is closed
+    assert resident[1] - resident[0] < 12e6
