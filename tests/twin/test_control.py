@@ -158,7 +158,7 @@ def test_gimbal_angle_scales_with_the_inverse_of_authority():
         for b in (60.0, 120.0)
     ]
     assert angles[0] == pytest.approx(2.0 * angles[1], rel=1e-12)
-    assert angles[0] == pytest.approx(12.0 * 0.01 / 60.0, rel=1e-9)  # kp·e/b, and +x tilts to −x
+    assert angles[0] == pytest.approx(25.0 * 0.01 / 60.0, rel=1e-9)  # kp·e/b, and +x tilts to −x
 
 
 @pytest.mark.parametrize("dt", [0.001, 0.004, 0.02])
