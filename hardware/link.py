@@ -16,9 +16,9 @@ from hardware.protocol import BAUD, DELIMITER, Counters, Decoder, Encoder, Frame
 
 RETRY_NS = 200_000_000
 _CHUNK = 4096
-# A full buffer of the operating system holds 100 ms of commands: nobody is reading. With zero
-# pyserial would spin on it for ever (serialposix.write loops on EAGAIN).
-_WRITE_TIMEOUT_S = 0.02
+# The operating system's buffer holds seconds of commands: when it is full nobody is reading. With
+# a timeout of zero pyserial would spin on it for ever (serialposix.write loops on EAGAIN).
+_WRITE_TIMEOUT_S = 0.002
 _EXAMPLES = "/dev/ttyUSB0, COM3 or socket://127.0.0.1:5555"
 
 
@@ -239,6 +239,8 @@ def _explain(url: str, error: Exception) -> str:
     if "://" in url:
         if "refused" in text:
             return f"nothing listens at {url}: start a rig with `twin rig`, or check the address"
+        if "debug|info" in text:  # pyserial trips over its own message about a bad address
+            text = "no host and port from 1 to 65535 in it"
         return f"cannot open {url}: {text}; a port is {_EXAMPLES}"
     if number in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in text:
         return f"{url} is in use by another program; close it (only one can hold the port)"

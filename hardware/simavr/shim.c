@@ -8,7 +8,9 @@
  *   - sleep() really sleeps;
  *   - Timer1 in mode 14 and Timer2's compare unit drive the wrong pin edges;
  *   - I2C bytes take 9 us at every bit rate;
+ *   - a byte of the UART takes eleven bits, parity or not;
  *   - a low level on D2 or D3 costs a timer call per cycle, interrupt enabled or not;
+ *   - a pull-up overrules a pin that is driven from outside, unless it is declared external;
  *   - the ADC scales millivolts, coarser than one code.
  */
 #include <stdint.h>
@@ -34,7 +36,7 @@ enum {
 };
 enum { EXTRF = 1 << 1 };
 enum { TIMER2_COMPB_VECTOR = 8, TIMER1_OVF_VECTOR = 13 };
-enum { FULL_SCALE = 1023 };
+enum { FULL_SCALE = 1023, INPUTS_D = 0xB4 /* D2, D4, D5, D7: limit switches */ };
 
 enum { MPU_PWR_MGMT_1 = 0x6B, MPU_SLEEP = 0x40, MPU_FIRST = 0x3B, MPU_READING = 14 };
 
@@ -59,6 +61,7 @@ typedef struct {
 typedef struct nano {
   avr_t *avr;
   avr_twi_t *twi;
+  avr_uart_t *uart;
   avr_irq_t *uart_in, *adc[8], *twi_in, *pin_d[8];
   uint32_t adc_code[8], pin_level[8];
 
@@ -115,6 +118,7 @@ static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *param) {
     n->in_running = 0;
     return 0;
   }
+  n->uart->cycles_per_byte = n->byte_cycles; /* TRAP: whatever UBRR0 led it to think */
   avr_raise_irq(n->uart_in, n->in[n->in_tail++ % QUEUE]);
   return when + n->byte_cycles;
 }
@@ -122,6 +126,7 @@ static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *param) {
 static void transmitted(avr_irq_t *irq, uint32_t value, void *param) {
   nano_t *n = param;
   (void)irq;
+  n->uart->cycles_per_byte = n->byte_cycles;
   uint64_t start = n->avr->cycle > n->out_free ? n->avr->cycle : n->out_free;
   n->out_free = start + n->byte_cycles;
   if (n->out_head - n->out_tail == QUEUE) {
@@ -245,25 +250,39 @@ static void wire_up(nano_t *n) {
   avr_irq_register_notify(avr_get_interrupt_irq(avr, TIMER1_OVF_VECTOR), frame_started, n);
   avr_irq_register_notify(avr_get_interrupt_irq(avr, TIMER2_COMPB_VECTOR), timer2_matched, n);
   for (avr_io_t *io = avr->io_port; io; io = io->next)
-    if (strcmp(io->kind, "twi") == 0) n->twi = (avr_twi_t *)io;
+    if (strcmp(io->kind, "twi") == 0)
+      n->twi = (avr_twi_t *)io;
+    else if (strcmp(io->kind, "uart") == 0)
+      n->uart = (avr_uart_t *)io;
   the_twi = n->twi;
   uint32_t flags = 0; /* no printing, no polling pauses */
   avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
 }
 
+/* TRAP: declared external, or the firmware's pull-up wins; and a level that does not change is not
+ * passed on, so the other one goes first. */
+static void drive_pins(nano_t *n) {
+  avr_ioport_external_t outside = {.name = 'D', .mask = INPUTS_D, .value = 0};
+  for (int i = 0; i < 8; i++)
+    if (INPUTS_D >> i & 1 && n->pin_level[i]) outside.value |= 1u << i;
+  avr_ioctl(n->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('D'), &outside);
+  for (int i = 0; i < 8; i++) {
+    if (!(INPUTS_D >> i & 1)) continue;
+    avr_raise_irq(n->pin_d[i], !n->pin_level[i]);
+    avr_raise_irq(n->pin_d[i], n->pin_level[i]);
+  }
+}
+
 void nano_set_pin_d(nano_t *n, uint32_t pin, uint32_t level) {
-  if (pin >= 8) return;
-  n->pin_level[pin] = level ? 1 : 0;
-  avr_raise_irq(n->pin_d[pin], n->pin_level[pin]);
+  if (pin >= 8 || !(INPUTS_D >> pin & 1) || n->pin_level[pin] == !!level) return;
+  n->pin_level[pin] = !!level;
+  drive_pins(n);
 }
 
 /* What a reset of the chip forgets about its surroundings. */
 static void settle(nano_t *n) {
   for (int i = 0; i < 2; i++) avr_extint_set_strict_lvl_trig(n->avr, i, 0); /* TRAP: see top */
-  for (int i = 0; i < 8; i++) { /* a level that does not change is not passed on */
-    avr_raise_irq(n->pin_d[i], !n->pin_level[i]);
-    avr_raise_irq(n->pin_d[i], n->pin_level[i]);
-  }
+  drive_pins(n);
 }
 
 /* NULL when the file is no AVR program or the chip is unknown. */

@@ -31,7 +31,8 @@ bool round_running;
 bool converting;  // this round's conversions have been started
 
 uint16_t applied[3];
-bool pulses_wait;  // for the next frame to start
+bool pulses_wait;  // for the next servo frame to start
+bool frames_wait;  // more bytes than one frame have been received
 
 }  // namespace
 
@@ -70,7 +71,13 @@ void show_armed() {
 void take_bytes() {
   uint8_t byte;
   uint32_t stamp_us = 0;
-  while (uart::take(byte, stamp_us)) gimbal.receive(byte, stamp_us, byte ? 0 : servos::micros());
+  while (uart::take(byte, stamp_us)) {
+    if (!gimbal.receive(byte)) continue;
+    gimbal.obey(stamp_us, servos::micros());
+    frames_wait = true;  // one at a time: the sensors do not wait for a flood
+    return;
+  }
+  frames_wait = false;
 }
 
 void apply_pulses() {
@@ -84,8 +91,7 @@ void apply_pulses() {
 void report() {
   Sample s;
   ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-    s.device_us = servos::micros_locked();
-    s.frame_us = servos::frame_age_us();
+    s.device_us = servos::micros_locked(s.frame_us);
     servos::in_force(s.pulse);
   }
   adc::read(s.potentiometer, s.joystick);
@@ -101,13 +107,16 @@ void report() {
   s.switches = read_switches();
   s.overruns = uart::overruns();
   gimbal.report(s);
+  uart::kick();  // before anything else is queued: PONG counts on the line being at work
 }
 
 // The conversions begin when the holder's IMU has been read and end about when the base's has.
 void run_round() {
   if (!round_running || bus::state() == bus::BUSY) return;
   if (bus::state() != bus::FREE) {
-    imus.done(bus::state() == bus::DONE, bus::data(), servos::micros());
+    uint32_t ended_us;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { ended_us = servos::since(bus::ended()); }
+    imus.done(bus::state() == bus::DONE, bus::data(), ended_us);
     bus::release();
     if (!converting) adc::start();
     converting = true;
@@ -145,7 +154,7 @@ void take_ticks() {
 // Most interrupts (a byte sent, a conversion) leave the main loop nothing to do.
 void sleep_until_woken() {
   cli();
-  while (!woken() && !pulses_wait) {
+  while (!woken() && !pulses_wait && !frames_wait) {
     sei();  // takes effect after the next instruction, so no interrupt slips in before sleep
     sleep_cpu();
     cli();
@@ -176,11 +185,11 @@ void begin() {
 }
 
 void poll() {
+  take_ticks();
+  run_round();  // first, so that frames are read while the bus is at work
   take_bytes();
   gimbal.update(servos::micros());
   apply_pulses();
-  run_round();
-  take_ticks();
   uart::kick();
   show_armed();
   sleep_until_woken();

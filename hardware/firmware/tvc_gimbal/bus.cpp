@@ -16,9 +16,11 @@ Transaction current;
 uint8_t bytes[16];
 volatile uint8_t at;        // bytes sent or received
 volatile bus::State now = bus::FREE;
+volatile uint16_t end_ticks;
 
 inline void finish(bus::State end) {
   TWCR = _BV(TWINT) | _BV(TWEN) | _BV(TWSTO);
+  end_ticks = TCNT1;
   now = end;
   wake();
 }
@@ -100,6 +102,8 @@ void start(const Transaction& transaction) {
 State state() { return now; }
 
 const uint8_t* data() { return bytes; }
+
+uint16_t ended() { return end_ticks; }
 
 void release() { now = FREE; }
 

@@ -13,6 +13,8 @@ void start(const Transaction& transaction);
 State state();
 // The bytes read, valid in DONE.
 const uint8_t* data();
+// TCNT1 when the transaction ended.
+uint16_t ended();
 // Back to FREE after DONE or FAILED.
 void release();
 // Ends whatever runs and frees a line that a confused sensor holds.

@@ -7,7 +7,7 @@
 namespace {
 
 // Start bit, eight data bits, stop bit.
-constexpr uint32_t BYTE_US = 10UL * 1000000UL / wire::BAUD;
+constexpr uint32_t BYTE_US = uint32_t{10000000} / wire::BAUD;
 
 template <class Message>
 bool read(const Receiver& receiver, Message& message) {
@@ -95,13 +95,11 @@ void Gimbal::hello() {
   sender_.send(hello);
 }
 
-void Gimbal::receive(uint8_t byte, uint32_t received_us, uint32_t now_us) {
-  if (!receiver_.take(byte)) return;
-  if (obey(received_us, now_us))
-    acknowledged_ = receiver_.sequence();
+void Gimbal::obey(uint32_t received_us, uint32_t now_us) {
+  if (follow(received_us, now_us)) acknowledged_ = receiver_.sequence();
 }
 
-bool Gimbal::obey(uint32_t received_us, uint32_t now_us) {
+bool Gimbal::follow(uint32_t received_us, uint32_t now_us) {
   const bool bare = receiver_.payload_size() == 0;
   bool obeyed = false;
   switch (receiver_.type()) {
@@ -158,7 +156,7 @@ bool Gimbal::command(const wire::Command& command, uint32_t received_us) {
   }
   const uint16_t timeout_ms =
       command.timeout_ms < wire::TIMEOUT_LONGEST_MS ? command.timeout_ms : wire::TIMEOUT_LONGEST_MS;
-  deadline_us_ = received_us + 1000UL * timeout_ms;
+  deadline_us_ = received_us + uint32_t{1000} * timeout_ms;
   set(wire::FLAGS_DRIVING, true);
   return true;
 }

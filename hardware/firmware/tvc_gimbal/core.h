@@ -26,8 +26,10 @@ class Gimbal {
 
   // Says HELLO; `reset_cause` is MCUSR.
   void boot(uint8_t reset_cause);
+  // True when this byte has completed a frame: obey it before the next byte.
+  bool receive(uint8_t byte) { return receiver_.take(byte); }
   // `received_us`: clock at the frame's last byte; `now_us`: clock now.
-  void receive(uint8_t byte, uint32_t received_us, uint32_t now_us);
+  void obey(uint32_t received_us, uint32_t now_us);
   void update(uint32_t now_us);
   void report(const Sample& sample);
 
@@ -40,7 +42,7 @@ class Gimbal {
 
  private:
   void hello();
-  bool obey(uint32_t received_us, uint32_t now_us);
+  bool follow(uint32_t received_us, uint32_t now_us);
   bool command(const wire::Command& command, uint32_t received_us);
   bool configure(const wire::Config& config);
   void pong(const wire::Ping& ping, uint32_t received_us, uint32_t now_us);

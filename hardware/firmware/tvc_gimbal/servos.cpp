@@ -121,18 +121,26 @@ void in_force(uint16_t* pulse) {
   }
 }
 
-uint16_t frame_age_us() {
-  uint16_t age;
-  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { age = TCNT1; }
-  return age / 2;
+uint32_t micros_locked(uint16_t& frame_us) {
+  frame_us = TCNT1 / 2;
+  uint32_t start = frame_start_us;
+  // Overflowed, and its interrupt has not run: the count is of the new frame already.
+  if ((TIFR1 & _BV(TOV1)) && frame_us < wire::PWM_PERIOD_US / 2) start += wire::PWM_PERIOD_US;
+  return start + frame_us;
 }
 
 uint32_t micros_locked() {
-  const uint16_t age = TCNT1;
-  uint32_t start = frame_start_us;
-  // Overflowed, and its interrupt has not run: the count is of the new frame already.
-  if ((TIFR1 & _BV(TOV1)) && age < FRAME_TICKS / 2) start += wire::PWM_PERIOD_US;
-  return start + age / 2;
+  uint16_t frame_us;
+  return micros_locked(frame_us);
+}
+
+uint32_t since(uint16_t ticks) {
+  uint16_t now_in_frame;
+  const uint32_t now = micros_locked(now_in_frame);
+  const uint16_t then = ticks / 2;
+  uint16_t age = static_cast<uint16_t>(now_in_frame - then);
+  if (now_in_frame < then) age = static_cast<uint16_t>(age + wire::PWM_PERIOD_US);
+  return now - age;
 }
 
 uint32_t micros() {

@@ -13,7 +13,7 @@ namespace {
 constexpr uint8_t STAMPS = 4;
 
 Ring<128> received;
-volatile uint32_t stamps[STAMPS];  // arrivals of the latest delimiters
+volatile uint16_t stamps[STAMPS];  // arrivals of the latest delimiters: ticks into a servo frame
 volatile uint8_t delimiters;
 uint8_t delimiters_taken;
 volatile uint16_t lost;
@@ -25,7 +25,7 @@ ISR(USART_RX_vect) {
   const uint8_t byte = UDR0;
   if (!received.push(byte)) ++lost;
   if (byte != 0) return;  // a frame is worth waking for, a byte is not
-  stamps[delimiters % STAMPS] = servos::micros_locked();
+  stamps[delimiters % STAMPS] = TCNT1;
   ++delimiters;
   wake();
 }
@@ -55,7 +55,7 @@ void kick() {
 bool take(uint8_t& byte, uint32_t& stamp_us) {
   if (!received.pop(byte)) return false;
   if (byte == 0) {
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { stamp_us = stamps[delimiters_taken % STAMPS]; }
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { stamp_us = servos::since(stamps[delimiters_taken % STAMPS]); }
     ++delimiters_taken;
   }
   return true;

@@ -1,0 +1,433 @@
+"""The compiled firmware on a simulated ATmega328P."""
+
+import os
+import random
+import subprocess
+from itertools import pairwise
+
+import pytest
+
+from hardware import avr
+from hardware.avr import BASE, HOLDER, Pulse, SimulatedNano, SimulatedNanoError
+from hardware.firmware import FirmwareError, build_elf, build_hash, size
+from hardware.firmware.build import FLAGS, FLASH_SIZE, FOLDER, RAM_SIZE, SKETCH, sources
+from hardware.protocol import (
+    Arm,
+    Board,
+    Command,
+    Config,
+    Decoder,
+    Disarm,
+    Encoder,
+    Flags,
+    Frame,
+    Hello,
+    HelloRequest,
+    Message,
+    Mode,
+    Ping,
+    Pong,
+    Telemetry,
+    default_config,
+    encode,
+    hello,
+)
+
+if absent := avr.missing():
+    assert not os.environ.get("CI"), f"missing in CI: {absent}"
+    pytest.skip(f"the simulated Nano needs {avr.PACKAGES}", allow_module_level=True)
+
+FRAME_US = 20_000
+
+
+class Desk:
+    """A simulated Nano with a codec at the other end of its line."""
+
+    def __init__(self, nano: SimulatedNano) -> None:
+        self.nano = nano
+        self.encoder = Encoder()
+        self.decoder = Decoder()
+        self.raw = b""
+
+    def send(self, message: Message) -> None:
+        self.nano.write(self.encoder.encode(message))
+
+    def run(self, milliseconds: int) -> list[Frame]:
+        frames: list[Frame] = []
+        for _ in range(milliseconds):
+            self.nano.advance_us(1000)
+            data = self.nano.read()
+            self.raw += data
+            self.decoder.receive_data(data)
+            frames += self.decoder
+        return frames
+
+    def telemetry(self, milliseconds: int) -> list[Telemetry]:
+        return [f.message for f in self.run(milliseconds) if isinstance(f.message, Telemetry)]
+
+
+@pytest.fixture
+def desk():
+    with SimulatedNano() as nano:
+        yield Desk(nano)
+
+
+@pytest.fixture
+def armed(desk):
+    desk.run(40)
+    desk.send(Arm())
+    desk.run(10)
+    desk.nano.pulses()
+    return desk
+
+
+def _widths(pulses: list[Pulse], servo: int) -> list[int]:
+    return [p.ticks for p in pulses if p.servo == servo]
+
+
+def test_the_firmware_builds_without_a_warning(tmp_path):
+    build_elf(tmp_path / "firmware.elf")  # raises on any output of the compiler
+
+
+def test_the_sketch_builds_as_the_arduino_ide_builds_it(tmp_path):
+    # The IDE compiles the .ino as C++ and links it to a main that calls init, setup and loop.
+    main = tmp_path / "main.cpp"
+    main.write_text("void setup(); void loop(); int main() { setup(); for (;;) loop(); }\n")
+    units = [str(p) for p in sources() if p.suffix == ".cpp"]
+    command = ["avr-g++", *FLAGS, "-x", "c++", str(main), str(SKETCH / "tvc_gimbal.ino"), *units]
+    done = subprocess.run(
+        [*command, "-o", str(tmp_path / "sketch.elf")], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_broken_source_is_told_by_the_compiler_not_swallowed(tmp_path, monkeypatch):
+    monkeypatch.setattr("hardware.firmware.build.FLAGS", (*FLAGS, "-DF_CPU=1", "-include", "x.h"))
+    with pytest.raises(FirmwareError, match=r"x\.h"):
+        build_elf(tmp_path / "firmware.elf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_firmware_takes_at_most_half_the_flash_and_six_tenths_of_the_ram():
+    used = size(build_elf())
+    assert used.flash <= 0.5 * FLASH_SIZE
+    assert used.ram <= 0.6 * RAM_SIZE
+
+
+def test_the_sources_are_all_in_the_folder_that_is_hashed():
+    assert {p.name for p in FOLDER.rglob("*.cpp")} == {
+        "main.cpp",
+        *(p.name for p in sources() if p.suffix == ".cpp"),
+    }
+
+
+def test_hello_at_boot_is_byte_for_byte_what_python_says(desk):
+    desk.run(3)
+    greeting = hello(Board.NANO, build_hash(), default_config(), reset_cause=1)
+    assert desk.raw == b"\0" + encode(greeting, 0)
+
+
+def test_the_reset_line_starts_the_program_again_and_hello_says_so(armed):
+    armed.nano.reset()
+    greetings = [f.message for f in armed.run(50) if isinstance(f.message, Hello)]
+    assert [g.reset_cause for g in greetings] == [2]  # EXTRF
+
+
+def test_sensors_reach_telemetry_unchanged(desk):
+    desk.nano.set_adc([1, 200, 511, 1023, 0, 0, 300, 1000])
+    desk.nano.set_switches([True, False, False, True])
+    desk.nano.set_imu_counts(HOLDER, (-32768, 5, 32767), (1, -2, 3))
+    desk.nano.set_imu_counts(BASE, (7, 8, 9), (-10, -11, -12))
+    last = desk.telemetry(60)[-1]
+    assert last.potentiometer == (1, 200, 511, 1023)
+    assert last.joystick == (300, 1000)
+    assert last.switches == 0b1001
+    assert (last.holder_gyro, last.holder_accelerometer) == ((-32768, 5, 32767), (1, -2, 3))
+    assert (last.base_gyro, last.base_accelerometer) == ((7, 8, 9), (-10, -11, -12))
+    assert Flags(last.flags) == Flags.HOLDER_IMU | Flags.BASE_IMU
+
+
+@pytest.mark.parametrize("code", [0, 1, 511, 512, 1022, 1023])
+def test_volts_convert_as_the_datasheet_says(desk, code):
+    # ADC = V · 1024 / V_ref (ATmega328P datasheet, 24.7): the middle of a step is its code.
+    desk.nano.set_volts([(code + 0.5) * 4.7 / 1024] * 8, supply=4.7)
+    assert desk.telemetry(20)[-1].potentiometer == (code,) * 4
+
+
+def test_the_imus_get_the_filter_that_config_asks_for(desk):
+    desk.run(40)
+    assert desk.nano.imu_register(HOLDER, 0x1A) == 2
+    desk.send(Config(2, 6, *[(3000,) * 3, (2000,) * 3, (4000,) * 3]))
+    desk.run(40)
+    assert [desk.nano.imu_register(s, 0x1A) for s in (HOLDER, BASE)] == [6, 6]
+
+
+def test_a_pulled_imu_is_flagged_and_comes_back_by_itself(desk):
+    desk.nano.set_imu_counts(HOLDER, (1, 2, 3), (4, 5, 6))
+    desk.run(40)
+    desk.nano.plug_imu(HOLDER, False)
+    pulled = desk.telemetry(40)
+    assert len(pulled) == 20  # telemetry goes on without it
+    assert Flags(pulled[-1].flags) == Flags.BASE_IMU
+    assert pulled[-1].imu_age_us[0] > 30_000
+    desk.nano.plug_imu(HOLDER, True)
+    desk.nano.set_imu_counts(HOLDER, (7, 8, 9), (4, 5, 6))
+    back = desk.telemetry(40)[-1]
+    assert Flags(back.flags) == Flags.HOLDER_IMU | Flags.BASE_IMU
+    assert back.holder_gyro == (7, 8, 9)
+
+
+def _steady(desk: Desk, milliseconds: int) -> None:
+    """Telemetry without a gap, in step with the crystal, while the host talks as it does."""
+    source = random.Random(3)
+    desk.run(10)
+    frames: list[Frame] = []
+    for at in range(milliseconds):
+        if at == 0:
+            desk.send(Arm())
+        elif at % 4 == 0:
+            width = source.randint(1500, 4500)
+            desk.send(Command((width, width, width), 100, Mode.DRIVE))
+        elif at % 100 == 1:
+            desk.send(Ping(at))
+        frames += desk.run(1)
+    sequences = [f.sequence for f in frames]
+    assert all(b == (a + 1) & 0xFFFF for a, b in pairwise(sequences))
+    readings = [f.message for f in frames if isinstance(f.message, Telemetry)]
+    assert len(readings) == pytest.approx(milliseconds / 2, abs=1)
+    steps = [(b.device_us - a.device_us) % 2**32 for a, b in pairwise(readings)]
+    # 16 bytes of a command interrupt a round about 0.2 ms; a missed frame would show 4000.
+    assert min(steps) > 1500
+    assert max(steps) < 2500
+    last = readings[-1]
+    assert (last.crc_errors, last.lost, last.overruns, last.skipped) == (0, 0, 0, 0)
+    assert desk.decoder.counters.crc_errors == desk.decoder.counters.lost == 0
+    assert sum(isinstance(f.message, Pong) for f in frames) == pytest.approx(
+        milliseconds / 100, abs=1
+    )
+
+
+def test_five_seconds_of_telemetry_have_no_gap(desk):
+    _steady(desk, 5_000)
+
+
+@pytest.mark.slow
+def test_a_minute_of_telemetry_has_no_gap(desk):
+    _steady(desk, 60_000)
+
+
+def test_every_telemetry_frame_is_byte_for_byte_what_python_encodes(armed):
+    armed.nano.set_adc([0, 256, 512, 1023, 0, 0, 0, 511])
+    armed.nano.set_imu_counts(HOLDER, (0, -1, 256), (0, 0, 8192))
+    armed.raw = b""
+    armed.decoder = Decoder()
+    frames = armed.run(200)
+    assert len(frames) == 100
+    again = b"".join(encode(f.message, f.sequence) for f in frames)
+    assert again in armed.raw  # the run may begin and end in the middle of a frame
+
+
+def test_servo_frames_are_20_ms_and_the_third_follows_by_100_us(armed):
+    armed.run(200)
+    pulses = armed.nano.pulses()
+    for servo in range(3):
+        edges = [p.time_us for p in pulses if p.servo == servo]
+        # 1 µs: the simulator hands edges over between instructions of up to four cycles.
+        assert [b - a for a, b in pairwise(edges)] == pytest.approx(
+            [FRAME_US] * (len(edges) - 1), abs=1
+        )
+    x = next(p for p in pulses if p.servo == 0)
+    turntable = next(p for p in pulses if p.servo == 2 and p.time_us > x.time_us)
+    assert turntable.time_us - x.time_us == pytest.approx(100, abs=2)
+
+
+def test_all_three_widths_are_exact_to_the_tick(armed):
+    for width in (2000, 2001, 2047, 2048, 2303, 2304, 3000, 3333, 3999, 4000):
+        armed.send(Command((width, 6000 - width, width), 100, Mode.DRIVE))
+        armed.run(60)
+        pulses = armed.nano.pulses()
+        assert _widths(pulses, 0)[-1] == width
+        assert _widths(pulses, 1)[-1] == 6000 - width
+        assert _widths(pulses, 2)[-1] == width
+
+
+def test_the_third_pulse_is_exact_over_its_whole_range(armed):
+    armed.send(Config(2, 2, (3000,) * 3, (1000,) * 3, (5000,) * 3))
+    for width in range(1000, 5001, 37):
+        armed.send(Command((3000, 3000, width), 200, Mode.DRIVE))
+        armed.run(45)
+        assert _widths(armed.nano.pulses(), 2)[-1] == width
+
+
+def test_telemetry_shows_the_pulses_in_force_when_it_was_sampled(armed):
+    source = random.Random(11)
+    shown: list[Telemetry] = []
+    edges: list[Pulse] = []
+    for _ in range(150):
+        armed.send(Command((source.randint(2000, 4000), 3000, 3000), 100, Mode.DRIVE))
+        shown += armed.telemetry(source.randint(3, 40))
+        edges += armed.nano.pulses()
+    x = [p for p in edges if p.servo == 0]
+    offset = x[0].time_us % FRAME_US  # of the device clock against the simulator's
+    checked = 0
+    for reading in shown:
+        begun = reading.device_us + offset - reading.frame_us
+        match = [p.ticks for p in x if abs(p.time_us - begun) < 3]
+        checked += len(match)
+        assert match in ([], [reading.pulse[0]])
+    assert checked > 1000
+
+
+def test_pulses_stay_within_the_limits_while_commands_change_at_random_phase(armed):
+    source = random.Random(7)
+    pulses: list[Pulse] = []
+    for _ in range(1500):
+        inside, anywhere = source.randint(2000, 4000), source.randrange(65536)
+        wild = tuple(
+            source.choice((0, 1999, 4001, 65535, inside, inside, inside, anywhere))
+            for _ in range(3)
+        )
+        armed.send(
+            Command(wild, source.choice((0, 1, 50, 2000, 2000)), source.choice((0, 1, 1, 1, 1, 2)))
+        )
+        armed.nano.advance_us(source.randrange(500, 4000))
+        pulses += armed.nano.pulses()
+        armed.nano.read()
+    assert len(pulses) > 400
+    assert all(2000 <= p.ticks <= 4000 for p in pulses)
+    assert len(set(_widths(pulses, 0))) > 20  # they did move
+
+
+def test_x_and_y_change_in_the_same_frame_at_any_phase(armed):
+    source = random.Random(9)
+    pulses: list[Pulse] = []
+    for _ in range(800):
+        width = source.randint(2000, 4000)
+        # Around the frame's start, where one of the two could slip into the next frame.
+        age = armed.nano.time_us % FRAME_US
+        armed.send(Command((width, width, width), 100, Mode.DRIVE))
+        armed.nano.advance_us(round(FRAME_US - age + source.randrange(0, 1200)))
+        pulses += armed.nano.pulses()
+        armed.nano.read()
+    x, y = _widths(pulses, 0), _widths(pulses, 1)
+    assert x == y
+    assert len(set(x)) > 300
+
+
+@pytest.mark.parametrize("timeout_ms", [1, 17, 50, 133])
+def test_the_timeout_drives_to_neutral_within_one_servo_frame_of_expiry(armed, timeout_ms):
+    for phase in range(0, 20_000, 1_700):
+        armed.nano.advance_us(phase)
+        armed.send(Command((4000, 2000, 3500), timeout_ms, Mode.DRIVE))
+        sent = armed.nano.time_us
+        armed.nano.pulses()
+        armed.run(timeout_ms + 60)
+        # 16 bytes on the wire, then the timeout, then at most one frame; 1 ms for the main loop.
+        expiry = sent + 16 * 20 + timeout_ms * 1000
+        late = [p for p in armed.nano.pulses() if p.time_us > expiry + 1000]
+        assert [p.ticks for p in late if p.servo == 0] == [3000] * sum(p.servo == 0 for p in late)
+        first = [min(p.time_us for p in late if p.servo == servo) for servo in range(3)]
+        assert max(first) <= expiry + 1000 + FRAME_US + 100
+        assert armed.telemetry(4)[-1].flags & Flags.TIMED_OUT
+        armed.send(Arm())
+        armed.run(4)
+
+
+def test_disarm_refuses_commands_and_holds_neutral(armed):
+    armed.send(Command((4000, 2000, 3500), 1000, Mode.DRIVE))
+    armed.run(50)
+    armed.send(Disarm())
+    armed.send(Command((4000, 2000, 3500), 1000, Mode.DRIVE))
+    armed.run(30)
+    armed.nano.pulses()
+    last = armed.telemetry(60)[-1]
+    assert {p.ticks for p in armed.nano.pulses()} == {3000}
+    assert Flags(last.flags) & (Flags.ARMED | Flags.REFUSED) == Flags.REFUSED
+
+
+def test_pong_stamps_the_arrival_and_departure_of_its_bytes(desk):
+    desk.run(41)
+    offset = None
+    for at in range(20):
+        desk.nano.advance_us(137 * at)
+        desk.nano.read()
+        sent = desk.nano.time_us
+        ping = desk.encoder.encode(Ping(at))
+        desk.nano.write(ping)
+        pong = None
+        while pong is None:
+            desk.nano.advance_us(20)
+            desk.decoder.receive_data(desk.nano.read())
+            pong = next((f for f in desk.decoder if isinstance(f.message, Pong)), None)
+        arrived = sent + len(ping) * 20
+        # The device clock begins when the program does; the offset is one constant.
+        offset = offset or pong.message.received_us - arrived
+        # 25 µs: a byte of 20 µs may be on the wire when ours begins, and interrupts take turns.
+        assert pong.message.received_us - arrived == pytest.approx(offset, abs=25)
+        departed = desk.nano.time_us - len(encode(pong.message, 0)) * 20
+        # −200…30 µs: PONG is dated before it is packed, and the UART's own two bytes are a guess.
+        assert pong.message.sent_us - departed == pytest.approx(offset - 85, abs=115)
+
+
+def test_corrupted_bytes_from_the_host_are_counted_and_change_nothing(armed):
+    broken = bytearray(armed.encoder.encode(Command((4000, 4000, 4000), 1000, Mode.DRIVE)))
+    broken[5] ^= 0x40
+    armed.nano.write(bytes(broken))
+    armed.send(Ping(1))
+    last = armed.telemetry(50)[-1]
+    assert (last.crc_errors, last.lost) == (1, 1)
+    assert not last.flags & Flags.DRIVING
+    assert {p.ticks for p in armed.nano.pulses()} == {3000}
+
+
+def test_a_flood_from_the_host_loses_bytes_but_not_the_rig(armed):
+    flood = b"".join(armed.encoder.encode(HelloRequest()) for _ in range(400))
+    armed.nano.write(flood)
+    armed.run(100)
+    armed.send(Ping(3))  # may be the tail of a frame whose delimiter was lost
+    armed.send(Ping(4))
+    frames = armed.run(50)
+    assert any(isinstance(f.message, Pong) for f in frames)
+    # Telemetry gave way to hundreds of HELLOs; it is told, and it is back.
+    readings = [f.message for f in frames if isinstance(f.message, Telemetry)]
+    assert readings[-1].skipped > 0
+    assert len(readings) >= 24
+
+
+def test_two_nanos_run_side_by_side_without_disturbing_each_other():
+    with SimulatedNano() as a, SimulatedNano() as b:
+        a.set_adc([100] * 8)
+        b.set_adc([900] * 8)
+        left, right = Desk(a), Desk(b)
+        for _ in range(40):
+            one, two = left.telemetry(1), right.telemetry(1)
+        assert (one or left.telemetry(2))[-1].potentiometer == (100,) * 4
+        assert (two or right.telemetry(2))[-1].potentiometer == (900,) * 4
+
+
+def test_two_runs_are_identical():
+    def run() -> tuple[bytes, list[Pulse]]:
+        with SimulatedNano() as nano:
+            desk = Desk(nano)
+            desk.run(30)
+            desk.send(Arm())
+            desk.send(Command((3500, 2500, 3100), 100, Mode.DRIVE))
+            desk.run(200)
+            return desk.raw, nano.pulses()
+
+    assert run() == run()
+
+
+def test_a_file_that_is_no_program_is_refused_in_one_line(tmp_path):
+    stranger = tmp_path / "stranger.elf"
+    stranger.write_bytes(b"not an ELF")
+    with pytest.raises(SimulatedNanoError, match="no program for the ATmega328P"):
+        SimulatedNano(stranger)
+
+
+def test_a_closed_nano_says_so():
+    nano = SimulatedNano()
+    nano.close()
+    nano.close()
+    with pytest.raises(SimulatedNanoError, match="closed"):
+        nano.advance_us(1)
