@@ -1,4 +1,4 @@
-"""Every relative link of the documentation leads somewhere, and every `twin` command it shows parses."""
+"""Every relative link of the documentation leads somewhere; every `twin` command it shows exists."""
 
 import re
 import shlex
@@ -31,7 +31,10 @@ def unknown_flags(command: str) -> list[str]:
     words = shlex.split(command)
     flags = {w.split("=")[0] for w in words if w.startswith("--")}
     shown = subprocess.run(
-        [str(ROOT / ".venv/bin/twin"), words[1], "--help"], capture_output=True, text=True, check=False
+        [str(ROOT / ".venv/bin/twin"), words[1], "--help"],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if shown.returncode != 0:
         return [f"no command {words[1]!r}"]

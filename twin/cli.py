@@ -53,7 +53,7 @@ def _parse(arguments: list[str]) -> object:
     try:
         with contextlib.redirect_stderr(told):
             return tyro.cli(
-                Command,  # type: ignore[arg-type]  a union of dataclasses is what tyro takes
+                Command,
                 prog="twin",
                 description="Digital twin of a thrust-vector-control gimbal and its vehicle.",
                 args=arguments,

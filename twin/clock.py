@@ -16,7 +16,10 @@ class Clock(Protocol):
         """Take this instant as experiment time zero."""
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         """Give back what the clock took from the process."""
 

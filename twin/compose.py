@@ -1,4 +1,4 @@
-"""One MjSpec out of a scene, a vehicle and a mechanism, each of which may be somebody else's file."""
+"""One MjSpec out of a scene, a vehicle and a mechanism, each perhaps somebody else's file."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -30,8 +30,10 @@ def scene_path(name: str) -> Path:
     raise TwinError(f"no scene {name!r}; give a file ending in .xml or one of {', '.join(SCENES)}")
 
 
-def compose(scene: str, vehicle: Path | None = None, mechanism: Path | None = None) -> mujoco.MjSpec:
-    """Uncompiled model of `scene` with its vehicle and its mechanism exchanged where files are given.
+def compose(
+    scene: str, vehicle: Path | None = None, mechanism: Path | None = None
+) -> mujoco.MjSpec:
+    """Uncompiled model of `scene`, vehicle and mechanism exchanged where files are given.
 
     The scene names its vehicle in an `<include>` and the mechanism in `<model name="mechanism">`;
     both references are rewritten in the text, since attaching happens while MuJoCo parses.
@@ -57,7 +59,9 @@ def compose(scene: str, vehicle: Path | None = None, mechanism: Path | None = No
         raise TwinError(f"scene {scene!r} includes no vehicle that {vehicle} could replace")
     if mechanism is not None and not placed:
         owner = vehicle or scene
-        raise TwinError(f'{owner} attaches no <model name="mechanism"> that {mechanism} could replace')
+        raise TwinError(
+            f'{owner} attaches no <model name="mechanism"> that {mechanism} could replace'
+        )
     text = ET.tostring(root, encoding="unicode")
     return _parsed(
         vehicle or mechanism or path, lambda: mujoco.MjSpec.from_string(text, include=includes)

@@ -1,10 +1,13 @@
 """What each command can be told; the command line is derived from these."""
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
+
+from twin.errors import TwinError
 
 Programme = Literal["hold", "step", "doublet", "pitch-over", "point"]
 Seat = Literal["linkage", "transfer-function"]
@@ -21,12 +24,12 @@ class Run:
     gimbal: Seat = "linkage"
     """Who moves the gimbal: servos and pushrods, or an identified model."""
     model: Path | None = None
-    """Identified model (JSON) for `--gimbal transfer-function`; the shipped reference without it."""
+    """Identified model (JSON) for `--gimbal transfer-function`; the shipped one without it."""
     vehicle: Path | None = None
     """MJCF file in place of the reference vehicle."""
     mechanism: Path | None = None
     """MJCF file in place of the reference mechanism."""
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()  # noqa: A003
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """NAME=VALUE, any named model parameter, for example gimbal_holder.mass=0.05. Repeatable."""
     set_from: Path | None = None
     """JSON file of such names and values."""
@@ -42,6 +45,18 @@ class Run:
     """Recording to write; runs/<command>.rrd without it."""
     json: Flag = False
     """Print the numbers as one JSON object instead of a summary."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        for name, value in asdict(self).items():
+            for number in value if isinstance(value, tuple) else (value,):
+                if isinstance(number, float) and not math.isfinite(number):
+                    raise TwinError(f"--{name.replace('_', '-')} {number}: must be finite")
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def as_dict(findings: list[Finding]) -> dict[str, object]:
 def _guarded(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
     try:
         yield from look()
-    except Exception as error:  # noqa: BLE001  a diagnosis must survive what it diagnoses
+    except Exception as error:  # a diagnosis must survive what it diagnoses
         yield Finding(look.__name__.strip("_"), "missing", f"{type(error).__name__}: {error}")
 
 
@@ -93,7 +93,11 @@ def _rendering() -> Iterator[Finding]:
     for backend in ("egl", "osmesa"):
         environment = {**os.environ, "MUJOCO_GL": backend}
         done = subprocess.run(
-            [sys.executable, "-c", program], env=environment, capture_output=True, timeout=60, check=False
+            [sys.executable, "-c", program],
+            env=environment,
+            capture_output=True,
+            timeout=60,
+            check=False,
         )
         if done.returncode == 0:
             working.append(backend)
@@ -159,8 +163,9 @@ def _avr() -> Iterator[Finding]:
     if not header.is_file():
         absent.append("libsimavr-dev")
     if absent:
-        remedy = "install gcc-avr avr-libc simavr libsimavr-dev (only the simulated Nano needs them)"
+        remedy = (
+            "install gcc-avr avr-libc simavr libsimavr-dev (only the simulated Nano needs them)"
+        )
         yield Finding("AVR tools", "note", f"without {', '.join(absent)}", remedy)
     else:
         yield Finding("AVR tools", "ok", "compiler and simulator")
-

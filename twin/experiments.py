@@ -7,7 +7,7 @@ from pathlib import Path
 
 from twin import native, overrides
 from twin.clock import Clock, Lockstep, Wall
-from twin.configuration import Fly, Run, as_properties
+from twin.configuration import Fly, Run, Step, as_properties
 from twin.control import AttitudeController, control_config
 from twin.errors import TwinError
 from twin.flight import Flight, setpoint
@@ -15,9 +15,10 @@ from twin.loop import Seats, run
 from twin.model import ModelConfig, TwinModel, load
 from twin.plant import Plant
 from twin.recorder import Recorder
-from twin.results import FlightResult
+from twin.results import FlightResult, StepResult
 from twin.rows import Rows
-from twin.seats import Pilot, SimulatedGimbal
+from twin.seats import Pilot, Sequence, SimulatedGimbal
+from twin.steps import figures, schedule
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
@@ -56,6 +57,44 @@ def fly(config: Fly) -> FlightResult:
         )
         recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
     return flight.result(recorder.path, outcome, time.perf_counter() - began)
+
+
+def step(config: Step) -> StepResult:
+    """Command steps to a gimbal on the bench and record its response.
+
+    Raises
+    ------
+    TwinError : something the user asked for cannot be done, in one line
+    DivergenceError : the physics left the finite numbers; the recording up to there is kept
+    """
+    began = time.perf_counter()
+    plan = schedule(config)
+    with ExitStack() as stack:
+        stack.enter_context(native.installed())
+        plant = _plant(config)
+        if plant.twin.gimbal == "fixed":
+            raise TwinError(f"scene {config.scene!r} has no gimbal to step")
+        steps = steps_per_tick(config.control_hz, plant)
+        rows = Rows(plant)
+        recorder = stack.enter_context(_recorder(config, "step", plant.twin, rows))
+        rows.bind(recorder)
+        clock = stack.enter_context(_clock(config))
+        run(
+            Seats(plant, SimulatedGimbal(plant), Sequence(plan.times, plan.angles), clock),
+            steps_per_tick=steps,
+            duration_ns=round(plan.duration * 1e9),
+            command=rows.command,
+            each_tick=(rows.write,),
+        )
+    return StepResult(
+        recording=str(recorder.path),
+        gimbal=plant.twin.gimbal,
+        figures=figures(recorder.path),
+        physics_steps=plant.steps,
+        physics_s=plant.computing_s,
+        wall_s=time.perf_counter() - began,
+        warnings=plant.warnings(),
+    )
 
 
 def steps_per_tick(control_hz: float, plant: Plant) -> int:

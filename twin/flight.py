@@ -132,7 +132,9 @@ class Flight:
             max_speed_m_s=math.sqrt(self._speed),
             powered_slant_range_m=self._burnout_range,
             max_height_m=float((track[:, 2] - self._start[2]).max()),
-            target_m=None if target is None else (float(target[0]), float(target[1]), float(target[2])),
+            target_m=None
+            if target is None
+            else (float(target[0]), float(target[1]), float(target[2])),
             closest_approach_m=closest,
             attitude_error_rms_deg=math.degrees(math.sqrt(float(np.mean(self._errors)))),
             loop_closure_max_um=self._closure * 1e6 or None,

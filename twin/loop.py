@@ -1,6 +1,6 @@
 """The loop: controller → command → gimbal → state → vehicle, one row a tick. There is no other."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -29,16 +29,6 @@ class Controller(Protocol):
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:
         """Gimbal angle to command now [rad], `time` in experiment time [s]."""
-
-
-class Rows(Protocol):
-    """What the loop needs of a recorder."""
-
-    def commit(self, time_ns: int, wall_ns: int) -> None:
-        """Keep the row that the probes have filled."""
-
-
-Probe = tuple[Array, Array]  # where a value lies, and its place in the recorder's row
 
 
 @dataclass(frozen=True)
@@ -107,19 +97,3 @@ def run(
         if reason is not None:
             return Outcome(ticks, reason)
     return Outcome(ticks, "time")
-
-
-def fill(row: Array, slices: Mapping[str, slice], sources: Mapping[str, Array]) -> list[Probe]:
-    """Pair every source with its place in a row, once, so that a tick only copies.
-
-    Raises
-    ------
-    ValueError : a source whose size is not its signal's
-    """
-    probes = []
-    for name, source in sources.items():
-        place = row[slices[name]]
-        if place.shape != source.shape:
-            raise ValueError(f"{name} has {source.shape} values, its signal {place.shape}")
-        probes.append((source, place))
-    return probes

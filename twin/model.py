@@ -22,21 +22,10 @@ AXES = ("x", "y")
 LARGEST_DT = 0.02  # s; the 50 Hz frame of a hobby servo, past which no gimbal motion is resolved
 
 # What the loop reads and writes by name; docs/vehicles.md explains each.
-NEEDED: Mapping[str, tuple[tuple[mujoco.mjtObj, str], ...]] = {
-    "vehicle": (
-        (mujoco.mjtObj.mjOBJ_BODY, "vehicle"),
-        (mujoco.mjtObj.mjOBJ_JOINT, "vehicle"),
-        (mujoco.mjtObj.mjOBJ_SITE, "gimbal_nozzle"),
-    ),
-    "gimbal": (
-        (mujoco.mjtObj.mjOBJ_JOINT, "gimbal_x"),
-        (mujoco.mjtObj.mjOBJ_JOINT, "gimbal_y"),
-        (mujoco.mjtObj.mjOBJ_BODY, "gimbal_holder"),
-    ),
-    "linkage": (
-        (mujoco.mjtObj.mjOBJ_ACTUATOR, "gimbal_servo_x"),
-        (mujoco.mjtObj.mjOBJ_ACTUATOR, "gimbal_servo_y"),
-    ),
+NEEDED: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "vehicle": (("body", "vehicle"), ("joint", "vehicle"), ("site", "gimbal_nozzle")),
+    "gimbal": (("joint", "gimbal_x"), ("joint", "gimbal_y"), ("body", "gimbal_holder")),
+    "linkage": (("actuator", "gimbal_servo_x"), ("actuator", "gimbal_servo_y")),
 }
 
 
@@ -94,6 +83,8 @@ def load(config: ModelConfig) -> TwinModel:
     if config.dt is not None:
         spec.option.timestep = _checked_dt(config.dt)
     seat = _seat(spec, config)
+    vehicle = config.vehicle is not None or spec.body("vehicle") is not None
+    _require(spec, seat, vehicle=vehicle)
     if seat == "transfer-function":
         _exchange_actuation(spec, config.transfer_function)
     if config.motor is not None:
@@ -102,8 +93,8 @@ def load(config: ModelConfig) -> TwinModel:
         insert_backlash(spec, config.overrides.get("gimbal_backlash"))
     model = _compiled(spec)
     override.apply(model, {**_seeded(model, config.seed), **config.overrides})
-    _require(model, seat)
-    apply_servo(model)
+    if seat == "linkage":
+        apply_servo(model)
     native.bind(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return TwinModel(mj=model, gimbal=seat, sha256=digest(model))
@@ -177,18 +168,17 @@ def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
         raise TwinError(f"the model does not compile: {one_line(error)}") from error
 
 
-def _require(model: mujoco.MjModel, seat: str) -> None:
+def _require(spec: mujoco.MjSpec, seat: str, *, vehicle: bool) -> None:
     """Refuse a model that lacks a name the loop needs, naming all that are missing."""
-    groups = ["gimbal"] if seat != "fixed" else []
-    if seat == "linkage":
-        groups.append("linkage")
-    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "vehicle") >= 0:
-        groups.append("vehicle")
+    groups = {"vehicle": vehicle, "gimbal": seat != "fixed", "linkage": seat == "linkage"}
     missing = [
-        f"{str(kind.name).removeprefix('mjOBJ_').lower()} {name!r}"
-        for group in groups
+        f"{kind} {name!r}"
+        for group, needed in groups.items()
+        if needed
         for kind, name in NEEDED[group]
-        if mujoco.mj_name2id(model, kind, name) < 0
+        if getattr(spec, kind)(name) is None
     ]
     if missing:
-        raise TwinError(f"the model lacks {', '.join(missing)}; docs/vehicles.md lists what each is")
+        raise TwinError(
+            f"the model lacks {', '.join(missing)}; docs/vehicles.md lists what each is"
+        )

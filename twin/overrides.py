@@ -96,7 +96,12 @@ def apply(model: mujoco.MjModel, overrides: Mapping[str, float]) -> None:
 
 
 def _write(
-    model: mujoco.MjModel, name: str, value: float, owner: str, attribute: str | None, at: str | None
+    model: mujoco.MjModel,
+    name: str,
+    value: float,
+    owner: str,
+    attribute: str | None,
+    at: str | None,
 ) -> None:
     if attribute is None:
         _assign(_plain(model, owner), at, value, name)
@@ -136,7 +141,9 @@ def _plain(model: mujoco.MjModel, owner: str) -> np.ndarray:
 
 def _assign(array: np.ndarray, at: str | None, value: float, name: str) -> None:
     if at is None and array.size > 1:
-        raise TwinError(f"{name} has {array.size} values; write {name}[0] to {name}[{array.size - 1}]")
+        raise TwinError(
+            f"{name} has {array.size} values; write {name}[0] to {name}[{array.size - 1}]"
+        )
     index = int(at or 0)
     if index >= array.size:
         raise TwinError(f"{name}: index {index} is past the last, {array.size - 1}")

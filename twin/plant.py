@@ -46,7 +46,7 @@ class Plant:
         self.twin = twin
         self.model = twin.mj
         self.data = mujoco.MjData(self.model)
-        self.dt_ns = round(self.model.opt.timestep * 1e9)
+        self.dt_ns: int = round(self.model.opt.timestep * 1e9)
         if abs(self.dt_ns * 1e-9 - self.model.opt.timestep) > 1e-15:
             raise TwinError(f"dt {self.model.opt.timestep} s is not a whole number of nanoseconds")
         self.steps = 0
@@ -113,10 +113,16 @@ class Plant:
         """MuJoCo's warnings so far, by name, with their counts."""
         counts = self.data.warning.number
         names = (mujoco.mjtWarning(k).name for k in range(len(counts)))
-        return {n.removeprefix("mjWARN_").lower(): int(c) for n, c in zip(names, counts, strict=True) if c}
+        return {
+            n.removeprefix("mjWARN_").lower(): int(c)
+            for n, c in zip(names, counts, strict=True)
+            if c
+        }
 
     def _diverged(self) -> None:
-        worst = int(np.nanargmax(np.where(np.isfinite(self.data.qvel), np.abs(self.data.qvel), np.inf)))
+        worst = int(
+            np.nanargmax(np.where(np.isfinite(self.data.qvel), np.abs(self.data.qvel), np.inf))
+        )
         joint = self.model.joint(int(self.model.dof_jntid[worst]))
         raise DivergenceError(
             f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: velocity of joint"

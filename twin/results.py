@@ -61,43 +61,24 @@ class FlightResult:
             rows.append(("attitude error", f"{self.attitude_error_rms_deg:.2f}° rms under power"))
         if self.loop_closure_max_um is not None:
             rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
-        rows.append(
-            ("computing", f"{self.wall_s:.2f} s for {self.physics_steps} steps"
-             f" ({self.physics_s:.2f} s of physics)")
-        )
+        steps = f"{self.wall_s:.2f} s for {self.physics_steps} steps"
+        rows.append(("computing", f"{steps} ({self.physics_s:.2f} s of physics)"))
         rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
         return _lines(rows, self.recording)
 
 
 @dataclass(frozen=True)
-class AxisResponse:
-    """Steps of one axis: means over the repeats, from the command on.
+class StepResult:
+    """Step responses of a gimbal.
 
     Attributes
     ----------
-    rise_ms : 10 % to 90 % of the step
-    overshoot_percent : of the step
-    settling_ms : until within 2 % of the step for good; None where it does not settle
-    static_error_deg : final value less command
+    figures : rise, overshoot, settling and the rest, one row per figure and axis
     """
-
-    axis: str
-    amplitude_deg: float
-    steps: int
-    dead_time_ms: float
-    rise_ms: float
-    overshoot_percent: float
-    settling_ms: float | None
-    static_error_deg: float
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """Step responses of a gimbal, axis by axis."""
 
     recording: str
     gimbal: str
-    responses: tuple[AxisResponse, ...]
+    figures: tuple[dict[str, object], ...]
     physics_steps: int
     physics_s: float
     wall_s: float
@@ -109,17 +90,10 @@ class StepResult:
 
     def text(self) -> str:
         """One screen."""
-        head = "axis  step     dead time  rise     overshoot  settling  static error"
-        body = []
-        for r in self.responses:
-            settling = "—" if r.settling_ms is None else f"{r.settling_ms:.0f} ms"
-            body.append(
-                f"{r.axis:<4}  ±{r.amplitude_deg:.1f}°    {r.dead_time_ms:>5.1f} ms  {r.rise_ms:>4.0f} ms"
-                f"  {r.overshoot_percent:>8.1f} %  {settling:>8}  {r.static_error_deg:+.3f}°"
-            )
         rows = [("gimbal", self.gimbal)]
+        rows += [(str(f["name"]), str(f["text"])) for f in self.figures]
         rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
-        return "\n".join([head, *body, "", _lines(rows, self.recording)])
+        return _lines(rows, self.recording)
 
 
 def _lines(rows: list[tuple[str, str]], recording: str) -> str:

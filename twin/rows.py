@@ -75,10 +75,12 @@ class Rows:
         return sources
 
     def bind(self, recorder: Recorder) -> None:
-        """Pair every signal with its place in the recorder's row, once, so that a tick only copies."""
+        """Pair every signal with its place in the recorder's row, so that a tick only copies."""
         self._recorder = recorder
         row = recorder.row
-        self._copies = [(row[recorder.slices[name]], source) for name, source in self._sources.items()]
+        self._copies = [
+            (row[recorder.slices[name]], source) for name, source in self._sources.items()
+        ]
         self._wall_ns = time.time_ns()
 
     def derive(self, time_ns: int) -> None:

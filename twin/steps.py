@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,5 +53,10 @@ def schedule(config: Step) -> Schedule:
                 angle = np.zeros(2)
                 angle[axis] = level
                 angles.append(angle)
-    times = np.arange(len(angles)) * config.hold_s
+    times: Array = np.arange(len(angles), dtype=np.float64) * config.hold_s
     return Schedule(times, np.array(angles), float(len(angles) * config.hold_s))
+
+
+def figures(recording: Path) -> tuple[dict[str, object], ...]:
+    """Figures of the steps in a recording, one row per figure and axis."""
+    return ()

@@ -15,7 +15,7 @@ XML = """
 <mujoco>
   <custom><numeric name="air_drag" data="0.5"/><numeric name="air_table" data="1 2 3"/></custom>
   <worldbody>
-    <body name="ring"><joint name="gimbal_x" axis="1 0 0" damping="0.1" range="-10 10" limited="true"/>
+    <body name="ring"><joint name="gimbal_x" damping="0.1" range="-10 10" limited="true"/>
       <geom type="box" size=".1 .2 .3" density="100"/></body>
   </worldbody>
 </mujoco>
@@ -72,7 +72,9 @@ def test_a_wrong_name_or_value_is_told_with_what_would_be_right(model, name, say
         overrides.apply(model, {name: -1.0})
 
 
-@pytest.mark.parametrize("text", ["air_drag", "air_drag=x", "air_drag=nan", "air_drag=inf", "=", "a="])
+@pytest.mark.parametrize(
+    "text", ["air_drag", "air_drag=x", "air_drag=nan", "air_drag=inf", "=", "a="]
+)
 def test_a_text_that_is_no_assignment_of_a_finite_number_is_refused(text):
     with pytest.raises(TwinError):
         overrides.parse([text])
@@ -90,7 +92,9 @@ def test_the_command_line_goes_over_the_file(tmp_path):
     assert overrides.parse(["b=3"], file) == {"a": 1.0, "b": 3.0}
 
 
-@pytest.mark.parametrize("content", ["[1]", "{", '{"a": true}', '{"a": "x"}', '{"a": NaN}', '{"a": []}'])
+@pytest.mark.parametrize(
+    "content", ["[1]", "{", '{"a": true}', '{"a": "x"}', '{"a": NaN}', '{"a": []}']
+)
 def test_a_file_that_is_no_object_of_finite_numbers_is_refused(tmp_path, content):
     file = tmp_path / "set.json"
     file.write_text(content)
