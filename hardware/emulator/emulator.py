@@ -4,9 +4,8 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 
-import numpy as np
-
 from hardware.emulator.bench import Bench, RigParameters, reference_rig
+from hardware.emulator.cable import Cable
 from hardware.emulator.device import BYTE_US, Device, Sample
 from hardware.emulator.injection import Injection
 from hardware.emulator.plant import Plant
@@ -22,10 +21,6 @@ def identity(parameters: RigParameters) -> int:
     """Return a number that tells one emulated rig from another, u32."""
     digest = hashlib.sha256(repr(parameters).encode()).digest()
     return int.from_bytes(digest[:4], "little")
-
-
-class UnpluggedError(OSError):
-    """The cable of an emulated rig is out."""
 
 
 class Emulator:
@@ -65,19 +60,13 @@ class Emulator:
         self._incoming: deque[tuple[float, int]] = deque()
         self._outgoing: deque[tuple[float, bytes]] = deque()
         self._wire_free = [0.0, 0.0]  # when each direction has sent its last byte [µs, world]
-        self._link_random = np.random.default_rng([seed, 5])
-        self._link_faults = [f for f in injections if f.target == "link"]
+        self._cable = Cable(injections, seed)
         self.device.hello()
 
     @property
     def time_ns(self) -> int:
         """World time [ns], the clock of a lockstep link."""
         return self.time_us * 1000
-
-    @property
-    def unplugged(self) -> bool:
-        """The cable is out."""
-        return any(f.kind == "unplug" and f.active(self.time_us * 1e-6) for f in self._link_faults)
 
     def truth(self) -> tuple[Pair, Pair]:
         """Return gimbal angles [rad] and rates [rad/s] as they are."""
@@ -90,10 +79,9 @@ class Emulator:
         ------
         UnpluggedError : the cable is out
         """
-        if self.unplugged:
-            raise UnpluggedError("rig unplugged")
+        self._cable.check(self.time_us * 1e-6)
         at = max(self._wire_free[0], self.time_us)
-        for byte in self._spoil(data):
+        for byte in self._cable.carry(data, self.time_us * 1e-6):
             at += BYTE_US
             self._incoming.append((at, byte))
         self._wire_free[0] = at
@@ -105,14 +93,11 @@ class Emulator:
         ------
         UnpluggedError : the cable is out
         """
-        if self.unplugged:
-            self._incoming.clear()
-            self._outgoing.clear()
-            raise UnpluggedError("rig unplugged")
         pieces = []
         while self._outgoing and self._outgoing[0][0] <= self.time_us:
             pieces.append(self._outgoing.popleft()[1])
-        return self._spoil(b"".join(pieces)) if pieces else b""
+        self._cable.check(self.time_us * 1e-6)
+        return self._cable.carry(b"".join(pieces), self.time_us * 1e-6) if pieces else b""
 
     def close(self) -> None:
         """Do nothing; there is no port to give back."""
@@ -184,18 +169,3 @@ class Emulator:
         end = start + len(piece) * BYTE_US
         self._wire_free[1] = end
         self._outgoing.append((end, piece))
-
-    def _spoil(self, data: bytes) -> bytes:
-        now = self.time_us * 1e-6
-        for fault in self._link_faults:
-            if fault.kind not in ("drop", "corrupt") or not fault.active(now):
-                continue
-            hit = self._link_random.random(len(data)) < fault.value
-            if fault.kind == "drop":
-                data = bytes(b for b, h in zip(data, hit, strict=True) if not h)
-            else:
-                data = bytes(
-                    b ^ (1 << self._link_random.integers(8)) if h else b
-                    for b, h in zip(data, hit, strict=True)
-                )
-        return data

@@ -127,12 +127,12 @@ def run(
         Change(device.time_us * 1e-6, sensor, str(old), str(new), kind)
     )
     rig.connect()
-    rows = []
+    rows: list[list[float]] = []
     while device.time_us < duration * 1e6:
-        if device.time_us % COMMAND_US < 2000:
+        if device.time_us % COMMAND_US == 0:
             time = device.time_us * 1e-6
             rig.send(GimbalCommand(device.time_ns, command(time)))
-        device.advance_us(2000)
+        device.advance_us(1000)  # one frame at most: the filter's state is that of the last
         rows.extend(_row(rig, frame, truth.pop(frame.device_us)) for frame in rig.poll())
         if len(truth) > 1000:
             truth.clear()

@@ -125,6 +125,7 @@ class Rig:
     Attributes
     ----------
     state : latest estimate, None before the first frame
+    states : estimates of the frames that the latest poll returned
     hello : what the device said of itself
     phase : where the connection stands
     fusion : the estimator, with the fault monitor in it
@@ -145,6 +146,7 @@ class Rig:
         self.calibration = calibration or nominal()
         self.fusion = Fusion(self.calibration, noise)
         self.state: GimbalState | None = None
+        self.states: list[GimbalState] = []
         self.hello: Hello | None = None
         self.phase = Phase.AWAY
         self.estimate = ClockEstimate()
@@ -195,6 +197,7 @@ class Rig:
         RigError : a device of another version has appeared on the line
         """
         arrived = self.line.poll()
+        self.states = []
         if not self.line.connected:
             self._move(Sign.LOST)
             return []
@@ -353,5 +356,6 @@ class Rig:
         time_ns = self.estimate.host_ns(self._device_us)
         frame = self._converter.frame(t, time_ns, self._device_us)
         self.state = self.fusion.update(frame)
+        self.states.append(self.state)
         self._frames += 1
         return frame

@@ -1,0 +1,113 @@
+"""The real firmware, on a simulated ATmega328P, wired to the emulator's bench."""
+
+from pathlib import Path
+
+from hardware.emulator.bench import Bench, RigParameters, reference_rig
+from hardware.emulator.cable import Cable
+from hardware.emulator.injection import Injection
+from hardware.emulator.plant import Plant
+from hardware.frames import Pair
+from hardware.protocol import constants
+
+TICK_US = 1000
+
+
+class FirmwareRig:
+    """Same bench, same faults and same calls as `Emulator`, but the C++ that ships decides.
+
+    Parameters
+    ----------
+    parameters : the rig; the reference rig when left out
+    plant : other physics than the analytic plant
+    injections : faults, from `injection.parse`
+    seed : of the noise
+    elf : a built firmware; this tree's own when left out
+
+    Raises
+    ------
+    hardware.avr.SimulatedNanoError : the AVR tools are missing
+    """
+
+    def __init__(
+        self,
+        parameters: RigParameters | None = None,
+        *,
+        plant: Plant | None = None,
+        injections: tuple[Injection, ...] = (),
+        seed: int = 0,
+        elf: Path | None = None,
+    ) -> None:
+        from hardware.avr import BASE, HOLDER, SimulatedNano
+
+        self._sensors = (HOLDER, BASE)
+        self.parameters = parameters or reference_rig()
+        self.bench = Bench(self.parameters, plant, injections, seed)
+        self.nano = SimulatedNano(elf)
+        self.time_us = 0
+        self._tick = 0
+        self._tick_s = TICK_US * 1e-6 / (1 + self.parameters.skew)
+        self._cable = Cable(injections, seed)
+        self._ticks = [constants.PULSE_NEUTRAL] * 3
+
+    @property
+    def time_ns(self) -> int:
+        """World time [ns], the clock of a lockstep link."""
+        return self.time_us * 1000
+
+    def truth(self) -> tuple[Pair, Pair]:
+        """Return gimbal angles [rad] and rates [rad/s] as they are."""
+        return self.bench.plant.angles(), self.bench.plant.rates()
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the rig.
+
+        Raises
+        ------
+        UnpluggedError : the cable is out
+        """
+        self._cable.check(self.time_us * 1e-6)
+        self.nano.write(self._cable.carry(data, self.time_us * 1e-6))
+
+    def read(self) -> bytes:
+        """Return the bytes that have arrived from the rig.
+
+        Raises
+        ------
+        UnpluggedError : the cable is out
+        """
+        data = self.nano.read()
+        self._cable.check(self.time_us * 1e-6)
+        return self._cable.carry(data, self.time_us * 1e-6)
+
+    def close(self) -> None:
+        """Free the simulator."""
+        self.nano.close()
+
+    def advance_us(self, duration: int) -> None:
+        """Let the world's time pass [µs]."""
+        self.time_us += duration
+        while (self._tick + 1) * self._tick_s * 1e6 <= self.time_us:
+            self._advance_tick()
+
+    def _advance_tick(self) -> None:
+        self._show_sensors()
+        self.nano.advance_us(TICK_US)
+        pulses = self.nano.pulses()
+        if pulses:
+            for pulse in pulses:
+                self._ticks[pulse.servo] = pulse.ticks
+            second = constants.TICK / (1 + self.parameters.skew)
+            a, b, c = self._ticks
+            self.bench.set_pulses((a * second, b * second, c * second))
+        self.bench.dlpf = self.nano.imu_register(self._sensors[0], 0x1A) & 7
+        self.bench.advance(self._tick_s)
+        self._tick += 1
+
+    def _show_sensors(self) -> None:
+        bench, imu = self.bench, self.bench.imu_counts()
+        stick = bench.joystick_codes()
+        self.nano.set_adc([*bench.potentiometer_codes(), 0, 0, *stick])
+        bits = bench.switch_bits()
+        self.nano.set_switches([bool(bits >> i & 1) for i in range(4)])
+        for k, sensor in enumerate(self._sensors):
+            self.nano.set_imu_counts(sensor, imu[6 * k : 6 * k + 3], imu[6 * k + 3 : 6 * k + 6])
