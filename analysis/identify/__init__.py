@@ -1,1 +1,28 @@
 """From commands, gyro and potentiometer to a continuous-time model with honest uncertainty."""
+
+from analysis.identify.errors import IdentificationError
+from analysis.identify.identification import identify
+from analysis.identify.model import (
+    AxisEvidence,
+    ChannelFit,
+    Estimate,
+    IdentifiedModel,
+    ServoBounds,
+)
+from analysis.identify.order import OrderScore, select_order
+from analysis.identify.records import Record, merge_stamps, record
+
+__all__ = [
+    "AxisEvidence",
+    "ChannelFit",
+    "Estimate",
+    "IdentificationError",
+    "IdentifiedModel",
+    "OrderScore",
+    "Record",
+    "ServoBounds",
+    "identify",
+    "merge_stamps",
+    "record",
+    "select_order",
+]

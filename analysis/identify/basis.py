@@ -6,6 +6,7 @@ smooth family, and a step in the parameter is a relative change.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,9 @@ class Denominator:
 
 def denominator(theta: Array) -> Denominator:
     """Denominator with parameters `theta` (n,): ln c₁, ln c₀ of each pair, then ln c₀."""
-    sections, poles, weight = [], [], []
+    sections: list[Array] = []
+    poles: list[complex] = []
+    weight: list[float] = []
     for i in range(0, len(theta) - 1, 2):
         c1, c0 = np.exp(theta[i : i + 2])
         roots, c0 = _separated_pair(c1, c0, poles)
@@ -69,7 +72,7 @@ def denominator(theta: Array) -> Denominator:
     return Denominator(np.array(poles), np.array(weight), whole, gradient)
 
 
-def parameters_of(poles: Complex) -> Array:
+def parameters_of(poles: NDArray[np.inexact[Any]]) -> Array:
     """Parameters (n,) of the denominator with the given stable poles (n,), pairs complete."""
     real = sorted(-p.real for p in poles if abs(p.imag) <= 1e-9 * abs(p))
     theta = []

@@ -15,10 +15,17 @@ def descend(
     from scipy.optimize import least_squares
 
     low, high = bounds(problem, max_delay)
+
+    def residual(t: Array) -> Array:
+        return problem.solve(t).weighted
+
+    def jacobian(t: Array) -> Array:
+        return problem.solve(t).projected
+
     found = least_squares(
-        lambda t: problem.solve(t).weighted,
+        residual,
         np.clip(theta, low + 1e-9, high - 1e-9),
-        jac=lambda t: problem.solve(t).projected,
+        jac=jacobian,
         bounds=(low, high),
         x_scale=scales(problem),
         max_nfev=evaluations,

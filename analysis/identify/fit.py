@@ -52,7 +52,8 @@ def search(
     problem = problem.weighed(weights(problem, first, kept))
     theta = best_start(problem, max_delay) if start is None else start
     fit = _settle(problem, theta, kept, floor, max_delay)
-    if not _far(fit, floor).any():
+    far = _far(fit, floor)
+    if not far.any() or far.sum() > max(_SPIKE_RUN, 3.0 * _SPIKE_SHARE * kept.sum()):
         return fit
     return _without_spikes(fit, problem, floor, max_delay)
 

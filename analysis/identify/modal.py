@@ -77,5 +77,6 @@ def modal_response(
 
 def impulse_response(time: Array, poles: Complex) -> tuple[Complex, Complex]:
     """Free motion of 1/(s−p) and 1/(s−p)² (n, modes) after an impulse at time zero."""
-    single = np.exp(time[:, None] * poles)
-    return single, time[:, None] * single
+    single: Complex = np.exp(time[:, None] * poles)
+    double: Complex = time[:, None] * single
+    return single, double

@@ -144,7 +144,7 @@ class Problem:
         solved = np.linalg.lstsq(r, q.T @ (self.measured * self.weight), rcond=1e-12)[0]
         linear = solved / scale
         residual = self.measured - phi @ linear
-        slope = self._slope(theta, signals, linear) * self.weight[:, None]
+        slope = self._slope(signals, linear) * self.weight[:, None]
         projected = -(slope - q @ (q.T @ slope))
         return Solution(theta, linear, residual, residual * self.weight, projected, basis, slope)
 
@@ -206,7 +206,7 @@ class Problem:
             )
         return _Signals(values, dens, states, motions)
 
-    def _slope(self, theta: Array, signals: Sequence["_Signals"], linear: Array) -> Array:
+    def _slope(self, signals: Sequence["_Signals"], linear: Array) -> Array:
         layout = self.layout
         coefficients = linear[: self.numerators].reshape(layout.inputs, layout.zeros + 1)
         free_at = len(linear) - sum(layout.groups * layout.poles for p in self.parts if p.free)

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Rate limit [rad/s] and dead band (half width) [rad] on the command; infinite and 0 are none."""
+    """Rate limit [rad/s] (infinite: none) and dead band (half width) [rad] on the command."""
 
     rate_limit: float = np.inf
     dead_band: float = 0.0

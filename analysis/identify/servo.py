@@ -5,9 +5,8 @@ saturates (`servo_motion`). `command`: the command is limited to ramps ahead of 
 (`ramps`). Gain, offsets and biases enter linearly and are solved for in every step.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,12 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.noise import Mask, Pair, weights
 from analysis.identify.problem import Part, Problem
 from analysis.identify.ramps import Bounds
+from analysis.identify.records import Record
 from analysis.identify.segments import step_folds
 from analysis.identify.servo_motion import play, speed_servo
+
+if TYPE_CHECKING:
+    from analysis.identify.model import ChannelFit, ServoBounds
 
 Array = NDArray[np.float64]
 Structure = Literal["speed", "command"]
@@ -132,6 +135,27 @@ def servo_response(
     return play(*motion, backlash) if backlash > 0.0 else motion
 
 
+def servo_motion_of(
+    channel: "ChannelFit", bounds: "ServoBounds", record: Record, column: int
+) -> tuple[Array, Array]:
+    """Angle and rate (n,) of an identified servo under a record's commands."""
+    den = np.array(channel.den) / channel.den[0]
+    gain = channel.num[-1] / channel.den[-1]
+    limits = np.array(
+        [
+            channel.delay,
+            np.log(bounds.rate_limit.value / abs(gain)),
+            bounds.dead_band.value,
+            bounds.backlash.value / abs(gain),
+        ]
+    )
+    none = np.zeros(0, dtype=np.intp)
+    part = Part(record.time, record.input_time, record.input, none, none, False)
+    theta = np.concatenate([np.log(den[1:]), limits])
+    angle, rate = servo_response(part, column, bounds.structure, len(den) - 1, theta)
+    return gain * angle, gain * rate
+
+
 def _loop(section: Array) -> tuple[float, float]:
     """Loop gain k and speed bandwidth w of s² + c₁s + c₀ = s² + w·s + k·w, or of s + k."""
     if len(section) == 1:
@@ -238,7 +262,8 @@ def _project(
     """Weighted residual, linear parameters and residual at θ."""
     phi = _columns(problem, axis, structure, theta)
     weighted = phi * problem.weight[:, None]
-    linear = np.linalg.lstsq(weighted, problem.measured * problem.weight, rcond=1e-12)[0]
+    target = problem.measured * problem.weight
+    linear = np.asarray(np.linalg.lstsq(weighted, target, rcond=1e-12)[0], dtype=np.float64)
     residual = problem.measured - phi @ linear
     return residual * problem.weight, linear, residual
 
@@ -286,11 +311,14 @@ def _descend(
         full[free] = x * scale[free]
         return full
 
+    def residual_at(x: Array) -> Array:
+        return _project(problem, axis, structure, whole(x))[0]
+
     found = least_squares(
-        lambda x: _project(problem, axis, structure, whole(x))[0],
+        residual_at,
         start[free] / scale[free],
         bounds=(low[free] / scale[free], high[free] / scale[free]),
-        diff_step=_DIFFERENCE,
+        diff_step=np.full(len(free), _DIFFERENCE),
         max_nfev=60,
         ftol=1e-9,
         xtol=1e-8,
@@ -427,19 +455,3 @@ def _jacobian(
         columns.append((ahead - behind) / (2.0 * step - (low[i])))
     phi = _columns(problem, axis, structure, theta)
     return np.hstack([np.stack(columns, axis=1), phi]) * problem.weight[:, None]
-
-
-def without_bounds(fit: ServoFit) -> ServoFit:
-    """The linear part alone: no limit is ever reached."""
-    theta = fit.theta.copy()
-    theta[fit.poles + 1 :] = [np.log(1e6), 0.0, 0.0]
-    return replace(fit, theta=theta)
-
-
-def predictions(fit: ServoFit, parts: Sequence[Part], axis: int) -> list[tuple[Array, Array]]:
-    """Angle and rate (n,) of the fitted servo on other records, without offsets."""
-    found = []
-    for part in parts:
-        angle, rate = servo_response(part, axis, fit.structure, fit.poles, fit.theta)
-        found.append((fit.gain * angle, fit.gain * rate))
-    return found

@@ -1,8 +1,9 @@
 """Motion of a servo whose speed is bounded, and the play behind it.
 
-The servo steers its speed toward k·(u − y), clipped at the rate limit: ẏ = v, v̇ = w·(clip(k·e) − v),
-or ẏ = clip(k·e) of first order. Unclipped this is k·w/(s² + w·s + k·w). Within the dead band the
-motor is off; beyond it the error counts in full, after a short rise as of a servo's pulse stretcher.
+The servo steers its speed toward k·(u − y), clipped at the rate limit: ẏ = v,
+v̇ = w·(clip(k·e) − v), or ẏ = clip(k·e) of first order. Unclipped this is k·w/(s² + w·s + k·w).
+Within the dead band the motor is off; beyond it the error comes to count in full over one more
+dead band, as behind a servo's pulse stretcher.
 """
 
 import numba

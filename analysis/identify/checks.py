@@ -1,0 +1,171 @@
+"""What is wrong with a record, before a model is made of it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.errors import IdentificationError
+from analysis.identify.noise import resolution
+from analysis.identify.records import Record
+
+Array = NDArray[np.float64]
+
+DEGREES = 180.0 / np.pi
+_NEAR = 1.2  # a ratio within this factor of 57.3 is degrees, not an unusual gimbal
+_FEWEST_CHANGES = 2
+_MOST_MISSING = 0.5
+_CLIPPED_RUN = 5
+
+
+def check_records(records: Sequence[Record]) -> None:
+    """Refuse records no model can come from.
+
+    Raises
+    ------
+    IdentificationError
+        for none, for differing axes, constant or indistinguishable commands, too few steps, too
+        many missing or clipped readings, and gyro and potentiometer in different units.
+    """
+    if not records:
+        raise IdentificationError("no record to identify from")
+    first = records[0]
+    for r in records:
+        if (r.inputs, r.outputs) != (first.inputs, first.outputs):
+            raise IdentificationError(
+                f"{r.name}: commands {r.inputs} and axes {r.outputs}, but {first.name} has "
+                f"{first.inputs} and {first.outputs}"
+            )
+    _check_commands(records)
+    for r in records:
+        for what, values in (("angle", r.angle), ("rate", r.rate)):
+            if values is not None:
+                _check_readings(r, what, values)
+    for axis, name in enumerate(first.outputs):
+        _check_units(records, axis, name)
+
+
+def _check_commands(records: Sequence[Record]) -> None:
+    for j, name in enumerate(records[0].inputs):
+        count = sum(_felt_changes(r, j) for r in records)
+        if count == 0:
+            raise IdentificationError(
+                f"command '{name}' never changes while the gimbal is sampled; "
+                "nothing can be learnt from a constant input"
+            )
+        if count < _FEWEST_CHANGES:
+            raise IdentificationError(
+                f"command '{name}' changes {count} time; {_FEWEST_CHANGES} steps or more are needed"
+            )
+    moves = np.concatenate([np.diff(r.input, axis=0) for r in records])
+    lengths = np.linalg.norm(moves, axis=0)
+    alike = np.abs(moves.T @ moves) / np.outer(lengths, lengths)
+    for i, j in zip(*np.nonzero(np.triu(alike, 1) > 0.98), strict=True):
+        names = records[0].inputs
+        raise IdentificationError(
+            f"commands '{names[i]}' and '{names[j]}' always move together; step them one at a time"
+        )
+
+
+def _felt_changes(r: Record, column: int) -> int:
+    """Changes of a command that some sample comes after."""
+    rows = r.changes(column)
+    return int(np.sum(r.input_time[rows] <= r.time[-1]))
+
+
+def _check_readings(r: Record, what: str, values: Array) -> None:
+    for axis, name in enumerate(r.outputs):
+        good = np.isfinite(values[:, axis])
+        other = r.rate if what == "angle" else r.angle
+        # with two sensors on stamps of their own each is silent at the stamps of the other
+        expected = 1.0 if other is None else float((good | np.isfinite(other[:, axis])).mean())
+        beside = 0.0 if other is None else float((~good & np.isfinite(other[:, axis])).mean())
+        if expected - good.mean() - beside > _MOST_MISSING or good.sum() < 10:
+            raise IdentificationError(
+                f"{r.name}: {what} '{name}' has {int(good.sum())} readings in {r.size} samples; "
+                f"{100 * (1 - good.mean()):.0f} % are missing"
+            )
+        stuck = clipped(values[good, axis])
+        if stuck.any():
+            level = values[good, axis][stuck][0]
+            raise IdentificationError(
+                f"{r.name}: {what} '{name}' is clipped at {level:g} in {int(stuck.sum())} samples; "
+                "measure with a wider range, step less, or mark them as missing"
+            )
+
+
+def clipped(values: Array) -> NDArray[np.bool_]:
+    """Readings (n,) that stand at the end of the sensor's range.
+
+    A run of equal extreme values that is entered or left at high speed: a settling gimbal slows
+    down before it rests, a clipped reading does not.
+    """
+    stuck = np.zeros(len(values), dtype=bool)
+    change = np.diff(values)
+    step = resolution(values) or float(np.abs(change[change != 0.0]).min(initial=np.inf))
+    for extreme in (values.max(), values.min()):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (values == extreme).astype(int), [0]])))
+        runs = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        for a, b in runs:
+            into = abs(change[a - 1]) if a > 0 else 0.0
+            out = abs(change[b - 1]) if b < len(values) else 0.0
+            before = abs(change[a - 2]) if a > 1 else 0.0
+            steep = 0.4 * np.abs(change).max()
+            # steep in two samples before or one after, on both sides unless the record ends
+            fast_in = into > 3.0 * step and before > steep
+            fast_out = out > 3.0 * step and out > 0.5 * steep
+            if b - a >= _CLIPPED_RUN and fast_in and (fast_out or b == len(values)):
+                stuck[a:b] = True
+    return stuck
+
+
+def _check_units(records: Sequence[Record], axis: int, name: str) -> None:
+    """Turned angle of every step against the integral of the rate."""
+    turned, integral, lasted = [], [], []
+    for r in records:
+        if r.angle is None or r.rate is None:
+            continue
+        both = np.isfinite(r.angle[:, axis]) & np.isfinite(r.rate[:, axis])
+        if both.sum() < 20:
+            continue
+        time, angle, rate = r.time[both], r.angle[both, axis], r.rate[both, axis]
+        path = np.concatenate([[0.0], np.cumsum(np.diff(time) * (rate[1:] + rate[:-1]) / 2.0)])
+        cuts = np.linspace(0, len(time) - 1, min(40, len(time) // 5)).astype(np.intp)
+        turned.append(np.diff(angle[cuts]))
+        integral.append(np.diff(path[cuts]))
+        lasted.append(np.diff(time[cuts]))
+    if not turned:
+        return
+    y, x, t = np.concatenate(turned), np.concatenate(integral), np.concatenate(lasted)
+    scale = float(np.linalg.lstsq(np.stack([x, t], axis=1), y, rcond=None)[0][0])
+    mistaken = _degrees(scale)
+    if mistaken is not None:
+        which = ("angle", "rate") if scale > 1.0 else ("rate", "angle")
+        raise IdentificationError(
+            f"axis '{name}': the angle turns {scale:.3g} times as far as the rate says; "
+            f"{which[0]} in degrees and {which[1]} in radians? give each its unit"
+        )
+
+
+def _degrees(ratio: float) -> float | None:
+    for factor in (DEGREES, 1.0 / DEGREES):
+        if 1.0 / _NEAR < abs(ratio) / factor < _NEAR:
+            return factor
+    return None
+
+
+def check_gain(gain: float, command: str, axis: str) -> None:
+    """Refuse a gain that is a unit and not a gimbal.
+
+    Raises
+    ------
+    IdentificationError
+        for gains near 57.3 (degrees per radian) and 0.0175.
+    """
+    mistaken = _degrees(gain)
+    if mistaken is not None:
+        sides = ("axis", "command") if mistaken > 1.0 else ("command", "axis")
+        raise IdentificationError(
+            f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, near {mistaken:.4g}: "
+            f"{sides[0]} in degrees and {sides[1]} in radians? give each its unit"
+        )

@@ -1,0 +1,230 @@
+"""From records to an identified model."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify import channels, checks
+from analysis.identify.diagnostics import Saturation, residual_tests, saturation
+from analysis.identify.errors import IdentificationError
+from analysis.identify.fit import AxisFit, search
+from analysis.identify.model import AxisEvidence, ChannelFit, IdentifiedModel
+from analysis.identify.prediction import nrmse_fit
+from analysis.identify.problem import Layout, Problem, assemble
+from analysis.identify.records import Record
+from analysis.identify.segments import step_of_row
+from analysis.identify.servo import ServoFit, Structure, search_servo
+from analysis.identify.uncertainty import bootstrap, covariance, whole_jacobian
+
+Array = NDArray[np.float64]
+
+_POOR = 80.0  # percent of fit: below, a figure is a guess
+_COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
+_SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
+_MOST_POLES = 6
+
+
+def identify(
+    records: Sequence[Record],
+    poles: int = 2,
+    zeros: int = 0,
+    delay: Literal["free"] | float = "free",
+    *,
+    servo: bool | Structure = False,
+    denominators: Literal["channel", "axis"] = "channel",
+    offsets: Literal["record", "shared"] = "record",
+    max_delay: float | None = None,
+) -> IdentifiedModel:
+    """Identify a gimbal from steps (or any held commands) and what its sensors saw.
+
+    Parameters
+    ----------
+    records : one or several runs with the same commands and axes
+    poles, zeros : of every transfer function
+    delay : `free`, or the known transport delay [s]
+    servo : fit a servo with bounded speed, dead band and backlash, each axis by itself; a structure
+        (`speed`, `command`) asks for that one instead of the better
+    denominators : every channel has its own poles, or those into one axis share theirs
+    offsets : the angle sensor's offset is each record's own, or one for all
+    max_delay : longest delay searched [s]; 0.1 s or ten samples if left out
+
+    Raises
+    ------
+    IdentificationError
+        for records no model can come from, and orders that are not possible.
+    """
+    _check_order(poles, zeros, delay)
+    checks.check_records(records)
+    first = records[0]
+    longest = max_delay or max(0.1, 10.0 * max(r.period for r in records))
+    layout = layout_of(records, poles, zeros, delay, own=denominators == "channel")
+    problems = [
+        assemble(records, i, layout, shared_offset=offsets == "shared")
+        for i in range(len(first.outputs))
+    ]
+    if servo:
+        return _bounded(problems, first, longest, None if servo is True else servo)
+    return _linear(problems, first, longest)
+
+
+def layout_of(
+    records: Sequence[Record],
+    poles: int,
+    zeros: int,
+    delay: Literal["free"] | float = "free",
+    *,
+    own: bool = True,
+) -> Layout:
+    """Structure of the model of one axis for these records."""
+    fixed = np.nan if delay == "free" else float(delay)
+    inputs = len(records[0].inputs)
+    return Layout(poles, zeros, inputs, own, (fixed,) * inputs, _pace(records))
+
+
+def _check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None:
+    if not 1 <= poles <= _MOST_POLES:
+        raise IdentificationError(f"{poles} poles; 1 to {_MOST_POLES} are possible")
+    if not 0 <= zeros < poles:
+        raise IdentificationError(
+            f"{zeros} zeros with {poles} poles; a gimbal moves only after its command: "
+            f"0 to {poles - 1} zeros"
+        )
+    if delay != "free" and not 0.0 <= float(delay) < 10.0:
+        raise IdentificationError(f"delay is {delay} s; 'free', or 0 to 10 s")
+
+
+def _pace(records: Sequence[Record]) -> float:
+    """A frequency in the middle of what the records can tell [rad/s]."""
+    fast = 1.0 / min(r.period for r in records)
+    slow = 4.0 / max(r.duration for r in records)
+    return float(np.sqrt(fast * max(slow, fast / 100.0)))
+
+
+def _linear(problems: Sequence[Problem], first: Record, longest: float) -> IdentifiedModel:
+    rows, axes, warnings = [], [], []
+    for i, problem in enumerate(problems):
+        fit = search(problem, max_delay=longest)
+        cov, spread = _covariance(whole_jacobian(fit.solution), fit.solution.weighted, fit.problem)
+        row = channels.linear(fit, cov, first.outputs[i], first.inputs)
+        checked = saturation(fit.problem, fit.problem.measured - fit.solution.residual)
+        rows.append(row)
+        axes.append(_evidence(fit, first.outputs[i], checked, spread))
+        if first.angle is not None or first.rate is not None:
+            k = min(i, len(first.inputs) - 1)
+            checks.check_gain(row[k].num[-1] / row[k].den[-1], first.inputs[k], first.outputs[i])
+        warnings += _warnings(axes[-1], row, longest)
+    return IdentifiedModel(
+        first.inputs, first.outputs, tuple(rows), None, tuple(axes), tuple(warnings)
+    )
+
+
+def _bounded(
+    problems: Sequence[Problem], first: Record, longest: float, structure: Structure | None
+) -> IdentifiedModel:
+    if len(first.inputs) != len(first.outputs):
+        raise IdentificationError(
+            f"servo: {len(first.inputs)} commands for {len(first.outputs)} axes; "
+            "each servo needs its own command and axis"
+        )
+    rows, axes, bounds, warnings = [], [], [], []
+    for i, problem in enumerate(problems):
+        alone = problem.with_layout(
+            replace(problem.layout, inputs=1, delays=problem.layout.delays[:1])
+        )
+        fit = search_servo(alone, i, max_delay=longest, structure=structure)
+        cov, spread = _covariance(fit.jacobian, fit.residual * fit.problem.weight, fit.problem)
+        channel, limits = channels.bounded(fit, cov, first.outputs[i], first.inputs[i])
+        rows.append(
+            tuple(channel if j == i else channels.nothing(channel) for j in range(len(problems)))
+        )
+        bounds.append(limits)
+        none = Saturation(float("nan"), float("nan"), 0, 1.0, None)
+        axes.append(_evidence(fit, first.outputs[i], none, spread))
+        checks.check_gain(fit.gain, first.inputs[i], first.outputs[i])
+        warnings += _warnings(axes[-1], (channel,), longest)
+    return IdentifiedModel(
+        first.inputs, first.outputs, tuple(rows), tuple(bounds), tuple(axes), tuple(warnings)
+    )
+
+
+def _covariance(jacobian: Array, weighted: Array, problem: Problem) -> tuple[Array, float]:
+    """Covariance of all parameters, and how much larger the bootstrap's deviations are."""
+    cov = covariance(jacobian)
+    drawn = bootstrap(jacobian, weighted, step_of_row(problem))
+    if drawn is None:
+        return cov, float("nan")
+    searched = problem.layout.size
+    ratio = np.sqrt(np.diag(drawn)[:searched] / np.maximum(np.diag(cov)[:searched], 1e-300))
+    spread = float(np.median(ratio[np.isfinite(ratio)])) if np.isfinite(ratio).any() else np.nan
+    return (drawn if spread > _SPREAD else cov), spread
+
+
+def _evidence(
+    fit: AxisFit | ServoFit, name: str, checked: Saturation, spread: float
+) -> AxisEvidence:
+    problem = fit.problem
+    residual = fit.residual if isinstance(fit, ServoFit) else fit.solution.residual
+    spikes = 0 if isinstance(fit, ServoFit) else int(fit.spikes.sum())
+    counted = problem.weight > 0.0
+    fits: list[list[float]] = [[], []]
+    for is_rate in (False, True):
+        for index in range(len(problem.parts)):
+            rows = counted & (problem.owner == index) & (problem.is_rate == is_rate)
+            measured = problem.measured[rows]
+            fits[int(is_rate)].append(
+                nrmse_fit(measured, measured - residual[rows]) if rows.any() else float("nan")
+            )
+    weighted = residual * problem.weight
+    tests = [
+        residual_tests(problem, weighted, is_rate) if (problem.is_rate == is_rate).any() else None
+        for is_rate in (False, True)
+    ]
+    return AxisEvidence(
+        name, int(counted.sum()), spikes, fit.noise, tuple(fits[0]), tuple(fits[1]),
+        tests[0], tests[1], checked, fit.converged, spread,
+    )  # fmt: skip
+
+
+def _warnings(axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float) -> list[str]:
+    """One line for everything a reader must know before quoting a figure."""
+    found = []
+    name = f"axis '{axis.name}'"
+    both = [f for f in (*axis.fit_angle, *axis.fit_rate) if np.isfinite(f)]
+    fit = float(np.median(both)) if both else float("nan")
+    if not axis.converged:
+        found.append(f"{name}: the search did not settle; treat the figures as a guess")
+    if not fit >= _POOR:
+        found.append(f"{name}: poor fit of {fit:.0f} %; another order, or something unmodelled")
+    if axis.saturation.saturated:
+        found.append(
+            f"{name}: rate-limited, the speed grows with the amplitude to the power "
+            f"{axis.saturation.exponent:.2f}, not 1; a linear natural frequency means little, "
+            "fit the servo"
+        )
+    elif axis.saturation.saturated is None and axis.saturation.steps >= 4:
+        found.append(f"{name}: steps of one size only; saturation cannot be told from slowness")
+    for what, tests in (("angle", axis.residual_angle), ("rate", axis.residual_rate)):
+        if tests and tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3:
+            found.append(
+                f"{name}: the {what} residual is not white (autocorrelation "
+                f"{tests.autocorrelation:.2f}); there is motion the model lacks"
+            )
+    if axis.spread > _SPREAD:
+        found.append(
+            f"{name}: steps disagree {axis.spread:.1f} times more than their noise; "
+            "intervals are from the bootstrap"
+        )
+    if axis.spikes:
+        found.append(f"{name}: {axis.spikes} readings set aside as spikes")
+    for channel in row:
+        if channel.delay > 0.98 * longest:
+            found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")
+        if channel.delay < 0.0:
+            found.append(
+                f"{name}: delay {1e3 * channel.delay:.1f} ms: the command came before the sample "
+                "that first shows it; give commands stamps of their own"
+            )
+    return found

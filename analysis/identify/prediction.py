@@ -1,0 +1,78 @@
+"""What an identified model says about a record it may never have seen."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.basis import Denominator, denominator, over_single, parameters_of
+from analysis.identify.errors import IdentificationError
+from analysis.identify.modal import modal_response
+from analysis.identify.model import IdentifiedModel
+from analysis.identify.records import Record
+from analysis.identify.servo import servo_motion_of
+
+Array = NDArray[np.float64]
+
+
+def predict(model: IdentifiedModel, record: Record) -> tuple[Array, Array]:
+    """Angle [rad] and rate [rad/s] (n, outputs) under a record's commands, from rest.
+
+    Raises
+    ------
+    IdentificationError
+        if the record has other commands than the model.
+    """
+    if record.inputs != model.inputs:
+        raise IdentificationError(
+            f"{record.name}: commands {', '.join(record.inputs)}; "
+            f"the model has {', '.join(model.inputs)}"
+        )
+    angle = np.zeros((record.size, len(model.outputs)))
+    rate = np.zeros_like(angle)
+    for i, row in enumerate(model.channels):
+        for j, channel in enumerate(row):
+            if model.servo is not None and i == j:
+                motion = servo_motion_of(channel, model.servo[i], record, j)
+            elif model.servo is not None:
+                continue
+            else:
+                motion = _linear(channel.num, channel.den, channel.delay, record, j)
+            angle[:, i] += motion[0]
+            rate[:, i] += motion[1]
+    return angle, rate
+
+
+def fit_percent(model: IdentifiedModel, record: Record) -> Array:
+    """NRMSE fit of a record [%] (outputs,)."""
+    angle, rate = predict(model, record)
+    found = np.full(len(model.outputs), np.nan)
+    for i in range(len(model.outputs)):
+        for measured, said in ((record.angle, angle), (record.rate, rate)):
+            if measured is not None and np.isfinite(measured[:, i]).sum() > 1:
+                good = np.isfinite(measured[:, i])
+                found[i] = nrmse_fit(measured[good, i], said[good, i])
+                break
+    return found
+
+
+def nrmse_fit(measured: Array, predicted: Array) -> float:
+    """100·(1 − |error|/|measured − mean|) [%] around the mean error; NaN for a constant."""
+    error = measured - predicted
+    spread = float(np.linalg.norm(measured - measured.mean()))
+    if spread == 0.0:
+        return float("nan")
+    return 100.0 * (1.0 - float(np.linalg.norm(error - error.mean())) / spread)
+
+
+def _linear(
+    num: tuple[float, ...], den: tuple[float, ...], delay: float, record: Record, column: int
+) -> tuple[Array, Array]:
+    d: Denominator = denominator(parameters_of(np.roots(den)))
+    command = record.input[:, column]
+    single, _, held = modal_response(
+        record.time, record.input_time, command - command[0], d.poles, delay
+    )
+    both = []
+    for numerator in (np.array([num]), np.array([[*num, 0.0]])):
+        weights, through = over_single(numerator / den[0], d)
+        both.append((single @ weights).real[:, 0] + held * through[0])
+    return both[0] + command[0] * num[-1] / den[-1], both[1]
