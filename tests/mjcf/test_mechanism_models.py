@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin.mechanism import Kinematics, apply_servo
+from twin.mechanism import Kinematics, apply_servo, insert_backlash
 
 MJCF = Path(__file__).resolve().parents[2] / "mjcf"
 SHIPPED = sorted(MJCF.glob("*.xml")) + sorted(MJCF.glob("examples/*.xml"))
@@ -45,9 +45,12 @@ FREE = """
 </mujoco>"""
 
 
-def test_closure_stays_below_50_um_under_load():
+@pytest.mark.parametrize("backlash", [0.0, 0.0087, 0.05])
+def test_closure_stays_below_50_um_under_load(backlash):
     """45 N of thrust on a free vehicle of 1 kg (44 m/s²), full commands every 40 ms."""
-    model = mujoco.MjModel.from_xml_string(FREE.format(MJCF / "mechanism.xml"))
+    spec = mujoco.MjSpec.from_string(FREE.format(MJCF / "mechanism.xml"))
+    insert_backlash(spec, backlash)
+    model = spec.compile()
     data = mujoco.MjData(model)
     kinematics = Kinematics(model)
     rng = np.random.default_rng(1)
