@@ -18,6 +18,7 @@ from twin.configuration import Doctor, Fly, Step, View
 from twin.errors import DivergenceError, TwinError
 
 MISTAKE, FAILED = 2, 1
+COMMANDS = ("fly", "step", "view", "doctor")
 Command = (
     Annotated[Fly, tyro.conf.subcommand("fly")]
     | Annotated[Step, tyro.conf.subcommand("step")]
@@ -49,6 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def _parse(arguments: list[str]) -> object:
     """Return the command's configuration; tyro's box of advice is folded into one line."""
+    if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+        raise TwinError(f"no command {arguments[0]!r}; there are {', '.join(COMMANDS)}")
     told = io.StringIO()
     try:
         with contextlib.redirect_stderr(told):
@@ -62,9 +65,20 @@ def _parse(arguments: list[str]) -> object:
     except SystemExit as end:
         if end.code in (0, None):
             raise
-        lines = [line.strip("│ ") for line in told.getvalue().splitlines() if line.startswith("│")]
-        rule = next((k for k, line in enumerate(lines) if line.startswith("─")), len(lines))
-        raise TwinError(f"{' '.join(lines[:rule])} (`twin --help` lists what there is)") from None
+        raise TwinError(f"{_advice(told.getvalue())} (`twin --help` lists what there is)") from None
+
+
+def _advice(box: str) -> str:
+    """The text under the title of a box drawn by tyro, in Unicode or in ASCII, on one line."""
+    paragraphs: list[list[str]] = [[]]
+    for line in box.splitlines():
+        text = line.strip("│| ")
+        if text.startswith(("╭", "╰")) or not text.strip("─-"):
+            paragraphs.append([])
+        else:
+            paragraphs[-1].append(text)
+    told = next((p for p in paragraphs[1:] if p), ["the arguments make no command"])
+    return " ".join(told).removeprefix("Error parsing ")
 
 
 def _dispatch(command: object) -> int:

@@ -147,5 +147,7 @@ def _recorder(config: Run, command: str, twin: TwinModel, rows: Rows) -> Recorde
         "model_sha256": twin.sha256,
         "seed": config.seed,
     }
-    path = config.out or Path("runs") / f"{command}.rrd"
+    path = config.out or Path("runs")
+    if path.is_dir() or not path.suffix:
+        path /= f"{command}.rrd"
     return Recorder(path, signals=rows.signals, properties=properties, model=twin.mj)

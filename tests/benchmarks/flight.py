@@ -94,7 +94,10 @@ def _loop() -> Iterator[str]:
 
         def recorded() -> None:
             with Recorder(
-                Path(folder, "bench.rrd"), signals=flight.rows.signals, properties={}, model=flight.plant.model
+                Path(folder, "bench.rrd"),
+                signals=flight.rows.signals,
+                properties={},
+                model=flight.plant.model,
             ) as recorder:
                 flight.fly(recorder)
 
@@ -103,7 +106,9 @@ def _loop() -> Iterator[str]:
         yield row("linkage flight over bare mj_step", f"{loop:.2f} ×", "≤ 1.5", loop <= 1.5)
         yield row("the same, recorded", f"{record:.2f} ×", "≤ 1.8", record <= 1.8)
         tick = _tick(flight, Path(folder, "tick.rrd"))
-        yield row("control tick: read, control, write, append (p50)", f"{tick:.1f} µs", "≤ 25", tick <= 25)
+        yield row(
+            "control tick: read, control, write, append (p50)", f"{tick:.1f} µs", "≤ 25", tick <= 25
+        )
 
 
 def _tick(flight: _Assembly, path: Path) -> float:

@@ -24,7 +24,9 @@ def table() -> Iterator[str]:
         whole = statistics.median(seconds for seconds, _ in flights)
         numbers = json.loads(flights[-1][1])
         yield row("twin fly, prompt to prompt, warm", f"{whole:.2f} s", "≤ 4 s", whole <= 4)
-        load = [_timed([sys.executable, "-c", "import twin.cli, twin.experiments"])[0] for _ in range(4)][1:]
+        load = [
+            _timed([sys.executable, "-c", "import twin.cli, twin.experiments"])[0] for _ in range(4)
+        ][1:]
         imports = statistics.median(load)
         yield row("its imports", f"{imports:.2f} s", "≤ 1.5 s", imports <= 1.5)
         minute = out.stat().st_size / numbers["flight_time_s"] * 60 / 1e6

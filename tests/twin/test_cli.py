@@ -1,0 +1,145 @@
+"""The command line: one clear line and exit 2 for a mistake, JSON alone for machines."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from twin.cli import main
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "mjcf" / "examples"
+
+
+def run(capsys, *arguments: str) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of one command."""
+    with pytest.raises(SystemExit) as end:
+        main([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return int(end.value.code or 0), out, err
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+FILES = {
+    "garbage.eng": "garbage\n",
+    "negative.eng": "F1 29 100 0 0.02 0.05 X\n0.1 5\n0.5 -3\n1 0\n",
+    "endless.eng": "F1 29 100 0 0.02 0.05 X\n0.1 5\n0.5 3\n",
+    "nan.eng": "F1 29 100 0 0.02 0.05 X\n0.1 nan\n0.5 0\n",
+    "empty.xml": "<mujoco><worldbody/></mujoco>",
+    "html.xml": "<html/>",
+    "text.xml": "text",
+    "other.json": '{"schema": "something else"}',
+    "set.json": '{"air_drag": "much"}',
+    "text.rrd": "text",
+}
+
+MISTAKES = [
+    ("fly --motor garbage.eng", "garbage.eng, line 1"),
+    ("fly --motor negative.eng", "-3 N is negative"),
+    ("fly --motor endless.eng", "never ends"),
+    ("fly --motor nan.eng", "nan"),
+    ("fly --motor missing.eng", "missing.eng"),
+    ("fly --set air_axial_darg=1", "air_axial_drag"),
+    ("fly --set vehicel.mass=1", "vehicle"),
+    ("fly --set wind_speed=nan", "not finite"),
+    ("fly --set wind_speed", "NAME=VALUE"),
+    ("fly --set-from set.json", "much"),
+    ("fly --scene fligth", "flight, bench, turntable"),
+    ("fly --scene bench", "vehicle"),
+    ("fly --vehicle empty.xml", "body 'vehicle'"),
+    ("fly --vehicle text.xml", "not well-formed"),
+    ("fly --vehicle html.xml", "<html>"),
+    ("fly --vehicle missing.xml", "missing.xml"),
+    ("fly --mechanism empty.xml", "mount"),
+    ("fly --dt 0", "0 < dt"),
+    ("fly --dt -0.001", "0 < dt"),
+    ("fly --dt 0.1", "0 < dt"),
+    ("fly --dt nan", "finite"),
+    ("fly --control-hz 333", "Hz would be"),
+    ("fly --duration-s inf", "finite"),
+    ("fly --seed -1", "whole number"),
+    ("fly --out flight.txt", ".rrd"),
+    ("fly --out /proc/nowhere/flight.rrd", "cannot record"),
+    ("fly --gimbal transfer-function --model other.json", "schema"),
+    ("fly --gimbal transfer-function --model missing.json", "missing.json"),
+    ("fly --gimbal rope", "linkage"),
+    ("fly --target 0 0 -100", "30°"),
+    ("fly --programme point --off-axis-deg 60 0", "30°"),
+    ("fly --programme point --target-range-m -5", "greater than zero"),
+    ("step --amplitude-deg 11", "stops"),
+    ("step --repeats 0", "repeats"),
+    ("step --hold-s 0", "hold"),
+    ("view missing.rrd", "missing.rrd"),
+    ("view text.rrd", "not a Rerun recording"),
+    ("flie", "fly"),
+    ("fly --jsn", "--jsn"),
+]
+
+
+@pytest.mark.parametrize(("command", "says"), MISTAKES, ids=[c for c, _ in MISTAKES])
+def test_a_mistake_is_told_in_one_line_with_exit_2_and_leaves_nothing_behind(
+    capsys, here, command, says
+):
+    for name, text in FILES.items():
+        (here / name).write_text(text)
+    code, out, err = run(capsys, *command.split())
+    assert code == 2
+    assert out == ""
+    assert says in err
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+    assert {p.name for p in here.iterdir()} == set(FILES)
+
+
+def test_json_is_one_object_with_the_documented_numbers_and_nothing_else(capsys, here):
+    code, out, _ = run(capsys, "fly", "--json", "--duration-s", "0.5")
+    assert code == 0
+    numbers = json.loads(out)
+    documented = (
+        "recording, mass_kg, flight_time_s, max_speed_m_s, powered_slant_range_m,"
+        " closest_approach_m, physics_steps, physics_s, wall_s"
+    ).split(", ")
+    assert set(documented) <= set(numbers)
+    assert Path(numbers["recording"]).is_file()
+    assert numbers["physics_steps"] == 500
+
+
+def test_a_run_that_diverges_ends_with_1_and_keeps_its_recording_up_to_there(capsys, here):
+    from analysis import recording
+
+    code, _, err = run(capsys, "fly", "--set", "gimbal_holder.mass=1e9", "--out", "bad.rrd")
+    assert code == 1
+    assert "diverged at" in err
+    kept = recording.read(here / "bad.rrd")
+    assert kept.series["vehicle/position"].time.size > 0
+    assert not list(here.glob("*.partial"))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--mechanism", "direct_drive.xml"), ("--vehicle", "large_rocket.xml")],
+    ids=lambda a: a[1],
+)
+def test_another_mechanism_or_vehicle_flies_without_a_change_to_the_program(
+    capsys, here, arguments
+):
+    flag, file = arguments
+    code, out, _ = run(capsys, "fly", "--json", flag, str(EXAMPLES / file))
+    assert code == 0
+    numbers = json.loads(out)
+    assert numbers["warnings"] == {}
+    assert numbers["max_height_m"] > 300
+
+
+def test_doctor_names_what_it_looked_at(capsys):
+    code, out, _ = run(capsys, "doctor", "--json")
+    assert code == 0
+    findings = json.loads(out)["findings"]
+    topics = {f["topic"] for f in findings}
+    assert {"mujoco", "native callbacks", "headless GL", "SCHED_FIFO", "AVR tools"} <= topics
+    assert all(f["remedy"] for f in findings if f["level"] == "missing")

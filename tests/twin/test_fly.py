@@ -1,0 +1,102 @@
+"""The mission of the thesis's table 1, and that a run can be trusted and repeated."""
+
+import math
+import subprocess
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis import recording
+from twin.configuration import Fly, Step
+from twin.errors import TwinError
+from twin.experiments import fly, step
+
+RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
+CONE = [(0, 0), (15, 0), (-15, 0), (30, 0), (-30, 0), (0, 15), (0, -15), (0, 30), (0, -30)]
+H13ST = Path("motors") / "AeroTech_H13ST.eng"
+
+
+@pytest.mark.parametrize("off_axis", CONE, ids=str)
+def test_the_vehicle_passes_within_5_m_of_a_point_500_m_away_anywhere_in_the_cone(
+    tmp_path, off_axis
+):
+    result = fly(Fly(programme="point", off_axis_deg=off_axis, out=tmp_path / "fly.rrd"))
+    assert result.closest_approach_m < 5.0  # the issue's figure
+    assert result.warnings == {}
+
+
+@pytest.mark.parametrize("source", ["reference", "published curve"])
+def test_mass_range_and_speed_are_those_of_the_thesis(tmp_path, request, source):
+    motor = None
+    if source == "published curve":
+        motor = request.getfixturevalue("shared_data") / H13ST
+    result = fly(Fly(motor=motor, out=tmp_path / "fly.rrd"))
+    assert 0.9 <= result.mass_kg <= 1.1
+    assert 50 <= result.max_speed_m_s <= 100
+    assert result.powered_slant_range_m >= 500
+    assert result.loop_closure_max_um < 50  # through the whole flight
+    assert result.warnings == {}
+
+
+def test_the_identified_model_flies_like_the_linkage_it_stands_for(tmp_path):
+    linkage = fly(Fly(out=tmp_path / "linkage.rrd"))
+    model = fly(Fly(gimbal="transfer-function", out=tmp_path / "model.rrd"))
+    # a calibrated servo gimbal is far faster than the attitude loop, so its kind matters little
+    assert model.powered_slant_range_m == pytest.approx(linkage.powered_slant_range_m, rel=0.02)
+
+
+def compared(a: Path, b: Path) -> int:
+    command = [RERUN, "rrd", "compare", "--unordered", "--ignore-timeline", "wall_time", a, b]
+    return subprocess.run(command, capture_output=True, check=False).returncode
+
+
+def test_two_runs_of_one_seed_record_the_same_and_another_seed_does_not(tmp_path):
+    gusts = ("wind_speed=8", "wind_turbulence=0.2")
+    paths = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        paths.append(tmp_path / f"{name}.rrd")
+        fly(Fly(set=gusts, seed=seed, duration_s=3.0, out=paths[-1]))
+    assert compared(paths[0], paths[1]) == 0
+    assert compared(paths[0], paths[2]) != 0
+
+
+def test_the_recording_says_how_to_run_it_again(tmp_path):
+    fly(Fly(duration_s=0.2, seed=4, out=tmp_path / "fly.rrd"))
+    run = recording.read(tmp_path / "fly.rrd").properties
+    assert run["configuration"]["duration_s"] == 0.2
+    assert run["seed"] == 4
+    assert set(run["versions"]) >= {"mujoco", "tvc-twin", "rerun-sdk"}
+    assert len(run["model_sha256"]) == 64
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "ab1", "ab2", "ab3", "ab4"])
+def test_every_integrator_flies_the_same_path(tmp_path, integrator):
+    def end(name: str) -> np.ndarray:
+        out = tmp_path / f"{name}.rrd"
+        fly(Fly(gimbal="transfer-function", integrator=name, duration_s=2.0, out=out))  # type: ignore[arg-type]
+        return recording.read(out).series["vehicle/position"].values[-1]
+
+    # first-order schemes err by about dt/2 of the acceleration's change; 27 m flown by then
+    np.testing.assert_allclose(end(integrator), end("implicitfast"), atol=0.15)
+
+
+@pytest.mark.parametrize("gimbal", ["linkage", "transfer-function"])
+def test_a_step_ends_at_the_command(tmp_path, gimbal):
+    out = tmp_path / "step.rrd"
+    step(Step(gimbal=gimbal, repeats=1, amplitude_deg=5, out=out))
+    series = recording.read(out).series
+    command = series["gimbal/command"].values
+    reached = series["gimbal/simulated"].values
+    last = np.flatnonzero(np.diff(command, axis=0).any(axis=1))  # end of every hold
+    error = np.abs(reached[last] - command[last]).max()
+    # at the shaft: half the backlash 0.25°, dead band 0.25°, friction and weight over the servo's
+    # stiffness (0.006 + 0.007 N m)/1.8 N m/rad = 0.4°; the horn of 8 mm on an arm of 20.5 mm makes
+    # 0.35° of them at the gimbal. The identified model has none of these.
+    assert error < math.radians(0.35 if gimbal == "linkage" else 0.01)
+
+
+def test_a_step_past_the_stops_is_refused():
+    with pytest.raises(TwinError, match="stops"):
+        step(Step(amplitude_deg=12))
