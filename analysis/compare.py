@@ -1,0 +1,283 @@
+"""Two motions side by side: simulated against measured, rig against model."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.schema import AnalysisError
+
+Array = NDArray[np.float64]
+
+_LONGEST = 0.25  # s of delay searched
+_FEWEST = 16  # common samples
+_SEGMENTS = 6  # of the record, averaged for coherence
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One motion of k axes.
+
+    Attributes
+    ----------
+    time : [s] (n,), increasing
+    values : [rad] (n, k), NaN where not measured
+    components : names of the k axes
+    name : how reports call it
+    """
+
+    time: Array
+    values: Array
+    components: tuple[str, ...]
+    name: str = "motion"
+
+    def __post_init__(self) -> None:
+        time = np.array(self.time, dtype=np.float64)
+        values = np.array(self.values, dtype=np.float64)
+        values = values[:, None] if values.ndim == 1 else values
+        if time.ndim != 1 or values.shape != (len(time), len(self.components)):
+            raise AnalysisError(
+                f"{self.name}: values {values.shape} for {len(time)} stamps and "
+                f"{len(self.components)} axes"
+            )
+        if len(time) < _FEWEST:
+            raise AnalysisError(f"{self.name}: {len(time)} samples; {_FEWEST} or more are needed")
+        if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
+            raise AnalysisError(f"{self.name}: stamps must be finite and increase")
+        if np.isinf(values).any():
+            raise AnalysisError(f"{self.name}: infinite values")
+        time.setflags(write=False)
+        values.setflags(write=False)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "values", values)
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """How far one motion is from another.
+
+    Attributes
+    ----------
+    rmse, mae, worst : of the difference [rad]
+    fit : NRMSE fit, 100·(1 − |difference|/|reference − mean|) [%]
+    vaf : variance accounted for, 100·(1 − var(difference)/var(reference)) [%]
+    """
+
+    rmse: float
+    mae: float
+    worst: float
+    fit: float
+    vaf: float
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Transfer from reference to other over frequency.
+
+    Attributes
+    ----------
+    frequency : [Hz] (m,)
+    gain : [dB] (m,)
+    phase : [deg] (m,)
+    coherence : 0 … 1 (m,); where it is low, gain and phase say nothing
+    """
+
+    frequency: Array
+    gain: Array
+    phase: Array
+    coherence: Array
+
+
+@dataclass(frozen=True, slots=True)
+class AxisComparison:
+    """One axis of two motions.
+
+    Attributes
+    ----------
+    axis : its name
+    delay : of the other motion behind the reference [s], sub-sample; it is reported, and only
+        `aligned` has it taken out
+    as_is : errors without any alignment
+    aligned : errors after the delay is taken out
+    repeats : errors as they are, per repeat
+    spectrum : gain, phase and coherence, without alignment
+    samples : compared
+    """
+
+    axis: str
+    delay: float
+    as_is: Errors
+    aligned: Errors
+    repeats: tuple[Errors, ...]
+    spectrum: Spectrum
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two motions side by side, axis by axis."""
+
+    reference: str
+    other: str
+    axes: tuple[AxisComparison, ...]
+
+    @property
+    def fit(self) -> float:
+        """Smallest NRMSE fit [%] of any axis, as it is: what a limit is held against."""
+        return min(a.as_is.fit for a in self.axes)
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON; NaN becomes None."""
+        content = _plain(self)
+        assert isinstance(content, dict)
+        return {**content, "fit": _plain(self.fit)}
+
+
+def compare(
+    reference: Motion,
+    other: Motion,
+    *,
+    repeats: Sequence[float] = (),
+    longest_delay: float = _LONGEST,
+) -> Comparison:
+    """Compare two motions over the time and the axes they share.
+
+    The other motion is interpolated at the stamps of the reference.
+
+    Parameters
+    ----------
+    reference : usually what was measured
+    other : usually what was simulated
+    repeats : times [s] at which repeats begin; each lasts until the next
+    longest_delay : of either motion behind the other [s]
+
+    Raises
+    ------
+    AnalysisError
+        if they share no axis, or not enough time.
+    """
+    shared = [c for c in reference.components if c in other.components]
+    if not shared:
+        raise AnalysisError(
+            f"no axis in common: {reference.name} has {', '.join(reference.components)}; "
+            f"{other.name} has {', '.join(other.components)}"
+        )
+    axes = tuple(_axis(reference, other, c, repeats, longest_delay) for c in shared)
+    return Comparison(reference.name, other.name, axes)
+
+
+def _axis(
+    reference: Motion, other: Motion, axis: str, repeats: Sequence[float], longest: float
+) -> AxisComparison:
+    t, y = _column(reference, axis)
+    s, x = _column(other, axis)
+    delay = _delay(t, y, s, x, longest)
+    both = (t >= s[0]) & (t <= s[-1])
+    if both.sum() < _FEWEST:
+        raise AnalysisError(
+            f"axis '{axis}': {int(both.sum())} samples in common; {reference.name} covers "
+            f"{t[0]:g} to {t[-1]:g} s, {other.name} {s[0]:g} to {s[-1]:g} s"
+        )
+    t, y = t[both], y[both]
+    there = np.interp(t, s, x)
+    inside = (t + delay >= s[0]) & (t + delay <= s[-1])
+    shifted = np.interp(t[inside] + delay, s, x)
+    edges = np.searchsorted(t, np.asarray(repeats, dtype=np.float64))
+    parts = [p for p in np.split(np.arange(len(t)), edges) if len(p) > 2] if len(edges) else []
+    if len(edges) and edges[0] > 0 and parts:
+        parts = parts[1:]  # what comes before the first repeat is none
+    return AxisComparison(
+        axis,
+        delay,
+        errors(y, there),
+        errors(y[inside], shifted),
+        tuple(errors(y[p], there[p]) for p in parts),
+        _spectrum(t, y, there),
+        len(t),
+    )
+
+
+def errors(reference: ArrayLike, other: ArrayLike) -> Errors:
+    """Errors of one signal (n,) against another; `fit` and `vaf` are NaN for a constant."""
+    y, x = np.asarray(reference, dtype=np.float64), np.asarray(other, dtype=np.float64)
+    e = x - y
+    spread, varied = float(np.linalg.norm(y - y.mean())), float(np.var(y))
+    return Errors(
+        rmse=float(np.sqrt(np.mean(e**2))),
+        mae=float(np.mean(np.abs(e))),
+        worst=float(np.abs(e).max()),
+        fit=100.0 * (1.0 - float(np.linalg.norm(e)) / spread) if spread else math.nan,
+        vaf=100.0 * (1.0 - float(np.var(e)) / varied) if varied else math.nan,
+    )
+
+
+def _column(motion: Motion, axis: str) -> tuple[Array, Array]:
+    values = motion.values[:, motion.components.index(axis)]
+    good = np.isfinite(values)
+    if good.sum() < _FEWEST:
+        raise AnalysisError(f"{motion.name}: axis '{axis}' has {int(good.sum())} readings")
+    return motion.time[good], values[good]
+
+
+def _delay(t: Array, y: Array, s: Array, x: Array, longest: float) -> float:
+    """Delay of x behind y [s] that leaves the least difference around its own mean."""
+    from scipy.optimize import minimize_scalar
+
+    span = min(t[-1], s[-1]) - max(t[0], s[0])
+    longest = min(longest, 0.25 * span)
+    if longest <= 0.0:
+        return 0.0
+    period = min(float(np.median(np.diff(t))), float(np.median(np.diff(s))))
+    inside = (t - longest >= s[0]) & (t + longest <= s[-1])
+    if inside.sum() < _FEWEST:  # short records: what is beyond the ends stands still
+        inside = np.ones(len(t), dtype=bool)
+    t, y = t[inside], y[inside]
+    if np.ptp(y) == 0.0 or np.ptp(x) == 0.0:
+        return 0.0
+
+    def loss(delay: float) -> float:
+        e = np.interp(t + delay, s, x) - y
+        return float(np.var(e))
+
+    grid = np.linspace(-longest, longest, min(2 * math.ceil(longest / period) + 1, 2001))
+    best = int(np.argmin([loss(d) for d in grid]))
+    step = float(grid[1] - grid[0])
+    low, high = float(grid[best]) - step, float(grid[best]) + step
+    found = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 1e-7})
+    return float(found.x)
+
+
+def _spectrum(t: Array, y: Array, x: Array) -> Spectrum:
+    """Welch averages over half-overlapping stretches of the record, resampled evenly."""
+    from scipy.signal import coherence, csd, welch
+
+    period = float(np.median(np.diff(t)))
+    even = np.arange(t[0], t[-1], period)
+    a, b = np.interp(even, t, y), np.interp(even, t, x)
+    length = max(min(2 * len(even) // (_SEGMENTS + 1), 4096), 8)
+    rate = 1.0 / period
+    frequency, power = welch(a, fs=rate, nperseg=length)
+    _, cross = csd(a, b, fs=rate, nperseg=length)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        _, agreement = coherence(a, b, fs=rate, nperseg=length)
+        ratio = cross / power
+        gain = 20.0 * np.log10(np.abs(ratio))
+    spectrum = [frequency, gain, np.degrees(np.unwrap(np.angle(ratio))), agreement]
+    frozen = [np.array(v[1:], dtype=np.float64) for v in spectrum]
+    for values in frozen:
+        values.setflags(write=False)
+    return Spectrum(*frozen)
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray):
+        return [_plain(float(v)) for v in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, Comparison | AxisComparison | Errors | Spectrum):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    return value

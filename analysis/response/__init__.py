@@ -1,0 +1,53 @@
+"""The figures a TVC engineer quotes, from raw records and from identified models."""
+
+from analysis.response.figure import Figure, disagreements, over_repeats
+from analysis.response.model import (
+    bandwidth,
+    frequency_figures,
+    model_figures,
+    model_step_metrics,
+    phase_frequency,
+    step_response,
+)
+from analysis.response.static import (
+    cosine_loss,
+    cross_coupling,
+    hysteresis,
+    linearity,
+    repeatability,
+    staircase_figures,
+)
+from analysis.response.steps import (
+    Step,
+    StepMetrics,
+    cut_steps,
+    measure,
+    slew_figures,
+    step_figures,
+    step_metrics,
+)
+
+__all__ = [
+    "Figure",
+    "Step",
+    "StepMetrics",
+    "bandwidth",
+    "cosine_loss",
+    "cross_coupling",
+    "cut_steps",
+    "disagreements",
+    "frequency_figures",
+    "hysteresis",
+    "linearity",
+    "measure",
+    "model_figures",
+    "model_step_metrics",
+    "over_repeats",
+    "phase_frequency",
+    "repeatability",
+    "slew_figures",
+    "staircase_figures",
+    "step_figures",
+    "step_metrics",
+    "step_response",
+]

@@ -1,0 +1,90 @@
+"""One quoted figure: never a bare number."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.schema import AnalysisError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure with what it needs to be believed.
+
+    Attributes
+    ----------
+    name, unit : what it is and in what it is measured
+    value : NaN where it could not be measured
+    amplitude : of the motion it was measured at [rad], NaN where it has none
+    n : number of repeats behind it; 0 for a model
+    interval : of 95 % confidence, NaN where one measurement tells none
+    """
+
+    name: str
+    value: float
+    unit: str
+    amplitude: float = math.nan
+    n: int = 1
+    interval: tuple[float, float] = (math.nan, math.nan)
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON; NaN becomes None."""
+
+        def plain(x: float) -> float | None:
+            return float(x) if math.isfinite(x) else None
+
+        return {
+            "name": self.name,
+            "value": plain(self.value),
+            "unit": self.unit,
+            "amplitude": plain(self.amplitude),
+            "n": self.n,
+            "interval": [plain(x) for x in self.interval],
+        }
+
+
+def over_repeats(name: str, values: ArrayLike, unit: str, amplitude: float = math.nan) -> Figure:
+    """Mean of repeats with its interval (Student); NaN repeats do not count."""
+    found = np.asarray(values, dtype=np.float64)
+    found = found[np.isfinite(found)]
+    if len(found) == 0:
+        return Figure(name, math.nan, unit, amplitude, 0)
+    mean = float(found.mean())
+    if len(found) == 1:
+        return Figure(name, mean, unit, amplitude, 1)
+    from scipy.stats import t
+
+    half = float(t.ppf(0.975, len(found) - 1) * found.std(ddof=1) / math.sqrt(len(found)))
+    return Figure(name, mean, unit, amplitude, len(found), (mean - half, mean + half))
+
+
+def fitted_line(x: Array, y: Array) -> tuple[float, float, Array]:
+    """Slope, offset and residual (n,) of the least-squares line.
+
+    Raises
+    ------
+    AnalysisError
+        for fewer than three points, or points over one place.
+    """
+    if len(x) < 3 or np.ptp(x) == 0.0:
+        raise AnalysisError(f"{len(x)} points over a range of {np.ptp(x) if len(x) else 0:g}; "
+                            "a line needs three that differ")  # fmt: skip
+    slope, offset = np.polyfit(x, y, 1)
+    return float(slope), float(offset), y - slope * x - offset
+
+
+def disagreements(measured: Sequence[Figure], model: Sequence[Figure]) -> tuple[str, ...]:
+    """Names of figures whose model value lies outside the measurement's interval."""
+    said = {f.name: f.value for f in model}
+    return tuple(
+        f.name
+        for f in measured
+        if f.name in said
+        and all(map(math.isfinite, (*f.interval, said[f.name])))
+        and not f.interval[0] <= said[f.name] <= f.interval[1]
+    )
