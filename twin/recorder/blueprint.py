@@ -83,8 +83,11 @@ def style(name: str) -> rr.SeriesLines:
     return rr.SeriesLines(colors=colors, names=names, widths=[1.5] * len(colors))
 
 
-def build(names: Sequence[str], poses: Poses | None) -> rrb.Blueprint:
-    """Return the blueprint for the recorded signals and, if there is one, the 3D scene."""
+def build(names: Sequence[str], poses: Poses | None, *, live: bool = False) -> rrb.Blueprint:
+    """Return the blueprint for the recorded signals and, if there is one, the 3D scene.
+
+    Opens at the start and paused; with `live` it follows the newest data instead.
+    """
     recorded = set(names)
     plots = {title: _plot(title, members) for title, members in _present(_GROUPS, recorded)}
     main = [
@@ -112,7 +115,11 @@ def build(names: Sequence[str], poses: Poses | None) -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         body,
-        rrb.TimePanel(state="collapsed", timeline=schema.TIME),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=schema.TIME,
+            play_state="following" if live else "paused",
+        ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         auto_views=False,

@@ -110,7 +110,8 @@ class Recorder:
             if serve is not None:
                 sinks.append(rr.GrpcServerSink(LOOPBACK, serve, server_memory_limit="256MiB"))
             names = [s.name for s in self._signals]
-            stream.set_sinks(*sinks, default_blueprint=blueprint.build(names, self._poses))
+            look = blueprint.build(names, self._poses, live=serve is not None)
+            stream.set_sinks(*sinks, default_blueprint=look)
         except (RuntimeError, OSError, ValueError) as error:
             self._partial.unlink(missing_ok=True)
             raise RecorderError(f"cannot record to {self.path}: {_line(error)}") from None

@@ -15,7 +15,7 @@ from typing import Any
 from twin.viewer.opening import START_SECONDS, ViewerError
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-SETTLE_SECONDS = 60.0
+SETTLE_SECONDS = 180.0  # without a graphics card a frame takes a second or more
 EMPTY_BYTES = 30_000  # a page that is still loading compresses to less
 
 

@@ -18,9 +18,14 @@ SETTLE_SECONDS = 30.0
 # Where the web viewer of Rerun 0.41 draws its time line [points]: margins, height above the bottom.
 TIME_LINE = (267.0, 208.0)
 TIME_LINE_HEIGHT = 15.0
-PAUSE_BUTTON = 26.0
-# What the viewer says about a machine without a graphics card; it is not about the recording.
-HARMLESS = ("Software rasterizer", "deprecated parameters", "Expected one or none")
+# What the viewers say about the machine, the browser and their own welcome page.
+HARMLESS = (
+    "Software rasterizer",
+    "deprecated parameters",
+    "Expected one or none",
+    "not implemented in web backend",
+    "Failed to fetch",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +105,7 @@ def headless(size: tuple[int, int]) -> Iterator["ViewerClient"]:
 
 
 def web_screenshot(
-    path: Path, fractions: Sequence[float], out_dir: Path, size: tuple[int, int] = (1200, 700)
+    path: Path, fractions: Sequence[float], out_dir: Path, size: tuple[int, int] = (1000, 600)
 ) -> Look:
     """Picture a recording in the web viewer, in Chromium without a screen.
 
@@ -121,7 +126,6 @@ def web_screenshot(
     left, right = TIME_LINE
     with serve_web(path) as url, browser.opened(url, size) as page:
         browser.settled(page)
-        page.click(PAUSE_BUTTON, size[1] - TIME_LINE_HEIGHT)
         for fraction in fractions:
             page.click(left + fraction * (size[0] - left - right), size[1] - TIME_LINE_HEIGHT)
             picture = out_dir / f"{path.stem}_web_{100 * fraction:.0f}.png"

@@ -16,6 +16,7 @@ from twin.errors import TwinError
 
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 30.0
+EMPTY_BYTES = 1000  # Rerun writes 100 to 400 for a recording without content
 
 
 class ViewerError(TwinError):
@@ -58,7 +59,8 @@ def repaired(path: Path) -> Path:
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".repair-") as folder:
         part = Path(folder) / fresh.name
         done = _rerun("rrd", "optimize", "--continue-on-error", str(path), "-o", str(part))
-        if done.returncode != 0 or not part.is_file() or not sound(part):
+        empty = not part.is_file() or part.stat().st_size < EMPTY_BYTES or not sound(part)
+        if done.returncode != 0 or empty:
             raise ViewerError(f"{path}: nothing in it can be saved")
         part.replace(fresh)
     return fresh

@@ -1,0 +1,211 @@
+"""What a person sees: real pictures of recordings, in the native and in the web viewer."""
+
+import io
+import os
+import shutil
+import socket
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import psutil
+import pytest
+from PIL import Image
+
+from analysis import recording
+from tests.conftest import ROOT
+from tests.twin import runs
+from twin import viewer
+from twin.recorder import Recorder
+from twin.viewer import browser, opening
+
+SIZE = (1200, 700)
+
+
+def needed(found: bool, what: str) -> None:
+    """Skip without the tool, but never where green must mean seen."""
+    if not found:
+        message = f"needs {what} (`bash .ci/test-tools` installs it)"
+        pytest.fail(message) if os.environ.get("CI") else pytest.skip(message)
+
+
+@pytest.fixture(scope="session")
+def vulkan():
+    folders = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
+    needed(any(any(f.glob("*.json")) for f in folders if f.is_dir()), "mesa-vulkan-drivers")
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    needed(any(map(shutil.which, browser.NAMES)), "chromium")
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    path = tmp_path_factory.mktemp("viewer") / "flight.rrd"
+    runs.fly(path, 12.0)
+    return path
+
+
+def scene(picture: Path) -> np.ndarray:
+    """Pixels (h, w, 3) of the large 3D view: left half, without the row of views below."""
+    image = Image.open(io.BytesIO(picture.read_bytes())).convert("RGB")
+    width, height = image.size
+    return np.asarray(image.crop((0, 60, width // 2, round(0.68 * height))), dtype=float)
+
+
+def vehicle(pixels: np.ndarray) -> np.ndarray:
+    """Mask of the vehicle's red: shading changes brightness, not hue."""
+    red, green, blue = np.moveaxis(pixels, -1, 0)
+    return (red > 60) & (red > 2.5 * green) & (red > 2.5 * blue)
+
+
+def assert_in_frame(picture: Path) -> None:
+    mask = vehicle(scene(picture))
+    rows, columns = np.nonzero(mask)
+    height, width = mask.shape
+    assert len(rows) > 300, f"{picture.name}: {len(rows)} pixels of the vehicle"
+    # whole, not cut off: the edge of the view is free of it
+    assert 0 < rows.min() < rows.max() < height - 1, picture.name
+    assert 0 < columns.min() < columns.max() < width - 1, picture.name
+    # large enough to see how it points, small enough to see where
+    assert 0.25 < np.hypot(np.ptp(rows), np.ptp(columns)) / height < 0.9, picture.name
+
+
+def test_the_native_viewer_shows_the_vehicle_at_three_times(flight, tmp_path, vulkan):
+    look = viewer.screenshot(flight, [0.0, 5.0, 11.9], tmp_path, SIZE)
+    assert look.reports == ()
+    assert look.complaints == ()
+    for picture in look.pictures:
+        assert Image.open(picture).size == SIZE
+        assert_in_frame(picture)
+
+
+def test_the_picture_changes_with_time_and_repeats_itself(flight, tmp_path, vulkan):
+    one, other = (viewer.screenshot(flight, [5.0, 8.0], tmp_path / k, SIZE) for k in "ab")
+    early, late = map(scene, one.pictures)
+    assert np.abs(late - early).mean() > 0.5
+    assert np.array_equal(early, scene(other.pictures[0]))
+
+
+def test_without_the_vehicle_there_is_nothing_red(tmp_path, vulkan):
+    """The counter-test: the mask finds the vehicle and nothing else."""
+    ground = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="0 0 1" rgba="0.35 0.42 0.33 1"/>'
+        '<body name="other"><freejoint/><geom size="0.3" rgba="0.2 0.2 0.9 1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(ground)
+    mujoco.mj_forward(ground, data)
+    path = tmp_path / "empty.rrd"
+    with Recorder(path, signals=["gimbal/command"], properties={}, model=ground) as recorder:
+        for tick in range(100):
+            recorder.row[:] = 0.0
+            recorder.commit(tick * runs.PERIOD_NS, tick)
+            recorder.commit_pose(tick * runs.PERIOD_NS, data)
+    look = viewer.screenshot(path, [0.2], tmp_path, SIZE)
+    assert look.reports == ()
+    assert not vehicle(scene(look.pictures[0])).any()
+
+
+def test_every_signal_has_a_view_that_reports_nothing(tmp_path, vulkan):
+    from analysis import schema
+
+    path = tmp_path / "all.rrd"
+    with Recorder(path, signals=list(schema.SIGNALS), properties={}) as recorder:
+        for tick in range(500):
+            recorder.row[:] = np.sin(tick * 0.02)
+            recorder.commit(tick * runs.PERIOD_NS, tick)
+        recorder.health(0, "potentiometer x_a: stuck")
+    look = viewer.screenshot(path, [1.0], tmp_path, SIZE)
+    assert look.reports == ()
+    assert look.complaints == ()
+
+
+def test_the_web_viewer_shows_the_vehicle_at_three_times(flight, tmp_path, chromium):
+    look = viewer.web_screenshot(flight, [0.02, 0.5, 0.98], tmp_path, (900, 560))
+    assert look.complaints == ()
+    for picture in look.pictures:
+        assert_in_frame(picture)
+
+
+@pytest.mark.parametrize("signals", [runs.SIGNALS])
+def test_the_shipped_flight_scene_is_in_frame(tmp_path, vulkan, signals):
+    model = mujoco.MjModel.from_xml_path(str(ROOT / "mjcf" / "flight.xml"))
+    data = mujoco.MjData(model)
+    start = int(model.jnt_qposadr[model.joint("vehicle").id])
+    mujoco.mj_forward(model, data)
+    nose = data.body("vehicle").xmat[2::3].copy()
+    home = data.qpos.copy()
+    path = tmp_path / "shipped.rrd"
+    with Recorder(path, signals=signals, properties={}, model=model) as recorder:
+        for tick in range(1500):
+            time_ns = tick * runs.PERIOD_NS
+            data.qpos[:] = home
+            data.qpos[start : start + 3] += 4.0 * (time_ns * 1e-9) ** 2 * nose
+            mujoco.mj_kinematics(model, data)
+            recorder.row[:] = 0.0
+            recorder.commit(time_ns, time_ns)
+            recorder.commit_pose(time_ns, data)
+    look = viewer.screenshot(path, [0.0, 3.0, 5.9], tmp_path, SIZE)
+    assert look.reports == ()
+    assert look.complaints == ()
+    for picture in look.pictures:
+        # the tube is light grey, nose and fins red: the red parts span the vehicle
+        rows, columns = np.nonzero(vehicle(scene(picture)))
+        height, width = scene(picture).shape[:2]
+        assert len(rows) > 100, picture.name
+        assert 0 < rows.min() < rows.max() < height - 1
+        assert 0 < columns.min() < columns.max() < width - 1
+
+
+def test_a_recording_is_served_on_loopback_alone(flight):
+    with viewer.serve_web(flight) as url:
+        port = int(url.split(":")[2].split("?")[0])
+        mine = [
+            child
+            for child in psutil.Process().children()
+            if child.is_running() and "--serve-web" in child.cmdline()
+        ]
+        listening = [
+            connection.laddr
+            for child in mine
+            for connection in child.net_connections("inet")
+            if connection.status == psutil.CONN_LISTEN
+        ]
+        assert port in {address.port for address in listening}
+        assert {address.ip for address in listening} == {"127.0.0.1"}
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", port)) != 0, "the server outlives its block"
+
+
+@pytest.mark.parametrize("name", ["cut.rrd", "cut.rrd.partial"])
+def test_a_file_cut_off_is_repaired_beside_the_original(flight, tmp_path, name):
+    content = flight.read_bytes()
+    broken = tmp_path / name
+    broken.write_bytes(content[: int(0.7 * len(content))])
+    mended = viewer.repaired(broken)
+    assert mended == tmp_path / "cut.repaired.rrd"
+    kept = recording.read(mended)
+    whole = recording.read(flight)["gimbal/command"]
+    n = len(kept["gimbal/command"].time)
+    assert 0.5 * len(whole.time) < n < len(whole.time)
+    assert np.array_equal(kept["gimbal/command"].values, whole.values[:n])
+    assert broken.read_bytes() == content[: int(0.7 * len(content))]
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, "cut.repaired.rrd"])
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"RRF2", b"RRF2" + bytes(100)])
+def test_what_is_no_recording_is_refused_in_one_line(tmp_path, content):
+    path = tmp_path / "bad.rrd"
+    path.write_bytes(content)
+    with pytest.raises(viewer.ViewerError) as caught:
+        viewer.repaired(path)
+    assert "\n" not in str(caught.value)
+    assert [p.name for p in tmp_path.iterdir()] == ["bad.rrd"]
+
+
+def test_a_missing_recording_is_refused_in_one_line(tmp_path):
+    with pytest.raises(viewer.ViewerError, match="No such file"):
+        viewer.view(tmp_path / "nothing.rrd")
+    assert opening.binary().is_file()
