@@ -104,7 +104,11 @@ def _geometry(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64], Array]:
     vertices, faces, ends, count = [], [], [], 0
     for geom in range(model.ngeom):
         owner = model.geom_bodyid[geom]
-        if model.body_rootid[owner] != body or model.geom_contype[geom] or model.geom_group[geom] > 2:
+        if (
+            model.body_rootid[owner] != body
+            or model.geom_contype[geom]
+            or model.geom_group[geom] > 2
+        ):
             continue
         points, triangles = _shape(model, geom)
         points = points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
@@ -116,7 +120,9 @@ def _geometry(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64], Array]:
             levels = np.unique(points[:, 2].round(6))
             ends.append(levels if levels.size <= _FEW_LEVELS else levels[[0, -1]])
     if not vertices:
-        raise TwinError("the body 'vehicle' has no geometry that its silhouette could be taken from")
+        raise TwinError(
+            "the body 'vehicle' has no geometry that its silhouette could be taken from"
+        )
     return np.vstack(vertices), np.vstack(faces), np.concatenate(ends)
 
 

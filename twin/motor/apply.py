@@ -51,9 +51,7 @@ def _element(target: Any, kind: str, name: str) -> Any:
     return found
 
 
-def _write_numerics(
-    target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, grain: Grain
-) -> None:
+def _write_numerics(target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, grain: Grain) -> None:
     capacity = min(len(target.numeric(n).data) for n in ("motor_time", "motor_thrust"))
     curve = motor.simplified(capacity)
     rest = capacity - curve.time.size

@@ -8,14 +8,14 @@ numerics (`twin.native.names`).
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 
 import mujoco
 
+from twin.errors import TwinError
 from twin.native.index import bind
 from twin.native.layout import LayoutError, verify
 
-__all__ = ["LayoutError", "bind", "installed", "verify"]
+__all__ = ["LayoutError", "TwinError", "bind", "installed", "verify"]
 
 _lock = threading.Lock()
 _depth = 0
@@ -43,17 +43,28 @@ def _enter() -> None:
     global _depth, _previous
     with _lock:
         if _depth == 0:
-            verify()
-            from twin.native.forces import passive
-
-            before = (mujoco.get_mjcb_passive(), mujoco.get_mjcb_act_dyn())
-            mujoco.set_mjcb_passive(passive.ctypes)
-            if find_spec("twin.native.actuator") is not None:
-                from twin.native.actuator import act_dyn
-
-                mujoco.set_mjcb_act_dyn(act_dyn.ctypes)
-            _previous = before
+            _previous = (mujoco.get_mjcb_passive(), mujoco.get_mjcb_act_dyn())
+            _set(None, None)  # nobody's Python callback may run while `verify` compiles its model
+            try:
+                _set(*_compiled())
+            except BaseException:
+                _set(*_previous)
+                raise
         _depth += 1
+
+
+def _compiled() -> tuple[object, object]:
+    """Both callbacks, compiled or from numba's cache; imported late, since that takes a while."""
+    verify()
+    from twin.native.actuator import act_dyn
+    from twin.native.forces import passive
+
+    return passive.ctypes, act_dyn.ctypes
+
+
+def _set(passive: object, act_dyn: object) -> None:
+    mujoco.set_mjcb_passive(passive)
+    mujoco.set_mjcb_act_dyn(act_dyn)
 
 
 def _leave() -> None:
@@ -61,5 +72,4 @@ def _leave() -> None:
     with _lock:
         _depth -= 1
         if _depth == 0:
-            mujoco.set_mjcb_passive(_previous[0])
-            mujoco.set_mjcb_act_dyn(_previous[1])
+            _set(*_previous)

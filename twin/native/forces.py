@@ -1,4 +1,4 @@
-"""The compiled passive forces of a vehicle: thrust, jet damping, air, wind and ramp.
+"""The compiled passive forces: thrust, jet damping, air, wind, ramp, and dead bands of servos.
 
 One `mjcb_passive` callback for every model in the process: stateless, without Python or the
 interpreter lock, reading all coefficients from the model; models without them are left alone.
@@ -16,6 +16,7 @@ from twin.native.cache import fingerprint
 from twin.native.index import FIRST, NOZZLE, PROPELLANT, VEHICLE, locate
 from twin.native.layout import DATA, MODEL, address, floats, integers, number, size
 from twin.native.names import SLOT
+from twin.native.servo import dead_bands
 
 Vector = tuple[float, float, float]
 
@@ -70,9 +71,7 @@ def _value(data: NDArray[np.float64], index: NDArray[np.float64], slot: int) -> 
 
 
 @njit
-def _array(
-    data: NDArray[np.float64], index: NDArray[np.float64], slot: int
-) -> NDArray[np.float64]:
+def _array(data: NDArray[np.float64], index: NDArray[np.float64], slot: int) -> NDArray[np.float64]:
     start = int(index[slot])
     return data[start : start + int(index[slot + 1])]
 
@@ -139,15 +138,18 @@ def apply_force(m: int, d: int, body: int, point: Vector, force: Vector, torque:
     while dof >= 0 and moved > 0:
         c = cdof[6 * dof : 6 * dof + 6]
         passive[dof] += (
-            c[0] * t[0] + c[1] * t[1] + c[2] * t[2] + c[3] * force[0] + c[4] * force[1] + c[5] * force[2]
+            c[0] * t[0]
+            + c[1] * t[1]
+            + c[2] * t[2]
+            + c[3] * force[0]
+            + c[4] * force[1]
+            + c[5] * force[2]
         )
         dof = parent[dof]
 
 
 @njit
-def thrust_at(
-    time: NDArray[np.float64], thrust: NDArray[np.float64], t: float
-) -> float:
+def thrust_at(time: NDArray[np.float64], thrust: NDArray[np.float64], t: float) -> float:
     """Thrust of a piecewise linear curve [N]; zero before its first and after its last point."""
     low, high = 0, time.size - 1
     if t < time[low] or t >= time[high]:
@@ -223,7 +225,12 @@ def _wind(d: int, data: NDArray[np.float64], index: NDArray[np.float64], point: 
 
 @njit
 def _crossflow(
-    v: Vector, w: Vector, rho: float, station: float, data: NDArray[np.float64], index: NDArray[np.float64]
+    v: Vector,
+    w: Vector,
+    rho: float,
+    station: float,
+    data: NDArray[np.float64],
+    index: NDArray[np.float64],
 ) -> air.body.Load:
     """Crossflow drag by the model the vehicle asks for."""
     z, area = _array(data, index, _STRIP_Z), _array(data, index, _STRIP_AREA)
@@ -293,15 +300,20 @@ def _guide(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]
     rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
     direction = ramp.rail(_value(data, index, _ELEVATION), _value(data, index, _AZIMUTH))
     stiffness, damping = _value(data, index, _STIFFNESS), _value(data, index, _DAMPING)
+    up = _turn(rotation, (0.0, 0.0, 1.0))
     for k in range(2 if lugs[1] != lugs[0] else 1):
         arm = _turn(rotation, (0.0, 0.0, lugs[k]))
         point = (origin[0] + arm[0], origin[1] + arm[1], origin[2] + arm[2])
         offset = (point[0] - foot[0], point[1] - foot[1], point[2] - foot[2])
-        velocity, _ = _velocity(m, d, body, point)
-        force = ramp.guide_force(
+        velocity, rate = _velocity(m, d, body, point)
+        fx, fy, fz, hold = ramp.guide_force(
             offset, velocity, direction, length, stiffness, damping, k == 0
         )
-        apply_force(m, d, body, point, force, (0.0, 0.0, 0.0))
+        # the lug sits at the tube's surface and rubs when the vehicle rolls
+        rub = -hold * damping * _value(data, index, _AREA) / np.pi
+        spin = rub * (rate[0] * up[0] + rate[1] * up[1] + rate[2] * up[2])
+        torque = (spin * up[0], spin * up[1], spin * up[2])
+        apply_force(m, d, body, point, (fx, fy, fz), torque)
 
 
 @njit
@@ -326,6 +338,7 @@ def _compile(sources: str) -> Any:
     def passive(model: Any, data: Any) -> None:
         if len(sources) > 0:
             add_forces(address(model), address(data))
+            dead_bands(address(model), address(data))
 
     return passive
 

@@ -95,7 +95,11 @@ def locate(m: int) -> tuple[bool, NDArray[np.float64]]:
 
 def entries(model: mujoco.MjModel) -> NDArray[np.float64]:
     """Index of a model (LENGTH,), by MuJoCo's own name lookup; -1 for what it lacks."""
-    body, site, numeric = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_NUMERIC
+    body, site, numeric = (
+        mujoco.mjtObj.mjOBJ_BODY,
+        mujoco.mjtObj.mjOBJ_SITE,
+        mujoco.mjtObj.mjOBJ_NUMERIC,
+    )
     ids = [mujoco.mj_name2id(model, body, name) for name in BODIES]
     ids += [mujoco.mj_name2id(model, site, name) for name in SITES]
     pairs: list[int] = []
@@ -114,7 +118,8 @@ def bind(model: mujoco.MjModel) -> None:
 
     Raises
     ------
-    TwinError : names that the forces need are missing or too short, each with its size
+    TwinError : names that the forces need are missing or too short, each with its size; a value
+        that is not finite or makes no sense
     """
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, INDEX) < 0:
         return
@@ -123,6 +128,7 @@ def bind(model: mujoco.MjModel) -> None:
         raise TwinError(f"numeric '{INDEX}' has size {index.size}; it needs {LENGTH} or more")
     found = entries(model)
     _require(found)
+    _check_finite(model)
     index[:LENGTH] = found
     _draw_gusts(model)
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "vehicle")
@@ -140,6 +146,14 @@ def _require(index: NDArray[np.float64]) -> None:
         raise TwinError(
             f"the model lacks {'; '.join(missing)}; docs/aerodynamics.md lists what each is"
         )
+
+
+def _check_finite(model: mujoco.MjModel) -> None:
+    for wanted in NUMERICS:
+        values = model.numeric(wanted.name).data
+        if not np.isfinite(values).all():
+            bad = values[~np.isfinite(values)][0]
+            raise TwinError(f"numeric {wanted.name} = {bad:g} {wanted.unit}: must be finite")
 
 
 def _draw_gusts(model: mujoco.MjModel) -> None:

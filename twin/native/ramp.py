@@ -26,8 +26,8 @@ def guide_force(
     stiffness: float,
     damping: float,
     stop: bool,
-) -> tuple[float, float, float]:
-    """Force of the rail on one lug [N], world frame.
+) -> tuple[float, float, float, float]:
+    """Force of the rail on one lug [N], world frame, and how much it is still on the rail, 0 to 1.
 
     `offset` of the lug from the rail's foot [m], its `velocity` [m/s], the rail's `direction`;
     the lug is on the rail while its travel lies below `length` [m]. A spring and damper hold it
@@ -36,7 +36,7 @@ def guide_force(
     ux, uy, uz = direction
     travel = offset[0] * ux + offset[1] * uy + offset[2] * uz
     if travel >= length or length <= 0.0:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     hold = min(1.0, (length - travel) / RELEASE)
     hold *= hold * (3.0 - 2.0 * hold)
     along = velocity[0] * ux + velocity[1] * uy + velocity[2] * uz
@@ -47,7 +47,7 @@ def guide_force(
     if stop and travel < 0.0:
         push = max(0.0, -stiffness * travel - damping * along)
         fx, fy, fz = fx + push * ux, fy + push * uy, fz + push * uz
-    return fx, fy, fz
+    return fx, fy, fz, hold
 
 
 def launch_pose(model: mujoco.MjModel) -> NDArray[np.float64]:

@@ -1,0 +1,405 @@
+"""The compiled callbacks against MuJoCo's own functions, momentum books and each other."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco.batch import Batch
+
+from twin import aerodynamics as air
+from twin import native
+from twin.native import index, layout
+from twin.native.names import NUMERICS, SITES
+
+FLIGHT = Path(__file__).resolve().parents[2] / "mjcf" / "flight.xml"
+
+PLAIN = """
+<mujoco><option timestep="0.002"/><worldbody><body name="vehicle" pos="0 0 9"><freejoint/>
+<geom size="0.1 0.4" type="capsule"/><body pos="0.5 0 0"><joint/><geom size="0.1"/></body>
+</body></worldbody><custom><numeric name="mine" data="1 2 3"/></custom></mujoco>"""
+
+
+@pytest.fixture
+def callbacks() -> Iterator[None]:
+    with native.installed():
+        yield
+
+
+@pytest.fixture
+def model() -> mujoco.MjModel:
+    loaded = mujoco.MjModel.from_xml_path(str(FLIGHT))
+    native.bind(loaded)
+    return loaded
+
+
+def put(model: mujoco.MjModel, **numerics: float) -> None:
+    for name, value in numerics.items():
+        model.numeric(name).data[0] = value
+
+
+def still(model: mujoco.MjModel) -> mujoco.MjData:
+    """High above ramp and ground, gimbal and attitude askew, at rest."""
+    data = mujoco.MjData(model)
+    data.qpos[:3] = 10.0, -20.0, 300.0
+    data.qpos[3:7] = np.array([0.8, 0.3, -0.4, 0.2]) / np.sqrt(0.93)
+    data.joint("gimbal_x").qpos[0], data.joint("gimbal_y").qpos[0] = 0.1, -0.07
+    data.time = 5.0
+    return data
+
+
+def passive(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """What the callback adds to qfrc_passive."""
+    mujoco.mj_forward(model, data)
+    with_forces = data.qfrc_passive.copy()
+    quiet = mujoco.MjModel.from_xml_path(str(FLIGHT))
+    for name in ("air_enabled", "motor_impulse", "ramp_length"):
+        quiet.numeric(name).data[0] = 0
+    quiet.body_mass[:] = model.body_mass
+    mujoco.mj_forward(quiet, data)
+    return with_forces - data.qfrc_passive
+
+
+def test_offsets_are_those_the_bindings_report() -> None:
+    layout.verify()
+
+
+def test_a_strange_layout_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    declared = layout._place
+
+    def shifted(fields: object) -> tuple[dict[str, int], int, int]:
+        offsets, end, alignment = declared(fields)  # type: ignore[arg-type]
+        return {name: at + 8 * (at > 500) for name, at in offsets.items()}, end, alignment
+
+    monkeypatch.setattr(layout, "_place", shifted)
+    with pytest.raises(layout.LayoutError, match=r"mjModel\.\w+"):
+        layout.verify.__wrapped__()
+
+
+def test_compiled_name_search_finds_what_mujoco_finds(model: mujoco.MjModel) -> None:
+    found = np.zeros(index.LENGTH)
+    index.resolve(model._address, found)
+    np.testing.assert_array_equal(found, index.entries(model))
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_an_unbound_model_feels_the_same_forces(model: mujoco.MjModel) -> None:
+    unbound = mujoco.MjModel.from_xml_path(str(FLIGHT))
+    assert not unbound.numeric("native_index").data.any()
+    results = []
+    for m in (model, unbound):
+        data = still(m)
+        mujoco.mj_step(m, data, 50)
+        results.append(data.qvel.copy())
+    np.testing.assert_array_equal(*results)
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_thrust_is_mj_apply_ft_at_the_tilted_nozzle(model: mujoco.MjModel) -> None:
+    put(model, air_enabled=0)
+    data = still(model)
+    added = passive(model, data)
+    thrust = np.interp(
+        5.0, model.numeric("motor_time").data[:19], model.numeric("motor_thrust").data[:19]
+    )
+    site = data.site("gimbal_nozzle")
+    force = thrust * site.xmat.reshape(3, 3)[:, 2]
+    expected = np.zeros(model.nv)
+    body = int(model.site("gimbal_nozzle").bodyid[0])
+    mujoco.mj_applyFT(model, data, force, np.zeros(3), site.xpos, body, expected)
+    np.testing.assert_allclose(added, expected, atol=1e-12)  # rounding at 13 N
+    assert np.linalg.norm(expected[:3]) == pytest.approx(thrust)
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_thrust_does_the_work_of_its_point_of_attack(model: mujoco.MjModel) -> None:
+    """Generalised force against δW/δq by central differences of the nozzle's position."""
+    put(model, air_enabled=0)
+    data = still(model)
+    added = passive(model, data)
+    force = np.linalg.norm(added[:3]) * data.site("gimbal_nozzle").xmat.reshape(3, 3)[:, 2].copy()
+    q0, h = data.qpos.copy(), 1e-6
+    for dof in range(model.nv):
+        ends = []
+        for sign in (1, -1):
+            data.qpos[:] = q0
+            mujoco.mj_integratePos(model, data.qpos, np.eye(model.nv)[dof], sign * h)
+            mujoco.mj_kinematics(model, data)
+            ends.append(data.site("gimbal_nozzle").xpos.copy())
+        work = force @ (ends[0] - ends[1]) / (2 * h)
+        assert added[dof] == pytest.approx(work, abs=1e-6)  # 13 N · 300 m · 1e-16 / h
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_jet_damping_balances_the_angular_momentum_of_the_gas(model: mujoco.MjModel) -> None:
+    """Turning at ω, gas enters with ω×r of the burning face and leaves with that of the nozzle."""
+    put(model, air_enabled=0)
+    data = still(model)
+    data.joint("gimbal_x").qpos[0] = data.joint("gimbal_y").qpos[0] = 0.0
+    rest = passive(model, data)
+    rate = 0.7
+    data.qvel[4] = rate
+    added = passive(model, data) - rest
+    mujoco.mj_forward(model, data)
+    up = data.body("vehicle").xmat.reshape(3, 3)[:, 2]
+    com = data.subtree_com[model.body("vehicle").id]
+    thrust = np.interp(
+        5.0, model.numeric("motor_time").data[:19], model.numeric("motor_thrust").data[:19]
+    )
+    flow = thrust * 0.1164 / model.numeric("motor_impulse").data[0]
+    exit_, face = (
+        float((p - com) @ up)
+        for p in (
+            data.site("gimbal_nozzle").xpos,
+            data.body("gimbal_propellant").xipos
+            - up * model.numeric("motor_grain_length").data[0] / 2,
+        )
+    )
+    # about the centre of mass, from the generalised force at the body's origin
+    origin = float((data.body("vehicle").xpos - com) @ up)
+    rotation = data.body("vehicle").xmat.reshape(3, 3)
+    lateral = rotation.T @ added[:3]
+    torque = added[4] + origin * lateral[0]
+    assert lateral[0] == pytest.approx(
+        -flow * rate * (exit_ - face), rel=1e-4
+    )  # com is 37 µm off axis
+    assert torque == pytest.approx(-flow * rate * (exit_**2 - face**2), rel=1e-4)
+    assert torque < 0
+
+
+@pytest.mark.usefixtures("callbacks")
+@pytest.mark.parametrize("form", [0, 1])
+def test_air_is_the_sum_of_the_formulas_about_the_axis(model: mujoco.MjModel, form: int) -> None:
+    put(model, motor_impulse=0, air_model=form, wind_speed=6, wind_azimuth=0.4, wind_exponent=0.2)
+    data = still(model)
+    data.qvel[:6] = 12, -7, 30, 1.5, -2.0, 4.0
+    added = passive(model, data)
+    mujoco.mj_forward(model, data)
+    n = {k.name: model.numeric(k.name).data for k in NUMERICS}
+    body = data.body("vehicle")
+    rotation, w = body.xmat.reshape(3, 3), data.qvel[3:6]
+    station = (rotation.T @ (data.subtree_com[body.id] - body.xpos))[2]
+    point = body.xpos + station * rotation[:, 2]
+    speed = 6 * (point[2] / 10) ** 0.2
+    wind = speed * np.array([np.cos(0.4), np.sin(0.4), 0])
+    v = rotation.T @ (data.qvel[:3] - wind) + np.cross(w, [0, 0, station])
+    rho = air.density(point[2])
+    strips = (n["air_strip_z"], n["air_strip_area"], station)
+    if form == 0:
+        cross = air.crossflow(v[0], v[1], w[0], w[1], 0.5 * rho * 0.84, *strips)
+    else:
+        reference = n["air_thesis_radius"][0], n["air_thesis_offset"][0]
+        cross = air.crossflow_by_moments(v[0], v[1], w[0], w[1], rho, 0.84, *strips, *reference)
+    q = 0.5 * rho * n["air_reference_area"][0]
+    parts = [cross]
+    for part, axial in (("nose", max(v[2], 0)), ("fin", abs(v[2]))):
+        slope, z = n[f"air_{part}_slope"][0], n[f"air_{part}_z"][0]
+        parts.append(air.normal_force(v[0], v[1], axial, w[0], w[1], q * slope, z - station))
+    fx, fy, mx, my = np.sum(parts, axis=0)
+    fz = air.axial_drag(v[2], q * n["air_axial_drag"][0])
+    mz = air.roll_damping(v[2], w[2], 0.5 * rho * n["air_roll_damping"][0])
+    expected = np.zeros(model.nv)
+    mujoco.mj_applyFT(
+        model, data, rotation @ [fx, fy, fz], rotation @ [mx, my, mz], point, body.id, expected
+    )
+    np.testing.assert_allclose(added, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_forces_turn_with_the_world(model: mujoco.MjModel) -> None:
+    """The same motion headed elsewhere feels the same forces in its own axes."""
+    loads = []
+    for azimuth in (0.0, 1.1):
+        half = azimuth / 2
+        turn = np.array([np.cos(half), 0, 0, np.sin(half)])
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, turn)
+        rotation = rotation.reshape(3, 3)
+        put(model, wind_speed=5, wind_azimuth=azimuth, wind_turbulence=0)
+        data = still(model)
+        attitude = np.empty(4)
+        mujoco.mju_mulQuat(attitude, turn, data.qpos[3:7])
+        data.qpos[3:7] = attitude
+        data.qvel[:6] = *(rotation @ [12, -7, 30]), 1.5, -2.0, 4.0
+        added = passive(model, data)
+        loads.append(np.concatenate([rotation.T @ added[:3], added[3:]]))
+    np.testing.assert_allclose(*loads, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_vacuum_without_thrust_leaves_the_vehicle_alone(model: mujoco.MjModel) -> None:
+    put(model, air_enabled=0, motor_impulse=0)
+    data = still(model)
+    data.qvel[:6] = 1, 2, 3, 4, 5, 6
+    assert not passive(model, data).any()
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_drag_alone_never_adds_energy(model: mujoco.MjModel) -> None:
+    put(model, motor_impulse=0)
+    model.opt.gravity[:] = 0
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    data = still(model)
+    data.qvel[:6] = 20, -10, 40, 1, 2, 3
+    kinetic = []
+    for _ in range(20):
+        mujoco.mj_step(model, data, 50)
+        kinetic.append(data.energy[1])
+    assert np.diff(kinetic).max() < 0
+
+
+def test_models_without_the_numerics_are_untouched() -> None:
+    plain = mujoco.MjModel.from_xml_string(PLAIN)
+    free, watched = mujoco.MjData(plain), mujoco.MjData(plain)
+    mujoco.mj_step(plain, free, 300)
+    with native.installed():
+        mujoco.mj_step(plain, watched, 300)
+        native.bind(plain)
+    np.testing.assert_array_equal(free.qpos, watched.qpos)
+    np.testing.assert_array_equal(plain.numeric("mine").data, [1, 2, 3])
+
+
+def test_nested_blocks_put_back_what_was_there() -> None:
+    before = mujoco.get_mjcb_passive(), mujoco.get_mjcb_act_dyn()
+    with native.installed():
+        inside = mujoco.get_mjcb_passive()
+        with pytest.raises(RuntimeError, match="on purpose"), native.installed():
+            raise RuntimeError("on purpose")
+        assert mujoco.get_mjcb_passive() is inside
+        assert inside is not None
+    assert (mujoco.get_mjcb_passive(), mujoco.get_mjcb_act_dyn()) == before
+
+
+def test_a_python_callback_comes_back_after_the_block() -> None:
+    calls: list[int] = []
+    plain = mujoco.MjModel.from_xml_string(
+        PLAIN
+    )  # MuJoCo compiles no model under a Python callback
+    mujoco.set_mjcb_passive(lambda m, d: calls.append(1))
+    try:
+        with native.installed():
+            mujoco.mj_step(plain, mujoco.MjData(plain))
+        assert not calls
+        mujoco.mj_step(plain, mujoco.MjData(plain))
+        assert calls
+    finally:
+        mujoco.set_mjcb_passive(None)
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_two_threads_give_bitwise_the_flights_of_one(model: mujoco.MjModel) -> None:
+    put(model, wind_speed=8, wind_turbulence=0.2)
+    results = []
+    for threads in (1, 2):
+        batch = Batch(model, nsim=6, nthread=threads)
+        qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+        qvel[:, 0] += np.linspace(0, 5, 6)
+        batch.step(nstep=400)
+        results.append(np.concatenate([qpos, qvel], axis=1).copy())
+    np.testing.assert_array_equal(*results)
+    assert np.ptp(results[0][:, 0]) > 0.5
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_25_s_of_hostile_wind_raise_no_warning(model: mujoco.MjModel) -> None:
+    """Gale with gusts, gimbal driven to and fro, tumbling after burnout; no ground to hit."""
+    put(model, wind_speed=25, wind_azimuth=2.0, wind_turbulence=0.5, wind_seed=3)
+    native.bind(model)
+    model.geom("ground").contype[0] = model.geom("ground").conaffinity[0] = 0
+    data = mujoco.MjData(model)
+    rng = np.random.default_rng(0)
+    for _ in range(250):
+        data.ctrl[:] = rng.uniform(-0.35, 0.35, model.nu)
+        mujoco.mj_step(model, data, 100)
+    assert not np.array(data.warning.number).any()
+    assert np.isfinite(data.qpos).all()
+    assert data.time == pytest.approx(25)
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_same_seed_same_gusts_other_seed_others(model: mujoco.MjModel) -> None:
+    ends = []
+    for seed in (1, 1, 2):
+        put(model, wind_speed=10, wind_turbulence=0.3, wind_seed=seed)
+        native.bind(model)
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, 1500)
+        ends.append(data.qpos[:3].copy())
+    np.testing.assert_array_equal(ends[0], ends[1])
+    assert np.linalg.norm(ends[0] - ends[2]) > 1e-3
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_vehicle_rests_on_the_ramp_until_thrust_beats_weight(model: mujoco.MjModel) -> None:
+    put(model, motor_ignition=100)
+    data = mujoco.MjData(model)
+    start = data.qpos[:3].copy()
+    mujoco.mj_step(model, data, 2000)
+    # sag: 9.8 N · sin 50° / 15 kN/m = 0.5 mm along, 9.8 N · cos 50° on one lug 0.4 mm across
+    assert np.linalg.norm(data.qpos[:3] - start) < 1.5e-3
+    assert np.linalg.norm(data.qvel[:6]) < 5e-3
+
+
+@pytest.mark.usefixtures("callbacks")
+def test_ramp_guides_to_its_end_and_then_lets_go(model: mujoco.MjModel) -> None:
+    data = mujoco.MjData(model)
+    direction = np.array([np.cos(0.872665), 0, np.sin(0.872665)])
+    foot = model.numeric("ramp_position").data
+    for _ in range(3000):
+        mujoco.mj_step(model, data)
+        lug = data.qpos[:3] + data.body("vehicle").xmat.reshape(3, 3)[:, 2] * -0.02 - foot
+        travel = lug @ direction
+        if travel > 1.9:
+            break
+        assert np.linalg.norm(lug - travel * direction) < 2e-3
+    assert travel > 1.9
+    put(model, motor_impulse=0, air_enabled=0)
+    data.qpos[:3] += 0.2 * direction
+    assert not passive(model, data)[:6].any()
+
+
+def test_launch_pose_lies_on_the_rail_whatever_its_direction(model: mujoco.MjModel) -> None:
+    for elevation, azimuth in ((0.3, 0.0), (1.2, 2.0), (np.pi / 2, -1.0)):
+        put(model, ramp_elevation=elevation, ramp_azimuth=azimuth)
+        native.bind(model)
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        up = data.body("vehicle").xmat.reshape(3, 3)[:, 2]
+        level = np.cos(elevation)
+        direction = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+        np.testing.assert_allclose(up, direction, atol=1e-12)
+        lug = data.body("vehicle").xpos - 0.02 * up
+        np.testing.assert_allclose(lug, model.numeric("ramp_position").data, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("wind_seed", 0.5, "whole number"),
+        ("wind_length", 0.0, "positive"),
+        ("ramp_elevation", 2.0, "within"),
+        ("ramp_length", -1.0, "positive"),
+        ("ramp_length", np.nan, "finite"),
+        ("wind_speed", np.nan, "finite"),
+        ("motor_thrust", np.inf, "finite"),
+    ],
+)
+def test_bad_numerics_are_refused_in_one_line(
+    model: mujoco.MjModel, name: str, value: float, says: str
+) -> None:
+    put(model, **{name: value})
+    with pytest.raises(native.TwinError, match=says) as caught:
+        native.bind(model)
+    assert name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_missing_name_is_named() -> None:
+    bare = mujoco.MjModel.from_xml_string(
+        '<mujoco><custom><numeric name="native_index" size="128"/></custom></mujoco>'
+    )
+    with pytest.raises(native.TwinError) as caught:
+        native.bind(bare)
+    for name in ("vehicle", *SITES, *(n.name for n in NUMERICS)):
+        assert f"'{name}'" in str(caught.value)
