@@ -1,10 +1,15 @@
 """The identified model of a gimbal: its file, its exact discretisation, its responses."""
 
 from analysis.transfer_function.channel import Channel
-from analysis.transfer_function.discrete import Discrete, DiscreteChannel, discretise_channel
+from analysis.transfer_function.discrete import (
+    Discrete,
+    DiscreteChannel,
+    discretise_channel,
+    whole_steps,
+)
 from analysis.transfer_function.file import SCHEMA, ModelFileError
 from analysis.transfer_function.model import TransferFunctionModel
-from analysis.transfer_function.servo import Servo
+from analysis.transfer_function.servo import Servo, speed_loop
 
 __all__ = [
     "SCHEMA",
@@ -15,4 +20,6 @@ __all__ = [
     "Servo",
     "TransferFunctionModel",
     "discretise_channel",
+    "speed_loop",
+    "whole_steps",
 ]

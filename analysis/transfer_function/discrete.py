@@ -87,24 +87,31 @@ def _hold(A: Array, B: Array, time: float) -> tuple[Array, Array]:
     return exponential[:n, :n].copy(), exponential[:n, n].copy()
 
 
+def whole_steps(delay: float, dt: float) -> tuple[int, float]:
+    """Whole steps of a delay, and what is left of it [s], zero where that is rounding."""
+    if dt <= 0.0:
+        return 0, 0.0
+    steps = delay / dt
+    shift = int(np.floor(steps + _WHOLE))
+    fraction = steps - shift
+    return shift, fraction * dt if fraction > _WHOLE else 0.0
+
+
 def discretise_channel(
     num: Sequence[float], den: Sequence[float], delay: float, dt: float
 ) -> DiscreteChannel:
     """Exact equivalent of one delayed channel for an input held over steps of `dt` [s].
 
-    A delay of `shift` steps and a fraction f switches from the older to the newer command f·dt
-    after the start of a step; the input matrix is split there.
+    A delay of `shift` steps and a rest switches from the older to the newer command `rest` after
+    the start of a step; the input matrix is split there.
     """
     A, B, C, D = realise(num, den)
-    steps = delay / dt if dt > 0.0 else 0.0
-    shift = int(np.floor(steps + _WHOLE))
-    fraction = max(steps - shift, 0.0)
-    late = int(fraction > _WHOLE)
+    shift, rest = whole_steps(delay, dt)
     Ad, whole = _hold(A, B, dt)
-    if not late:
+    if rest == 0.0:
         return DiscreteChannel(Ad, whole, np.zeros_like(whole), C, D, shift, 0)
-    advance, now = _hold(A, B, (1.0 - fraction) * dt)
-    _, first = _hold(A, B, fraction * dt)
+    advance, now = _hold(A, B, dt - rest)
+    _, first = _hold(A, B, rest)
     return DiscreteChannel(Ad, now, advance @ first, C, D, shift, 1)
 
 
@@ -161,8 +168,8 @@ class Discrete:
     def simulate(self, commands: ArrayLike, servo: Servo | None = None) -> Array:
         """Return outputs (n, outputs) [rad] for the commands (n, inputs) [rad] of n steps.
 
-        Row k is the output at the instant command k is set; all was at rest before. `servo` takes
-        the bounds of a `Servo` into account, as `twin.native.actuator` does.
+        Row k is the output at the instant command k is set; all was at rest before. `servo`, of
+        structure `command`, bounds commands and output.
         """
         u = np.asarray(commands, dtype=np.float64)
         if servo is not None:

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.transfer_function import file
 from analysis.transfer_function.channel import Channel
-from analysis.transfer_function.discrete import Discrete, discretise_channel
+from analysis.transfer_function.discrete import Discrete, discretise_channel, whole_steps
 from analysis.transfer_function.file import SCHEMA, ModelFileError
-from analysis.transfer_function.servo import Servo
+from analysis.transfer_function.servo import Servo, play, speed_loop
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,9 @@ class TransferFunctionModel:
     source: object = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
+        if self.servo is not None and self.servo.structure == "speed":
+            for c in (c for row in self.channels for c in row if not c.zero):
+                speed_loop(c.num, c.den)
         rows = len(self.channels)
         if rows != len(self.outputs):
             raise ModelFileError(f"channels has {rows} rows for {len(self.outputs)} outputs")
@@ -117,9 +120,10 @@ class TransferFunctionModel:
 
     def to_dict(self) -> dict[str, object]:
         """Content of the file, ready for JSON."""
-        servo = None
+        servo: dict[str, object] | None = None
         if self.servo is not None:
-            servo = {key: getattr(self.servo, name) for key, name in _SERVO_KEYS.items()}
+            numbers = {key: getattr(self.servo, name) for key, name in _SERVO_KEYS.items()}
+            servo = {**numbers, "structure": self.servo.structure}
         return {
             "schema": SCHEMA,
             "inputs": list(self.inputs),
@@ -166,6 +170,38 @@ class TransferFunctionModel:
                 for row in self.channels
             ),
         )
+
+    def simulate(self, commands: ArrayLike, dt: float) -> Array:
+        """Return outputs (n, outputs) [rad] for commands (n, inputs) [rad] held for `dt` [s] each.
+
+        Row k is the output at the instant command k is set; all was at rest before. The servo block
+        is taken into account, as the actuator in flight does.
+        """
+        if self.servo is None or self.servo.structure == "command":
+            return self.discretise(dt).simulate(commands, self.servo)
+        u = np.asarray(commands, dtype=np.float64)
+        y = np.zeros((len(u), len(self.outputs)))
+        for i, row in enumerate(self.channels):
+            for j, c in enumerate(row):
+                if not c.zero:
+                    y[:, i] += self._bounded(c, u[:, j], dt, self.servo)
+        return play(y, self.servo.backlash)
+
+    @staticmethod
+    def _bounded(channel: Channel, u: Array, dt: float, servo: Servo) -> Array:
+        from analysis.transfer_function.speed import move
+
+        gain, k, w = speed_loop(channel.num, channel.den)
+        shift, first = whole_steps(channel.delay, dt)
+        late = np.concatenate([np.zeros(shift + 1), u])
+        limit = servo.rate_limit or np.inf
+        out, y, v = np.empty(len(u)), 0.0, 0.0
+        for n in range(len(u)):
+            out[n] = gain * y
+            if first > 0.0:
+                y, v = move(y, v, late[n], first, k, w, limit, servo.dead_band)
+            y, v = move(y, v, late[n + 1], dt - first, k, w, limit, servo.dead_band)
+        return out
 
     def frequency_response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Complex gains (n, outputs, inputs) at angular frequencies (n,) [rad/s]."""
@@ -226,11 +262,12 @@ def _servo(value: object) -> Servo | None:
     if value is None:
         return None
     content = file.mapping(value, "servo")
-    file.keys(content, "servo", set(), set(_SERVO_KEYS))
+    file.keys(content, "servo", set(), {*_SERVO_KEYS, "structure"})
     return Servo(
+        structure=content.get("structure", "command"),
         **{
             name: file.number(content[key], f"servo.{key}")
             for key, name in _SERVO_KEYS.items()
             if content.get(key) is not None
-        }
+        },
     )

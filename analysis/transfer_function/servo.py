@@ -1,6 +1,8 @@
 """What bounds a servo, step by step: dead band and rate limit before it, backlash behind it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,14 +10,18 @@ from numpy.typing import NDArray
 from analysis.transfer_function.file import ModelFileError
 
 Array = NDArray[np.float64]
+Structure = Literal["command", "speed"]
+STRUCTURES: tuple[Structure, ...] = ("command", "speed")
 
 
 @dataclass(frozen=True, slots=True)
 class Servo:
     """What bounds a real servo; zero switches a part off.
 
-    The parts act in this order: dead band and rate limit on the command, then delay and transfer
-    function, then backlash on the output.
+    `structure` says where. `command`: dead band and rate limit on the command, then delay and
+    transfer function, then backlash on the output. `speed`: the servo's own loop saturates, after
+    the delay (see `analysis.transfer_function.speed`), then backlash; its channels must be of first
+    or second order without zeros.
 
     Attributes
     ----------
@@ -27,12 +33,17 @@ class Servo:
     rate_limit: float = 0.0
     dead_band: float = 0.0
     backlash: float = 0.0
+    structure: Structure = "command"
 
     def __post_init__(self) -> None:
         for name in ("rate_limit", "dead_band", "backlash"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise ModelFileError(f"servo {name} is {value:g}; it must be finite and ≥ 0")
+        if self.structure not in STRUCTURES:
+            raise ModelFileError(
+                f"servo structure is {self.structure!r}; there are {', '.join(STRUCTURES)}"
+            )
 
 
 def shaped_commands(commands: Array, dt: float, rate_limit: float, dead_band: float) -> Array:
@@ -70,3 +81,23 @@ def play(drive: Array, backlash: float) -> Array:
         z = np.clip(z, y - 0.5 * backlash, y + 0.5 * backlash)
         out[k] = z
     return out
+
+
+def speed_loop(num: Sequence[float], den: Sequence[float]) -> tuple[float, float, float]:
+    """Gain, k [1/s] and w [1/s] of a speed-bounded servo whose linear motion is num/den.
+
+    k·w/(s² + w·s + k·w) times the gain, or k/(s + k) with w = 0.
+
+    Raises
+    ------
+    ModelFileError
+        The channel has another form.
+    """
+    a = [c / den[0] for c in den]
+    if len(num) != 1 or len(a) not in (2, 3) or min(a) <= 0.0:
+        raise ModelFileError(
+            f"a servo of structure 'speed' has stable channels of first or second order without"
+            f" zeros, not of {len(num) - 1} zeros and {len(a) - 1} poles"
+        )
+    gain = num[0] / den[0] / a[-1]
+    return (gain, a[1], 0.0) if len(a) == 2 else (gain, a[2] / a[1], a[1])

@@ -132,10 +132,32 @@ def test_dead_band_holds_and_backlash_lags_by_half_its_width():
     assert z[[199, 399]] == pytest.approx([0.09, 0.01], abs=1e-6)
 
 
+def test_a_speed_bounded_servo_is_linear_for_small_commands_and_slews_for_large_ones():
+    linear = TransferFunctionModel.second_order(45.0, 0.8, 0.0123)
+    bounded = TransferFunctionModel(linear.channels, servo=Servo(rate_limit=4.0, structure="speed"))
+    small = np.full((200, 2), 0.05)
+    # k·e stays below the limit: fourth-order steps of 1 ms against the exact hold
+    assert np.abs(bounded.simulate(small, 1e-3) - linear.simulate(small, 1e-3)).max() < 1e-6
+    large = bounded.simulate(np.full((400, 2), 1.0), 1e-3)[:, 0]
+    assert np.diff(large)[120:150] == pytest.approx(np.full(30, 4e-3), rel=0.01)
+    assert large[-1] == pytest.approx(1.0, abs=1e-3)
+    again = TransferFunctionModel.from_dict(bounded.to_dict())
+    assert again == bounded
+
+
+def test_a_speed_bounded_servo_with_zeros_is_refused():
+    with pytest.raises(ModelFileError, match="1 zeros and 2 poles"):
+        TransferFunctionModel(
+            ((Channel((1.0, 2.0), (1.0, 2.0, 3.0)),),), ("x",), ("x",), Servo(structure="speed")
+        )
+
+
 def test_a_model_survives_its_file(tmp_path):
     path = tmp_path / "model.json"
     model = coupled()
-    model = TransferFunctionModel(model.channels, servo=Servo(5.0, 0.01, 0.02), source={"run": 3})
+    model = TransferFunctionModel(
+        model.channels, servo=Servo(5.0, 0.01, 0.02, "command"), source={"run": 3}
+    )
     model.write(path)
     again = TransferFunctionModel.read(path)
     assert again == model
@@ -196,6 +218,8 @@ def with_channel(**changes):
         (with_channel(delay=0.1), "unknown key 'delay'"),
         (changed(servo={"rate": 1}), "unknown key 'rate'"),
         (changed(servo={"backlash_rad": -1}), "backlash is -1"),
+        (changed(servo={"structure": "torque"}), "structure is 'torque'; there are command, speed"),
+        (changed(servo={"structure": []}), "structure is"),
         (changed(source=[[[[[[[[[[[]]]]]]]]]]]), "nested"),
     ],
 )

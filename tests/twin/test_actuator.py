@@ -6,6 +6,7 @@ import control
 import mujoco
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from analysis.transfer_function import Channel, Servo, TransferFunctionModel
 from tests.conftest import ROOT
@@ -170,6 +171,33 @@ def test_servo_block_equals_its_reference_in_analysis():
         outputs, _ = fly(*build(CLAMPED, system), commands, integrator)
         assert np.abs(outputs - truth).max() < 1e-12
     assert np.abs(np.diff(truth, axis=0)).max() < 5.5e-3  # 4 rad/s and overshoot of the dynamics
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "rk4"])
+def test_speed_bounded_servo_equals_scipy_between_its_switches(integrator):
+    servo = Servo(rate_limit=2.0, dead_band=0.003, structure="speed")
+    system = TransferFunctionModel.second_order(45.0, 0.8, 0.0123)
+    system = TransferFunctionModel(system.channels, servo=servo)
+    commands = staircase(250, seed=6)
+    outputs, _ = fly(*build(CLAMPED, system), commands, integrator)
+    k, w = 45.0 / 1.6, 72.0
+    truth, state, changes = np.zeros(250), np.zeros(2), 0.0123 + DT * np.arange(250)
+
+    def slope(t, x):
+        u = commands[int(np.searchsorted(changes, t, "right")) - 1, 0] if t >= changes[0] else 0.0
+        e = u - x[0]
+        beyond = abs(e) - 0.003
+        e = 0.0 if beyond <= 0 else e * min(1.0, 2 * beyond / abs(e))
+        return [x[1], w * (np.clip(k * e, -2.0, 2.0) - x[1])]
+
+    for n in range(1, 250):
+        for a, b in ((0.0, 0.3e-3), (0.3e-3, DT)):  # the delayed command changes in between
+            span = ((n - 1) * DT + a + 1e-12, (n - 1) * DT + b - 1e-12)
+            state = solve_ivp(slope, span, state, "DOP853", rtol=1e-9, atol=1e-12).y[:, -1]
+        truth[n] = state[0]
+    assert np.abs(outputs[:, 0] - truth).max() < 1e-6  # kinks of the clip inside a step
+    assert np.abs(np.diff(truth)).max() == pytest.approx(2.0 * DT, rel=0.05)  # it did saturate
+    np.testing.assert_allclose(system.simulate(commands, DT), outputs, atol=1e-12)
 
 
 def test_feedthrough_arrives_one_step_late_and_no_later():

@@ -12,7 +12,8 @@ stages see 0, 1, 2, 3, and the step leaves 0. Stages 1 to 3 return the rates of 
 RK4's weighted mean of them exact too. docs/control.md derives all this.
 """
 
-from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
 from typing import Any, Final
 
 import mujoco
@@ -21,9 +22,10 @@ from mujoco.introspect import structs
 from numba import cfunc, njit, types  # type: ignore[attr-defined]
 from numpy.typing import NDArray
 
-from analysis.transfer_function import DiscreteChannel, Servo, TransferFunctionModel
+from analysis.transfer_function import TransferFunctionModel, speed
 from twin.errors import TwinError
 from twin.native.cache import fingerprint
+from twin.native.hold import AXES, BEFORE, MARK, OUTPUT, PHASE, REGISTERS, advance, packed
 from twin.native.inverse import torques
 from twin.native.layout import (
     DATA,
@@ -40,17 +42,11 @@ from twin.native.layout import (
 
 Array = NDArray[np.float64]
 
-AXES: Final = ("x", "y")
 # Corner of the feedback behind the inverse dynamics, in radians per step: the double pole
 # −0.2/dt lies inside the stability region of every integrator here, Adams–Bashforth 4 (−0.3)
 # being the narrowest (E. Hairer et al., Solving Ordinary Differential Equations II, fig. V.1.1).
 FEEDBACK: Final = 0.2
 
-MARK: Final = 20260401.0  # in dynprm and numeric: an actuator of this file, in this layout
-_HEAD: Final = 6  # mark, dt, feedback, rate limit, dead band, backlash
-_PER_INPUT: Final = 5  # states, shift, late, memory, feedthrough; then A, now, before, C
-_PHASE, _BEFORE, _OUTPUT, _SHAPED = 0, 1, 2, 3  # activations: counter, y[k−1], y[k], 2 per input
-_REGISTERS: Final = _SHAPED + 2 * len(AXES)
 _KEPT: Final = 3  # y[k−1], y[k], y[k+1] for the stages of RK4
 
 _NDYN: Final = int(mujoco.mjNDYN)
@@ -91,36 +87,16 @@ def attach(spec: mujoco.MjSpec, model: TransferFunctionModel, dt: float) -> None
         )
     if not model.stable:
         raise TwinError("the identified model is unstable: a pole has no negative real part")
-    discrete = model.discretise(dt)
-    rows = [model.outputs.index(axis) for axis in AXES]
-    columns = [model.inputs.index(axis) for axis in AXES]
-    servo = model.servo or Servo()
-    head = (MARK, dt, FEEDBACK, servo.rate_limit, servo.dead_band, servo.backlash)
-    for axis, row in zip(AXES, rows, strict=True):
-        channels = [discrete.channels[row][column] for column in columns]
-        _add(spec, axis, channels, [*head, *_packed(channels)])
+    for axis in AXES:
+        data, states = packed(model, axis, dt)
+        _add(spec, axis, [MARK, dt, FEEDBACK, *data], REGISTERS + states)
 
 
-def _packed(channels: Sequence[DiscreteChannel]) -> list[float]:
-    """Channels as numbers; a channel that passes nothing has no states."""
-    data: list[float] = []
-    for c in channels:
-        n = 0 if c.zero else len(c.now)
-        data += [n, c.shift, c.late, c.memory, 0.0 if c.zero else c.D]
-        if n:
-            data += [*c.A.ravel(), *c.now, *c.before, *c.C]
-    return data
-
-
-def _add(
-    spec: mujoco.MjSpec, axis: str, channels: Sequence[DiscreteChannel], data: list[float]
-) -> None:
+def _add(spec: mujoco.MjSpec, axis: str, data: list[float], moving: int) -> None:
     joint = spec.joint(f"gimbal_{axis}")
     if joint is None:
         names = ", ".join(j.name for j in spec.joints if j.name)
         raise TwinError(f"the model has no joint 'gimbal_{axis}'; its joints are {names or 'none'}")
-    states = sum(0 if c.zero else len(c.now) for c in channels) + sum(c.memory for c in channels)
-    moving = _REGISTERS + states
     spec.add_numeric(name=f"tf_gimbal_{axis}", data=data, size=len(data))
     actuator = spec.add_actuator(
         name=f"gimbal_{axis}",
@@ -142,69 +118,6 @@ def phases(model: mujoco.MjModel) -> NDArray[np.intp]:
         model.actuator_dynprm[:, 0] == MARK
     )
     return np.asarray(model.actuator_actadr[ours], dtype=np.intp)
-
-
-@njit
-def _shape(
-    act: Array, now: Array, j: int, command: float, dt: float, rate: float, dead_band: float
-) -> float:
-    """Command after dead band and rate limit; the mean of its ramp over this step.
-
-    As analysis.transfer_function.servo.shaped_commands, which the tests hold it against.
-    """
-    held, reached = act[_SHAPED + 2 * j], act[_SHAPED + 2 * j + 1]
-    if abs(command - held) > dead_band:
-        held = command
-    now[_SHAPED + 2 * j] = held
-    if rate == 0.0:
-        now[_SHAPED + 2 * j + 1] = held
-        return held
-    missing = held - reached
-    reach = rate * dt
-    if abs(missing) <= reach:
-        now[_SHAPED + 2 * j + 1] = held
-        return held - missing * abs(missing) / (2.0 * reach)
-    step = reach if missing > 0.0 else -reach
-    now[_SHAPED + 2 * j + 1] = reached + step
-    return reached + 0.5 * step
-
-
-@njit
-def _advance(p: Array, act: Array, following: Array, commands: Array) -> None:
-    """One exact step of one axis: `following` from `act`, under the commands (2,) [rad]."""
-    dt, rate, dead_band, backlash = p[1], p[3], p[4], p[5]
-    at, place, y = _HEAD, _REGISTERS, 0.0
-    for j in range(len(AXES)):
-        n, shift, late, memory = int(p[at]), int(p[at + 1]), int(p[at + 2]), int(p[at + 3])
-        D = p[at + 4]
-        at += _PER_INPUT
-        u = _shape(act, following, j, commands[j], dt, rate, dead_band)
-        register = place
-        for k in range(memory - 1, 0, -1):
-            following[register + k] = act[register + k - 1]
-        if memory > 0:
-            following[register] = u
-        # age 0 is the command set now; the next output's feedthrough is one step younger
-        now = u if shift == 0 else act[register + shift - 1]
-        place += memory
-        if n == 0 and D == 0.0:
-            continue
-        before = act[register + shift] if late else 0.0
-        A, gain_now = at, at + n * n
-        gain_before, C = gain_now + n, gain_now + 2 * n
-        for r in range(n):
-            x = p[gain_now + r] * now + p[gain_before + r] * before
-            for c in range(n):
-                x += p[A + r * n + c] * act[place + c]
-            following[place + r] = x
-            y += p[C + r] * x
-        age = max(shift + late - 1, 0)
-        y += D * (u if age == 0 else act[register + age - 1])
-        place += n
-        at = C + n
-    z = act[_OUTPUT]
-    following[_BEFORE] = z
-    following[_OUTPUT] = min(max(z, y - 0.5 * backlash), y + 0.5 * backlash)
 
 
 @njit
@@ -262,13 +175,13 @@ def _act(m: int, d: int, index: int) -> None:
     moving = (num - _KEPT) // 2
     stored, kept = moving, num - 1 - _KEPT  # rates of all but the counter, then y three times
     smooth = integer(m, _INTEGRATOR) == _RK4
-    stage = round(act[_PHASE]) if smooth else 0
+    stage = round(act[PHASE]) if smooth else 0
     if stage == 0:
         commands = np.empty(len(AXES))
         _commands(m, d, index - axis, commands)
         following = rates  # scratch until the differences are taken
-        _advance(p, act, following, commands)
-        act[kept], act[kept + 1], act[kept + 2] = act[_BEFORE], act[_OUTPUT], following[_OUTPUT]
+        advance(p, act, following, commands)
+        act[kept], act[kept + 1], act[kept + 2] = act[BEFORE], act[OUTPUT], following[OUTPUT]
         for k in range(1, moving):
             act[stored + k - 1] = (following[k] - act[k]) / dt
     for k in range(1, moving):
@@ -277,15 +190,15 @@ def _act(m: int, d: int, index: int) -> None:
         rates[k] = 0.0
     # weights of RK4 1, 2, 2, 1 and what its stages add: 2, 4, 3 count up, the last brings back
     if not smooth:
-        rates[_PHASE] = -act[_PHASE] / dt
+        rates[PHASE] = -act[PHASE] / dt
     elif stage == 0:
-        rates[_PHASE] = 2.0 / dt
+        rates[PHASE] = 2.0 / dt
     elif stage == 1:
-        rates[_PHASE] = 4.0 / dt
+        rates[PHASE] = 4.0 / dt
     elif stage == 2:
-        rates[_PHASE] = 3.0 / dt
+        rates[PHASE] = 3.0 / dt
     else:
-        rates[_PHASE] = -(16.0 + 6.0 * (act[_PHASE] - 3.0)) / dt
+        rates[PHASE] = -(16.0 + 6.0 * (act[PHASE] - 3.0)) / dt
     share = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
     joint = integers(m, _TRNID, 2 * n)[2 * index]
     q = floats(d, _QPOS, size(m, _NQ))[integers(m, _QPOSADR, size(m, _NJNT))[joint]]
@@ -301,7 +214,7 @@ def _act(m: int, d: int, index: int) -> None:
 
 
 def _callback() -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
-    version = fingerprint()
+    version = fingerprint() + sha256(Path(speed.__file__).read_bytes()).hexdigest()
 
     @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
     def act_dyn(model, data, index):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202

@@ -1,0 +1,52 @@
+"""Servo whose own loop saturates: it steers its speed toward k·(u − y), clipped at the rate limit.
+
+ẏ = v, v̇ = w·(clip(k·e) − v), or ẏ = clip(k·e) of first order (w = 0). Unclipped this is the
+linear k·w/(s² + w·s + k·w). Within the dead band the motor is off; beyond it the error comes to
+count in full over one more dead band, as behind a servo's pulse stretcher. Compiled, and shared by
+the simulation here and the actuator in flight.
+"""
+
+import numba
+
+_LONGEST = 1e-3  # s
+_SHARE = 0.2  # of the fastest time constant; fourth-order steps of this leave 1e-5 of a motion
+
+
+@numba.njit(cache=True, nogil=True)
+def wanted_speed(error: float, k: float, limit: float, dead_band: float) -> float:
+    """Speed aimed at [rad/s] for an error [rad]."""
+    beyond = abs(error) - dead_band
+    if beyond <= 0.0:
+        return 0.0
+    if beyond < dead_band:
+        error *= 2.0 * beyond / abs(error)
+    return min(max(k * error, -limit), limit)
+
+
+@numba.njit(cache=True, nogil=True)
+def _slope(
+    y: float, v: float, u: float, k: float, w: float, limit: float, dead_band: float
+) -> tuple[float, float]:
+    wanted = wanted_speed(u - y, k, limit, dead_band)
+    if w == 0.0:
+        return wanted, 0.0
+    return v, w * (wanted - v)
+
+
+@numba.njit(cache=True, nogil=True)
+def move(
+    y: float, v: float, u: float, time: float, k: float, w: float, limit: float, dead_band: float
+) -> tuple[float, float]:
+    """Position [rad] and speed [rad/s] after the command u was held for `time` [s]; Runge–Kutta."""
+    fast = max(k, w)
+    longest = min(_LONGEST, _SHARE / fast)
+    steps = int(time / longest) + 1
+    h = time / steps
+    for _ in range(steps):
+        a1, a2 = _slope(y, v, u, k, w, limit, dead_band)
+        b1, b2 = _slope(y + 0.5 * h * a1, v + 0.5 * h * a2, u, k, w, limit, dead_band)
+        c1, c2 = _slope(y + 0.5 * h * b1, v + 0.5 * h * b2, u, k, w, limit, dead_band)
+        d1, d2 = _slope(y + h * c1, v + h * c2, u, k, w, limit, dead_band)
+        y += h / 6.0 * (a1 + 2.0 * b1 + 2.0 * c1 + d1)
+        v += h / 6.0 * (a2 + 2.0 * b2 + 2.0 * c2 + d2)
+    return y, v
