@@ -1,0 +1,344 @@
+"""Switch events to maps: synthetic rigs with known truth, the emulated rig, and hostile files."""
+
+import json
+from dataclasses import replace
+from math import degrees, radians
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hardware.calibration import (
+    Calibration,
+    CalibrationError,
+    CalibrationRig,
+    GyroMap,
+    PotentiometerMap,
+    Procedure,
+    nominal,
+    read,
+    write,
+)
+from hardware.calibration.file import LARGEST_FILE, from_dict, to_dict
+from hardware.calibration.procedure import Event, Log
+from hardware.calibration.solve import solve
+from hardware.emulator import parse, sample_rig
+from hardware.emulator.trial import calibrate
+from hardware.emulator.truth import exact_calibration
+from hardware.frames import SensorFrame
+
+RIG = CalibrationRig()
+QUICK = CalibrationRig(repeats=1, offsets=(80e-6, -80e-6))
+
+
+class _Rig:
+    """A gimbal in five lines of algebra: what a switch event looks like without any servo."""
+
+    def __init__(self, seed):
+        rng = self.rng = np.random.default_rng(seed)
+        scale = radians(1) / 23e-6
+        self.matrix = scale * (np.diag(rng.uniform(0.95, 1.05, 2)))
+        self.matrix[0, 1], self.matrix[1, 0] = scale * rng.uniform(-0.04, 0.04, 2)
+        self.zero = 1.5e-3 + rng.uniform(-40e-6, 40e-6, 2)
+        self.hysteresis = np.radians(rng.uniform(0.3, 1.2, 2))
+        self.differential = np.radians(rng.uniform(0.2, 0.6, 2))
+        self.closing = np.array(RIG.switch_angle) + rng.normal(0, RIG.switch_sigma, 4)
+        self.gain = rng.uniform(0.95, 1.05, 4) * radians(240) * np.array([1, -1, 1, -1])
+        self.centre = 0.5 + rng.uniform(-0.015, 0.015, 4)
+        self.gyro = np.diag(rng.uniform(0.97, 1.03, 2)) + rng.normal(0, 0.005, (2, 2))
+        self.integral, self.time = np.zeros(2), 0.0
+        self.angle = np.zeros(2)
+
+    def event(self, switch, closed, offset):
+        axis, sign = switch // 2, 1 - 2 * (switch % 2)
+        way = sign if closed else -sign
+        angle = self.closing[switch] - (0 if closed else sign * self.differential[axis])
+        pulses = self.zero + offset
+        rest = angle + way * self.hysteresis[axis] / 2
+        other = 1 - axis
+        pulses[axis] = (
+            self.zero[axis]
+            + (rest - self.matrix[axis, other] * (pulses[other] - self.zero[other]))
+            / self.matrix[axis, axis]
+        )
+        pulses[axis] += self.rng.normal(0, 0.6e-6)
+        true = self.matrix @ (pulses - self.zero)
+        true[axis] = angle
+        move = true - self.angle
+        self.integral += self.gyro @ (move * [np.cos((true[1] + self.angle[1]) / 2), 1])
+        self.angle, self.time = true, self.time + 1
+        noise = self.rng.normal(0, 4e-4, 4)
+        reading = self.centre + true[[0, 0, 1, 1]] / self.gain + noise
+        return Event(
+            switch,
+            closed,
+            tuple(pulses),
+            tuple(reading),
+            self.time,
+            (*self.integral, 0.0),
+        )
+
+    def log(self):
+        events = [
+            self.event(switch, closed, offset)
+            for offset in RIG.offsets
+            for _ in range(RIG.repeats)
+            for switch in range(4)
+            for closed in (True, False)
+        ]
+        return Log(events=events)
+
+
+@pytest.fixture(scope="module")
+def solved():
+    rigs = [_Rig(seed) for seed in range(150)]
+    return [(rig, solve(rig.log(), RIG, 7)) for rig in rigs]
+
+
+def _coverage(z):
+    return (np.abs(z) < 1.96).mean()
+
+
+def test_zero_and_matrix_are_within_claim_on_every_synthetic_rig(solved):
+    for rig, got in solved:
+        zero = rig.matrix @ (np.array(got.zero) - rig.zero)
+        assert np.abs(zero).max() < radians(0.15)
+        error = (np.array(got.matrix) - rig.matrix) / np.diag(rig.matrix)[:, None]
+        # 0.03°/√2 of 8° is 0.27 %; four standard deviations of 150 rigs
+        assert np.abs(error).max() < 0.0115
+
+
+def test_stated_intervals_cover_the_truth_as_often_as_they_say(solved):
+    z_zero, z_matrix, z_hysteresis, z_gain = [], [], [], []
+    for rig, got in solved:
+        z_zero.append((np.array(got.zero) - rig.zero) / np.sqrt(np.diag(got.zero_covariance)))
+        z_matrix.append(
+            (np.array(got.matrix) - rig.matrix).ravel() / np.sqrt(np.diag(got.matrix_covariance))
+        )
+        z_hysteresis.append((np.array(got.hysteresis) - rig.hysteresis) / got.hysteresis_sigma)
+        z_gain.append(
+            [
+                (m.gain - g) / m.covariance[1][1] ** 0.5
+                for m, g in zip(got.potentiometers, rig.gain, strict=True)
+            ]
+        )
+    for z in (z_zero, z_matrix, z_hysteresis, z_gain):
+        # 300 and more values: 95 % scatters by 1.3 %
+        assert 0.90 < _coverage(np.array(z)) <= 0.99
+
+
+def test_gyro_scale_and_misalignment_are_found(solved):
+    for rig, got in solved:
+        assert np.abs(np.array(got.gyro.matrix) - rig.gyro).max() < 0.015
+
+
+@pytest.fixture(scope="module")
+def emulated():
+    parameters = sample_rig(4)
+    return parameters, calibrate(parameters, QUICK, seed=4)
+
+
+def test_emulated_rig_is_calibrated_to_the_claim(emulated):
+    parameters, got = emulated
+    true = exact_calibration(parameters)
+    M = np.array(got.matrix)
+    assert np.abs(M @ (np.array(got.zero) - true.zero)).max() < radians(0.15)
+    assert np.abs((M - true.matrix) / np.diag(true.matrix)[:, None]).max() < 0.01
+    for a, b in zip(got.potentiometers, true.potentiometers, strict=True):
+        # reading noise 0.16°/√3 per event and waviness 0.05°
+        assert abs(a.angle(b.fraction(0.1)) - 0.1) < radians(0.2)
+    backlash = [abs(parameters.plant.linkage[i][i]) for i in (0, 1)]
+    for i, servo in enumerate(parameters.plant.servos[:2]):
+        least = backlash[i] * servo.backlash
+        # the servo's dead band on both sides comes on top
+        assert least < got.hysteresis[i] < least + 0.444 * 2 * (servo.dead_band + radians(0.4))
+
+
+def test_missing_switch_is_named():
+    parameters = sample_rig(4)
+    far = replace(parameters.sensors, switch_angle=(0.14, -9.0, 0.14, -0.14))
+    with pytest.raises(CalibrationError, match="switch -x never closed"):
+        calibrate(replace(parameters, sensors=far), QUICK)
+
+
+def test_loose_potentiometer_is_named():
+    fault = parse("potentiometer_y_b:stuck")
+    with pytest.raises(CalibrationError, match=r"potentiometer_y_b turned 0\.0°"):
+        calibrate(sample_rig(4), QUICK, injections=(fault,))
+
+
+def _frame(switches=(False,) * 4):
+    return SensorFrame(
+        0, 0, (0.5,) * 4, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3,
+        (1.5e-3, 1.5e-3, 0.0), switches, (0.0, 0.0), 0,
+    )  # fmt: skip
+
+
+def _feed(procedure, switches, frames=2000):
+    for k in range(frames):
+        frame = replace(_frame(switches(procedure)), device_us=2000 * k)
+        procedure.step(frame)
+
+
+def test_switch_closed_at_neutral_is_named():
+    with pytest.raises(CalibrationError, match=r"switch \+y is closed at neutral"):
+        _feed(Procedure(), lambda _: (False, False, True, False))
+
+
+def test_swapped_plugs_are_named():
+    def swapped(procedure):
+        x, _ = procedure._pulses
+        return (False, False, x > 1.6e-3, False)
+
+    with pytest.raises(CalibrationError, match=r"\+y closed while servo x moved"):
+        _feed(Procedure(), swapped)
+
+
+def test_unfinished_run_has_no_result():
+    procedure = Procedure()
+    procedure.step(_frame())
+    with pytest.raises(CalibrationError, match="not finished"):
+        procedure.result()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda log: _shift(log, 0, radians(3.0)), "not repeatable|closes|apart"),
+        (lambda log: _shift(log, 3, radians(-3.0)), "not repeatable|closes|apart"),
+        (lambda log: _scatter(log, 1), "switch -x is not repeatable"),
+    ],
+)
+def test_implausible_switch_is_refused(spoil, words):
+    with pytest.raises(CalibrationError, match=words):
+        solve(spoil(_Rig(0).log()), RIG, 0)
+
+
+def _shift(log, switch, angle):
+    """Move one switch: potentiometers and pulses agree, the gyro's scale gives it away."""
+    rig = _Rig(0)
+    rig.closing = rig.closing.copy()
+    rig.closing[switch] += angle
+    return rig.log()
+
+
+def _scatter(log, switch):
+    rng = np.random.default_rng(0)
+    events = [
+        replace(e, pulses=(e.pulses[0] + rng.normal(0, 2e-5), e.pulses[1]))
+        if e.switch == switch
+        else e
+        for e in log.events
+    ]
+    return replace_events(log, events)
+
+
+def replace_events(log, events):
+    return Log(events=events, gyro_bias=log.gyro_bias)
+
+
+def test_pulses_and_angles_are_inverse(emulated):
+    _, got = emulated
+    for angle in [(0.0, 0.0), (0.1, -0.05), (-0.13, 0.13)]:
+        np.testing.assert_allclose(got.angles(got.pulses(angle)), angle, atol=1e-15)
+
+
+def test_file_gives_back_what_was_written(tmp_path, emulated):
+    _, got = emulated
+    path = tmp_path / "calibration.json"
+    write(path, got)
+    back = read(path, got.rig)
+    assert back.rig == got.rig
+    np.testing.assert_allclose(back.matrix, got.matrix, rtol=1e-12)
+    np.testing.assert_allclose(back.zero_covariance, got.zero_covariance, rtol=1e-9, atol=1e-30)
+    np.testing.assert_allclose(back.matrix_covariance, got.matrix_covariance, rtol=1e-9)
+    for a, b in zip(back.potentiometers, got.potentiometers, strict=True):
+        assert a.gain == pytest.approx(b.gain, rel=1e-12)
+    assert [p.name for p in tmp_path.iterdir()] == ["calibration.json"]
+
+
+def test_file_of_another_rig_is_refused(tmp_path):
+    path = tmp_path / "c.json"
+    write(path, nominal(0xDEADBEEF))
+    with pytest.raises(CalibrationError, match="is of rig deadbeef, this one is 00000001"):
+        read(path, 1)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": "tvc-twin/calibration/9"}, "schema"),
+        ({"rig": "xyz"}, "eight hexadecimal"),
+        ({"zero_us": [1500]}, "zero_us must be 2 numbers"),
+        ({"zero_us": [1500, True]}, "must be numbers"),
+        ({"zero_us": [1500, float("nan")]}, "finite"),
+        ({"zero_us": [1500, 10**400]}, "finite"),
+        ({"zero_us": [1500, 90]}, "500…2500"),
+        ({"matrix_deg_per_us": [[0.04, 0.04], [0.04, 0.04]]}, "singular"),
+        ({"matrix_deg_per_us": [[0, 0], [0, 0]]}, "singular"),
+        ({"zero_covariance_us2": [[1, 2], [2, 1]]}, "not a covariance"),
+        ({"potentiometers": []}, "must be an object"),
+        ({"gyro": None}, "must be an object"),
+    ],
+)
+def test_hostile_file_is_refused_in_one_line(tmp_path, change, words):
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps(to_dict(nominal()) | change))
+    with pytest.raises(CalibrationError, match=words) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_file_that_is_no_file_is_refused(tmp_path):
+    with pytest.raises(CalibrationError, match="cannot read"):
+        read(tmp_path / "absent.json")
+    deep = tmp_path / "deep.json"
+    deep.write_text("[" * 50_000)
+    with pytest.raises(CalibrationError, match="not JSON"):
+        read(deep)
+    big = tmp_path / "big.json"
+    big.write_text(" " * (LARGEST_FILE + 1))
+    with pytest.raises(CalibrationError, match="larger than"):
+        read(big)
+
+
+_json = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda x: st.lists(x, max_size=4) | st.dictionaries(st.text(max_size=5), x, max_size=4),
+    max_leaves=10,
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from([*to_dict(nominal()), "potentiometers.x_a", "gyro.matrix"]), _json)
+def test_any_value_in_any_place_is_taken_or_refused_but_never_crashes(key, value):
+    content = json.loads(json.dumps(to_dict(nominal())))
+    target, _, name = key.rpartition(".")
+    (content[target] if target else content)[name] = value
+    try:
+        got = from_dict(content)
+    except CalibrationError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert isinstance(got, Calibration)
+
+
+def test_map_sigma_is_zero_without_covariance_and_grows_with_angle():
+    exact = nominal()
+    assert exact.potentiometer_sigma(0, 0.1) == 0
+    loose = replace(
+        exact,
+        potentiometers=(
+            PotentiometerMap(0.5, radians(240), ((1e-8, 0), (0, 1e-4))),
+            *exact.potentiometers[1:],
+        ),
+    )
+    assert loose.potentiometer_sigma(0, 0.2) > loose.potentiometer_sigma(0, 0.0) > 0
+
+
+def test_gyro_map_inverts_scale_and_misalignment():
+    gyro = GyroMap(bias=(0.1, 0.2, 0.3), matrix=((1.02, 0.01), (-0.02, 0.97)))
+    reading = np.array(gyro.matrix) @ [1.5, -0.7] + gyro.bias[:2]
+    np.testing.assert_allclose(gyro.rates((*reading, 0.3)), (1.5, -0.7), atol=1e-12)
+    assert degrees(gyro.bias_sigma) == pytest.approx(20.0)

@@ -1,0 +1,395 @@
+"""The emulated rig: wire behaviour, servo frame timing, sensor errors, faults, ports."""
+
+import contextlib
+import threading
+import time
+from dataclasses import replace
+from itertools import pairwise
+from math import degrees, radians
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardware.emulator import (
+    Emulator,
+    FaultNameError,
+    Server,
+    ServerError,
+    Servo,
+    ServoParameters,
+    UnpluggedError,
+    parse,
+    quiet,
+    reference_rig,
+    sample_rig,
+    serve,
+    valid_names,
+)
+from hardware.emulator.sensors import GYRO_NOISE, TRAVEL, ImuPair, Mpu6050, Potentiometer
+from hardware.emulator.server import PtyPort, TcpPort
+from hardware.protocol import (
+    Arm,
+    Command,
+    Config,
+    Decoder,
+    Disarm,
+    Encoder,
+    Flags,
+    Hello,
+    Mode,
+    Ping,
+    Pong,
+    Telemetry,
+    constants,
+    default_config,
+)
+
+
+class _Host:
+    """The other end of an emulator, a millisecond at a time."""
+
+    def __init__(self, device):
+        self.device = device
+        self.encoder, self.decoder = Encoder(), Decoder()
+
+    def send(self, *messages):
+        for message in messages:
+            self.device.write(self.encoder.encode(message))
+
+    def receive(self, milliseconds=1):
+        found = []
+        for _ in range(milliseconds):
+            self.device.advance_us(1000)
+            self.decoder.receive_data(self.device.read())
+            found += [frame.message for frame in self.decoder]
+        return found
+
+    def telemetry(self, milliseconds=10):
+        return [m for m in self.receive(milliseconds) if isinstance(m, Telemetry)]
+
+
+@pytest.fixture
+def host():
+    return _Host(Emulator())
+
+
+def drive(x, y=3000, timeout=100):
+    return Command((x, y, 0), timeout, Mode.DRIVE)
+
+
+def test_it_says_hello_on_boot_and_reports_at_500_hz_without_a_gap(host):
+    messages = host.receive(1000)
+    assert isinstance(messages[0], Hello)
+    stamps = [m.device_us for m in messages if isinstance(m, Telemetry)]
+    assert len(stamps) >= 498  # the last frame is still on the wire
+    assert set(np.diff(stamps)) == {2000}
+    assert host.decoder.counters.lost == host.decoder.counters.crc_errors == 0
+
+
+def test_commands_are_refused_until_armed(host):
+    host.send(drive(3400))
+    assert host.telemetry()[-1].flags & Flags.REFUSED
+    host.send(Arm(), drive(3400))
+    last = host.telemetry(30)[-1]
+    assert last.flags & Flags.ARMED
+    assert not last.flags & Flags.REFUSED
+    assert last.pulse[0] == 3400
+
+
+def test_pulses_change_only_when_a_frame_begins(host):
+    host.send(Arm())
+    seen = []
+    for k in range(100):
+        host.send(drive(2900 + 2 * k))
+        seen += [(m.device_us, m.frame_us, m.pulse[0]) for m in host.telemetry(3)]
+    changes = [b for a, b in pairwise(seen) if a[2] != b[2]]
+    assert len(changes) > 10
+    assert all(frame_us <= 2000 for _, frame_us, _ in changes)  # the first report of a frame
+
+
+def test_pulses_are_clamped_and_say_so(host):
+    host.send(Arm(), drive(9000))
+    last = host.telemetry(40)[-1]
+    assert last.pulse[0] == constants.PULSE_MAXIMUM
+    assert last.flags & Flags.CLAMPED
+
+
+def test_timeout_drives_to_neutral_within_a_frame_and_is_remembered(host):
+    host.send(Arm(), drive(3500, timeout=50))
+    frames = host.telemetry(140)
+    driven = [m.device_us for m in frames if m.pulse[0] == 3500]
+    assert driven[-1] < 50_000 + 2_000 + constants.PWM_PERIOD_US
+    assert frames[-1].pulse[0] == constants.PULSE_NEUTRAL
+    assert frames[-1].flags & Flags.TIMED_OUT
+    host.send(Arm())
+    assert not host.telemetry()[-1].flags & Flags.TIMED_OUT
+
+
+def test_disarm_is_neutral_at_once(host):
+    host.send(Arm(), drive(3500))
+    host.receive(50)
+    host.send(Disarm())
+    last = host.telemetry(25)[-1]
+    assert last.pulse[0] == constants.PULSE_NEUTRAL
+    assert not last.flags & Flags.ARMED
+
+
+def test_configuration_is_taken_or_refused_as_a_whole(host):
+    good = replace(default_config(), telemetry_period_ms=10, dlpf=4)
+    host.send(good)
+    stamps = [m.device_us for m in host.telemetry(200)]
+    assert set(np.diff(stamps[1:])) == {10_000}
+    bad = Config(1, 9, *[(3000, 3000, 3000)] * 3)
+    host.send(bad)
+    assert host.telemetry(30)[-1].flags & Flags.REFUSED
+    assert host.device.device.config == good
+
+
+def test_pong_carries_the_stamps_of_a_skewed_clock():
+    device = Emulator(replace(reference_rig(), skew=2e-3), boot_us=5_000_000)
+    host = _Host(device)
+    host.receive(1000)
+    host.send(Ping(42))
+    pong = next(m for m in host.receive(10) if isinstance(m, Pong))
+    assert pong.host_ns == 42
+    # 1 s of world time is 1.002 s of the device's; the answer takes some milliseconds
+    assert pong.received_us - 5_000_000 == pytest.approx(1_002_000, abs=3_000)
+
+
+def test_same_seed_same_bytes():
+    def stream():
+        host = _Host(Emulator(sample_rig(3), injections=(parse("link:corrupt:0.01"),), seed=9))
+        host.send(Arm(), drive(3300))
+        out = b""
+        for _ in range(200):
+            host.device.advance_us(1000)
+            out += host.device.read()
+        return out
+
+    assert stream() == stream()
+
+
+def test_line_carries_no_more_than_its_baud_rate():
+    device = Emulator()
+    count = 0
+    for _ in range(500):
+        device.advance_us(1000)
+        count += len(device.read())
+    assert count <= 0.5 * constants.BAUD / 10
+
+
+def _settle(servo, command, seconds=1.0, dt=1e-3):
+    track = []
+    for _ in range(round(seconds / dt)):
+        servo.advance(dt, command)
+        track.append(servo.shaft)
+    return np.array(track)
+
+
+def test_servo_turns_60_degrees_in_the_time_of_its_class():
+    track = _settle(Servo(ServoParameters(backlash=0)), radians(60))
+    # 0.10–0.12 s/60° as sold; the model's unloaded servo takes the rest to settle
+    assert 0.08 < np.argmax(track > radians(57)) * 1e-3 < 0.14
+
+
+def test_servo_ignores_errors_within_its_dead_band():
+    servo = Servo(ServoParameters(dead_band=radians(1.0), friction=0.0))
+    _settle(servo, radians(0.9))
+    assert servo.shaft == 0.0
+
+
+def test_slew_limit_holds_and_zero_switches_it_off():
+    def fastest(limit):
+        servo = Servo(ServoParameters(slew_limit=limit))
+        return np.diff(_settle(servo, 1.0)).max() / 1e-3
+
+    assert fastest(2.0) == pytest.approx(2.0, rel=1e-9)
+    assert fastest(0.0) > 5.0
+
+
+def test_backlash_is_the_width_between_both_directions():
+    servo = Servo(ServoParameters(backlash=radians(2), dead_band=0, friction=0))
+
+    def creep(start, end):  # slowly: an overshoot would take up the play
+        for command in np.linspace(start, end, 2000):
+            servo.advance(1e-3, float(command))
+        return servo.angle
+
+    up = creep(0.0, 0.2)
+    creep(0.2, 0.4)
+    # Both approaches lag by the same 0.1 rad/s over a loop gain of some 70/s: 2 · 0.08°.
+    assert degrees(creep(0.4, 0.2) - up) == pytest.approx(2.0, abs=0.2)
+
+
+def test_adc_rounds_down_to_one_of_1024_codes():
+    device = Emulator(quiet(reference_rig()))
+    codes = device.bench.potentiometer_codes()
+    assert codes == (512, 512, 512, 512)
+    angle = 10.4 * TRAVEL / 1024
+    assert int(Potentiometer().fraction(angle) * 1024) == 522
+
+
+def test_gyro_noise_has_the_datasheets_density():
+    imus = ImuPair((Mpu6050(bias_walk=0.0),) * 2, np.random.default_rng(1))
+    readings = []
+    for _ in range(20_000):
+        imus.advance(1e-3, np.zeros(12), 2.8e-3)
+        readings.append(imus.counts()[0] * constants.GYRO_SCALE)
+    # Far below the low-pass: the variance of 50 ms means is density² / 2 / 0.05 s.
+    means = np.reshape(readings, (-1, 50)).mean(axis=1)
+    # 400 means scatter by 3.5 %; quantisation of 0.015 °/s adds less than 1 %
+    assert means.std() == pytest.approx(GYRO_NOISE * (0.5 / 0.05) ** 0.5, rel=0.12)
+
+
+@pytest.mark.parametrize("dlpf", range(7))
+def test_gyro_is_late_by_the_delay_of_its_setting(dlpf):
+    imus = ImuPair((Mpu6050(bias_walk=0.0),) * 2, np.random.default_rng(1))
+    imus._noise[:] = 0
+    truth, delay = np.zeros(12), constants.GYRO_DELAY_S[dlpf]
+    imus.advance(1e-3, truth, delay)
+    lag = 0.0
+    for k in range(200):
+        truth[0] = 1e-3 * k
+        imus.advance(1e-3, truth, delay)
+        lag = truth[0] - imus._stage[1][0]
+    assert lag == pytest.approx(delay, rel=1e-6)  # a ramp of 1 rad/s² lags by its delay
+
+
+def test_switches_close_at_their_angle_and_open_before_it():
+    host = _Host(Emulator(quiet(reference_rig())))
+    host.send(Arm())
+    seen = []
+    for pulse in [*range(3000, 3440, 4), *range(3440, 3000, -4)]:
+        host.send(drive(pulse))
+        host.receive(40)
+        x = host.device.truth()[0][0]
+        seen.append((degrees(x), bool(host.device.bench.switch_bits() & 1)))
+    closed = [x for x, shut in seen if shut]
+    opening = seen[len(seen) // 2 :]
+    assert min(closed) > 7.5
+    # one step of 2 µs is 0.09°
+    assert max(x for x, shut in seen[: len(seen) // 2] if not shut) == pytest.approx(8.0, abs=0.1)
+    assert min(x for x, shut in opening if shut) == pytest.approx(7.6, abs=0.1)
+
+
+@pytest.mark.parametrize("name", valid_names().split(", "))
+def test_every_listed_fault_can_be_asked_for(name):
+    fault = parse(f"{name}@1-2")
+    assert f"{fault.target}:{fault.kind}" == name
+    assert fault.active(1.5)
+    assert not fault.active(0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("potentiometer_x_c:stuck", "valid are potentiometer_x_a:glitch"),
+        ("gyro:melt", "valid are"),
+        ("", "valid are"),
+        ("supply:sag:2", r"must be 0…0.9"),
+        ("supply:sag:nan", "not a number"),
+        ("gyro:bias:fast", "not a number"),
+        ("gyro:bias:20@5-3", "rising"),
+        ("gyro:bias:20@", "start '' is not a number"),
+        ("gyro:bias:1:2", "valid are"),
+    ],
+)
+def test_fault_that_is_none_is_refused_in_one_line(text, words):
+    with pytest.raises(FaultNameError, match=words) as caught:
+        parse(text)
+    assert "\n" not in str(caught.value)
+
+
+@given(st.text(max_size=40))
+def test_any_string_is_a_fault_or_a_clear_error(text):
+    with contextlib.suppress(FaultNameError):
+        parse(text)
+
+
+def _codes(fault, milliseconds=400):
+    host = _Host(Emulator(injections=(parse(fault),)))
+    host.send(Arm(), drive(3200, timeout=2000))
+    return np.array([m.potentiometer for m in host.telemetry(milliseconds)])
+
+
+def test_glitch_spoils_the_fraction_asked_for():
+    codes = _codes("potentiometer_x_a:glitch:0.2", 2000)[:, 0]
+    wrong = np.abs(codes - np.median(codes)) > 40
+    # the step to 3200 moves the others by 20 codes; 1000 readings scatter by 1.3 %
+    assert wrong.mean() == pytest.approx(0.2 * 0.92, abs=0.05)
+
+
+def test_stuck_reading_keeps_its_place_and_open_wire_falls_to_ground():
+    stuck = _codes("potentiometer_x_a:stuck@0.05")
+    assert np.ptp(stuck[40:, 0]) <= 5  # electrical noise stays
+    assert np.ptp(stuck[:, 1]) > 10
+    assert (_codes("potentiometer_y_a:open@0.1")[60:, 2] <= 3).all()  # 5 σ of electrical noise
+
+
+def test_sag_scales_all_four():
+    codes = _codes("supply:sag:0.1@0.2")
+    ratio = codes[-50:].mean(axis=0) / codes[80:95].mean(axis=0)
+    np.testing.assert_allclose(ratio, 0.9, atol=0.004)
+
+
+def test_dropped_and_corrupted_bytes_are_counted_and_nothing_wrong_is_accepted():
+    faults = (parse("link:drop:0.002"), parse("link:corrupt:0.002"))
+    host = _Host(Emulator(quiet(reference_rig()), injections=faults))
+    frames = host.telemetry(1000)
+    assert 200 < len(frames) < 480
+    assert host.decoder.counters.crc_errors > 10
+    assert {m.potentiometer for m in frames} == {(512, 512, 512, 512)}
+
+
+def test_pulled_cable_raises_and_the_servos_go_neutral_meanwhile():
+    host = _Host(Emulator(injections=(parse("link:unplug:0.5@0.3"),)))
+    host.send(Arm(), drive(3400))
+    host.receive(299)
+    host.device.advance_us(2000)
+    with pytest.raises(UnpluggedError):
+        host.device.read()
+    with pytest.raises(UnpluggedError):
+        host.device.write(b"x")
+    host.device.advance_us(400_000)
+    assert host.device.device.pulse[0] == constants.PULSE_NEUTRAL
+    host.device.advance_us(200_000)
+    assert host.telemetry()
+
+
+def _serving(port):
+    server = Server(Emulator(), port)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    return server, thread
+
+
+@pytest.mark.parametrize("kind", ["pty", "tcp"])
+def test_served_rig_answers_over_a_real_port(kind):
+    from hardware.link import Link
+
+    port = PtyPort() if kind == "pty" else TcpPort()
+    server, thread = _serving(port)
+    try:
+        with server, Link(port.url) as link:
+            link.send(Ping(7))
+            end, seen = time.monotonic() + 5, set()
+            while time.monotonic() < end and not {Pong, Telemetry} <= seen:
+                seen |= {type(frame.message) for frame in link.poll()}
+                time.sleep(0.002)
+            assert {Pong, Telemetry} <= seen
+            server.stop()
+            thread.join(2)
+    finally:
+        server.stop()
+
+
+def test_tcp_listens_on_loopback_only_and_a_taken_port_is_said():
+    with Server(Emulator(), TcpPort()) as server:
+        assert server.port._listener.getsockname()[0] == "127.0.0.1"
+        number = int(server.port.url.rpartition(":")[2])
+        with pytest.raises(ServerError, match=f"127.0.0.1:{number}"):
+            serve(Emulator(), tcp=number)
+    with pytest.raises(ServerError, match="65535"):
+        TcpPort(99_999)

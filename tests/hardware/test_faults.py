@@ -1,0 +1,157 @@
+"""One fault at a time in an emulated rig: the right sensor is named in time, and nothing else."""
+
+from math import radians
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hardware.emulator import parse, sample_rig
+from hardware.emulator.trial import random_steps, run
+from hardware.faults import SENSORS, TRANSITIONS, Monitor, Prediction, Reading, Sign, State
+from hardware.faults.states import NAMED
+
+SEED, ONSET, END = 21, 3.0, 5.0
+
+
+def _run(fault, seed=SEED):
+    injections = (parse(f"{fault}@{ONSET}-{END}"),) if fault else ()
+    return run(sample_rig(seed), random_steps(seed), END + 0.02, injections=injections, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return _run("")
+
+
+# Times and error ratios as the project's table of claims has them.
+@pytest.mark.parametrize(
+    ("fault", "sensor", "within", "ratio"),
+    [
+        ("potentiometer_x_a:glitch:0.2", "potentiometer_x_a", 0.05, 1.5),
+        ("potentiometer_x_b:open", "potentiometer_x_b", 0.05, 1.5),
+        ("potentiometer_y_a:open", "potentiometer_y_a", 0.05, 1.5),
+        ("potentiometer_y_b:offset:5", "potentiometer_y_b", 0.05, 1.5),
+        ("supply:sag:0.1", "supply", 0.3, 3.0),
+        ("gyro:bias:20", "gyro", 0.3, 1.6),  # over 2 s; 1.5 over 4 s and 40 rigs in the study
+    ],
+)
+def test_fault_is_named_in_time_and_the_angle_stays_good(healthy, fault, sensor, within, ratio):
+    trial = _run(fault)
+    named = trial.named()
+    assert list(named) == [sensor]
+    assert named[sensor] - ONSET < within
+    good = np.sqrt((healthy.error(ONSET, END) ** 2).mean())
+    assert np.sqrt((trial.error(ONSET, END) ** 2).mean()) < ratio * good
+
+
+def test_stuck_potentiometer_is_named_once_the_gimbal_has_moved():
+    trial = _run("potentiometer_y_a:stuck")
+    during = trial.time >= ONSET
+    angle = trial.true_angle[during, 1]
+    moved = trial.time[during][np.argmax(np.abs(angle - angle[0]) > radians(1.0))]
+    named = trial.named()
+    assert list(named) == ["potentiometer_y_a"]
+    assert named["potentiometer_y_a"] - moved < 0.05
+
+
+def test_frozen_gyro_is_named_and_the_potentiometers_carry_on():
+    trial = _run("gyro:frozen")
+    named = trial.named()
+    assert list(named) == ["gyro"]
+    assert named["gyro"] - ONSET < 0.05  # ten equal readings take 20 ms
+    assert trial.error(ONSET, END).max() < radians(0.3)  # two potentiometers alone: 0.12° a reading
+
+
+def test_fault_that_ends_is_forgiven_after_two_clean_seconds():
+    fault = parse("potentiometer_x_a:offset:5@3-3.5")
+    trial = run(sample_rig(SEED), random_steps(SEED), 6.5, injections=(fault,), seed=SEED)
+    states = [(c.old, c.new) for c in trial.changes]
+    assert states[-2:] == [("faulty", "recovering"), ("recovering", "ok")]
+    assert 5.5 < trial.changes[-1].time < 6.2
+
+
+def _frame(angle=(0.0, 0.0, 0.0, 0.0), gyro=(0.0, 0.0, 0.0), fraction=(0.5,) * 4):
+    return Reading(
+        dt=0.002,
+        fraction=fraction,
+        angle=angle,
+        gain=(4.2, -4.2, 4.2, -4.2),
+        gyro=gyro,
+        rate=(gyro[0], gyro[1]),
+    )
+
+
+def _expected(sigma=3e-3):
+    return Prediction(angle=(0.0, 0.0), rate=(0.0, 0.0), bias=(0.0, 0.0), variance=(sigma**2,) * 4)
+
+
+def _monitor():
+    monitor = Monitor()
+    monitor.begin(_frame())
+    return monitor
+
+
+def test_single_wrong_reading_is_not_used_and_does_not_pass_unnoticed():
+    monitor = _monitor()
+    heard = []
+    monitor.listener = lambda *change: heard.append(change)
+    remedy = monitor.inspect(_frame(angle=(radians(2), 0, 0, 0), gyro=(1e-3, 0, 0)), _expected())
+    assert remedy.use == (False, True, True, True)
+    assert heard[0][:3] == ("potentiometer_x_a", State.OK, State.FAULTY)
+
+
+def test_both_potentiometers_against_the_prediction_are_believed():
+    monitor = _monitor()
+    remedy = monitor.inspect(_frame(angle=(radians(2), radians(2), 0, 0)), _expected())
+    assert remedy.use == (True, True, True, True)
+    assert monitor.faults == ()
+
+
+def test_common_factor_on_all_four_is_the_supply():
+    monitor = _monitor()
+    fraction = (0.45, 0.45, 0.45, 0.45)
+    angle = tuple(-0.05 * g for g in (4.2, -4.2, 4.2, -4.2))
+    for k in range(5):
+        remedy = monitor.inspect(_frame(angle, (1e-3 * k, 0, 0), fraction), _expected())
+    assert [f.sensor for f in monitor.faults] == ["supply"]
+    assert remedy.supply_sigma == 1.0
+    assert remedy.use == (True, True, True, True)
+
+
+def test_same_factor_on_three_is_not_the_supply():
+    monitor = _monitor()
+    angle = (-0.05 * 4.2, 0.05 * 4.2, -0.05 * 4.2, 0.0)
+    for k in range(5):
+        monitor.inspect(_frame(angle, (1e-3 * k, 0, 0)), _expected())
+    assert "supply" not in {f.sensor for f in monitor.faults}
+
+
+def test_every_state_can_be_left_and_faulty_never_jumps_to_ok():
+    assert {old for old, _ in TRANSITIONS} == set(State)
+    assert TRANSITIONS.get((State.FAULTY, Sign.PROVEN)) is None
+    assert all(
+        TRANSITIONS[state, Sign.BAD] is State.FAULTY for state in State if state is not State.FAULTY
+    )
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(-3.0, 3.0), st.floats(0.0, 1.0), st.floats(-9.0, 9.0)),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_monitor_survives_any_readings_and_says_what_it_knows(readings):
+    monitor = _monitor()
+    for angle, fraction, rate in readings:
+        remedy = monitor.inspect(
+            _frame((angle, -angle, 0, angle), (rate, 0, 0), (fraction,) * 4), _expected()
+        )
+        assert len(remedy.use) == 4
+    assert {f.sensor for f in monitor.faults} <= set(SENSORS)
+    assert monitor.healthy == (not monitor.faults) or not monitor.healthy
+    assert all(s in State for s in monitor.states.values())
+    assert all(monitor.states[f.sensor] in NAMED for f in monitor.faults)

@@ -1,0 +1,152 @@
+"""The filter against filterpy, against its own covariance, and against the better sensor."""
+
+import time
+from math import radians
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import chi2
+
+from hardware.emulator import Emulator, sample_rig
+from hardware.emulator.trial import random_steps, run
+from hardware.emulator.truth import exact_calibration
+from hardware.fusion import Fusion, Noise
+from hardware.fusion.axis import predict, process_noise, reference, transition, update
+from hardware.rig import in_process
+from tests.hardware.matched import run_matched
+
+
+def _random_covariance(rng, n):
+    a = rng.standard_normal((n, n))
+    return a @ a.T + 0.1 * np.eye(n)
+
+
+@pytest.mark.parametrize("rows", [(0, 1, 2), (0, 2), (1,), (2,), ()])
+def test_compiled_step_equals_filterpy(rows):
+    rng = np.random.default_rng(1)
+    noise, dt = Noise(), 0.002
+    x, P = rng.standard_normal((2, 4)), np.stack([_random_covariance(rng, 4) for _ in range(2)])
+    z, R = rng.standard_normal((2, 3)), np.stack([_random_covariance(rng, 3) for _ in range(2)])
+    gain, use = np.array([0.97, 1.0]), np.zeros((2, 3), dtype=bool)
+    use[:, list(rows)] = True
+    expected = []
+    for k in range(2):
+        kalman = reference(dt, noise, gain[k], R[k])
+        kalman.x, kalman.P = x[k][:, None].copy(), P[k].copy()
+        kalman.predict()
+        if rows:
+            i = list(rows)
+            kalman.update(z[k][i, None], R=R[k][np.ix_(i, i)], H=kalman.H[i])
+        expected.append((kalman.x[:, 0], kalman.P))
+    predict(x, P, transition(dt, noise.gyro_delay), process_noise(dt, noise))
+    update(x, P, z, R, gain, use)
+    for k in range(2):
+        # Another order of the same additions; values are of order 1.
+        np.testing.assert_allclose(x[k], expected[k][0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(P[k], expected[k][1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("dt", [0.0005, 0.002, 0.02])
+def test_discretisation_equals_van_loans_matrix_exponential(dt):
+    noise = Noise()
+    tau, q = noise.gyro_delay, noise.acceleration
+    A = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 1 / tau, 0, -1 / tau]], dtype=float)
+    W = np.diag([0, q**2, noise.bias**2, 0])
+    block = expm(np.block([[-A, W], [np.zeros((4, 4)), A.T]]) * dt)
+    F = block[4:, 4:].T
+    np.testing.assert_allclose(transition(dt, tau), F, atol=1e-12)
+    np.testing.assert_allclose(process_noise(dt, noise), F @ block[:4, 4:], rtol=1e-8, atol=1e-12)
+
+
+def test_no_delay_is_the_limit_of_a_short_one():
+    noise, short = Noise(gyro_delay=0.0), Noise(gyro_delay=1e-9)
+    np.testing.assert_allclose(
+        process_noise(0.002, noise), process_noise(0.002, short), rtol=1e-5, atol=1e-12
+    )
+
+
+def test_nees_stays_in_its_band_over_100_seeds():
+    seeds = 100
+    mean = run_matched(seeds).mean(axis=0)
+    low, high = chi2.ppf([0.025, 0.975], 3 * seeds) / seeds
+    inside = ((mean > low) & (mean < high)).mean()
+    # 95 % is expected; neighbouring instants are correlated, so 400 of them scatter by about 3 %.
+    assert inside > 0.88
+    assert mean.mean() == pytest.approx(3.0, abs=0.15)
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return run(sample_rig(11), random_steps(11), 8.0, seed=11)
+
+
+def test_fused_angle_is_twice_as_good_as_the_better_potentiometer(healthy):
+    late = healthy.time > 2
+    for axis in (0, 1):
+        truth = healthy.true_angle[late, axis, None]
+        pots = healthy.potentiometer[late][:, 2 * axis : 2 * axis + 2]
+        better = np.sqrt(((pots - truth) ** 2).mean(axis=0)).min()
+        assert healthy.error(2.0)[axis] < better / 2
+
+
+def test_rate_follows_the_truth(healthy):
+    late = healthy.time > 2
+    error = np.sqrt(((healthy.rate - healthy.true_rate)[late] ** 2).mean())
+    assert error < radians(4.0)  # of slews of 300 °/s: a delay of 2.8 ms left in would be 12 °/s
+
+
+def test_bias_of_the_gyro_is_found(healthy):
+    rest = (healthy.state[-1, :, 2] - healthy.true_bias[-1]) / np.sqrt(
+        healthy.covariance[-1, :, 2, 2]
+    )
+    # Waviness of the potentiometers and the gyro's scale add to the stated deviation.
+    assert np.abs(rest).max() < 6
+
+
+def test_stated_sigma_is_of_the_order_of_the_error(healthy):
+    ratio = healthy.error(2.0) / healthy.sigma[-1]
+    assert (ratio > 0.2).all()
+    assert (ratio < 4).all()
+
+
+def test_a_healthy_rig_raises_no_alarm(healthy):
+    assert healthy.changes == ()
+
+
+def test_gap_starts_the_filter_afresh():
+    parameters = sample_rig(2)
+    device = Emulator(parameters, seed=2)
+    rig = in_process(device, exact_calibration(parameters))
+    rig.connect()
+    for _ in range(500):
+        device.advance_us(1000)
+        rig.poll()
+    device.advance_us(600_000)
+    device.read()  # half a second is lost
+    for _ in range(100):
+        device.advance_us(1000)
+        rig.poll()
+    truth, _ = device.truth()
+    assert rig.state is not None
+    # 100 ms of fresh potentiometers: 0.16°/√100, and 4 of that
+    assert np.abs(np.subtract(rig.state.angle, truth)).max() < radians(0.15)
+
+
+@pytest.mark.bench
+def test_fusion_of_a_frame_costs_less_than_60_microseconds():
+    parameters = sample_rig(0)
+    device = Emulator(parameters)
+    rig = in_process(device)
+    rig.connect()
+    frames = []
+    while len(frames) < 1500:
+        device.advance_us(2000)
+        frames += rig.poll()
+    fusion = Fusion(exact_calibration(parameters))
+    spent = []
+    for frame in frames:
+        start = time.perf_counter()
+        fusion.update(frame)
+        spent.append(time.perf_counter() - start)
+    assert np.median(spent) < 60e-6
