@@ -155,14 +155,16 @@ class SimulatedNano:
         """Time since power-up on the Nano's own crystal [µs]."""
         return float(self._c.nano_cycle(self._open()) / CYCLES_PER_US)
 
-    def advance_us(self, duration: int) -> None:
-        """Run the program for `duration` µs of its own clock; errors do not accumulate.
+    def advance_us(self, duration: float) -> None:
+        """Run the program for `duration` µs of its own clock, to the cycle of 1/16 µs.
+
+        Whole µs do not accumulate errors; 1000.05 each millisecond is a crystal 50 ppm fast.
 
         Raises
         ------
         SimulatedNanoError : the program has crashed or ended
         """
-        self._until += duration * CYCLES_PER_US
+        self._until += round(duration * CYCLES_PER_US)
         if self._c.nano_run_until(self._open(), self._until):
             raise SimulatedNanoError(f"{self._elf.name} stopped at {self.time_us:.0f} µs")
 

@@ -229,10 +229,7 @@ def _unstuff(run: bytearray) -> bytes | None:
         content: bytes = cobs.decode(run)
     except cobs.DecodeError:
         return None
-    # The CRC of a content followed by its big-endian CRC is zero; ours is little-endian.
-    if (
-        len(content) < _OVERHEAD
-        or crc16(content[:-2]) != _CRC.unpack_from(content, len(content) - 2)[0]
-    ):
+    if len(content) < _OVERHEAD:
         return None
-    return content
+    (stored,) = _CRC.unpack_from(content, len(content) - _CRC.size)
+    return content if stored == crc16(content[: -_CRC.size]) else None

@@ -48,6 +48,7 @@ class Desk:
         self.encoder = Encoder()
         self.decoder = Decoder()
         self.raw = b""
+        self.edge: float | None = None  # a servo frame's start, once seen
 
     def send(self, message: Message) -> None:
         self.nano.write(self.encoder.encode(message))
@@ -298,20 +299,60 @@ def test_pulses_stay_within_the_limits_while_commands_change_at_random_phase(arm
     assert len(set(_widths(pulses, 0))) > 20  # they did move
 
 
-def test_x_and_y_change_in_the_same_frame_at_any_phase(armed):
-    source = random.Random(9)
-    pulses: list[Pulse] = []
-    for _ in range(800):
-        width = source.randint(2000, 4000)
-        # Around the frame's start, where one of the two could slip into the next frame.
-        age = armed.nano.time_us % FRAME_US
-        armed.send(Command((width, width, width), 100, Mode.DRIVE))
-        armed.nano.advance_us(round(FRAME_US - age + source.randrange(0, 1200)))
-        pulses += armed.nano.pulses()
-        armed.nano.read()
-    x, y = _widths(pulses, 0), _widths(pulses, 1)
-    assert x == y
-    assert len(set(x)) > 300
+def _send_before_a_frame(desk: Desk, message: Message, lead: float) -> float:
+    """Let a message arrive `lead` µs before a servo frame begins; returns when it does [µs]."""
+    data = desk.encoder.encode(message)
+    _, phase = divmod(_first_edge(desk), FRAME_US)
+    soonest = desk.nano.time_us + 20 * len(data) + lead - phase
+    arrival = (soonest // FRAME_US + 1) * FRAME_US + phase - lead
+    desk.run(int((arrival - 20 * len(data) - desk.nano.time_us) // 1000))
+    desk.nano.advance_us(arrival - 20 * len(data) - desk.nano.time_us)
+    desk.decoder.receive_data(desk.nano.read())
+    list(desk.decoder)
+    arrival = desk.nano.time_us + 20 * len(data)
+    desk.nano.write(data)
+    return arrival
+
+
+def _first_edge(desk: Desk) -> float:
+    if desk.edge is None:
+        desk.run(41)
+        desk.edge = next(p.time_us for p in desk.nano.pulses() if p.servo == 0)
+    return desk.edge
+
+
+def test_arrivals_are_dated_right_while_a_servo_frame_begins(desk):
+    errors = []
+    for lead in range(-30, 330):
+        arrived = _send_before_a_frame(desk, Ping(7), lead)
+        pongs = [f.message for f in desk.run(5) if isinstance(f.message, Pong)]
+        errors.append(pongs[-1].received_us - arrived)
+    # A clock that misses an overflow is 20 ms behind; 25 µs as in the test of PONG's stamps.
+    assert max(errors) - min(errors) < 25
+
+
+def test_a_command_takes_hold_in_one_frame_for_both_axes_and_telemetry_shows_which(armed):
+    def made_it(lead: float) -> bool:
+        """Send a new width; tell whether the next frame has it, and check who says so."""
+        width = 2000 + made_it.calls % 2000
+        made_it.calls += 1
+        _send_before_a_frame(armed, Command((width, width, width), 200, Mode.DRIVE), lead)
+        armed.nano.pulses()
+        readings = armed.telemetry(10)
+        first = armed.nano.pulses()[:2]
+        assert [p.servo for p in first] == [0, 1]
+        assert first[0].ticks == first[1].ticks
+        shown = {r.pulse for r in readings if 1000 < r.frame_us < 12_000}
+        assert shown == {(first[0].ticks,) * 3}
+        return first[0].ticks == width
+
+    made_it.calls = 0
+    latest = min(lead for lead in range(330) if made_it(lead))
+    assert latest < 300  # unpacking, checking and the guard of 20 µs
+    # Cycle by cycle across the edge, where an axis could slip into the next frame.
+    fine = [made_it(latest + cycle / 16) for cycle in range(-48, 17)]
+    assert not fine[0]
+    assert fine[-1]
 
 
 @pytest.mark.parametrize("timeout_ms", [1, 17, 50, 133])

@@ -236,9 +236,27 @@ def test_an_armed_command_is_obeyed_and_acknowledged(core):
 def test_the_timeout_ends_a_command_exactly_on_time_even_as_the_clock_wraps(core, start):
     core.tell(Arm(), start)
     core.tell(Command((3500, 2500, 3300), 100, Mode.DRIVE), start)
+    assert core.update(start + 1).pulse == (3500, 2500, 3300)
     assert core.update(start + 99_999).pulse == (3500, 2500, 3300)
     assert core.update(start + 100_000).pulse == NEUTRAL
     assert Flags(core.telemetry().flags) == Flags.ARMED | Flags.TIMED_OUT
+
+
+@pytest.mark.parametrize(
+    ("asked", "given"),
+    [(0, 3000), (1, 2000), (1999, 2000), (2000, 2000), (4000, 4000), (4001, 4000), (65535, 4000)],
+)
+def test_a_pulse_is_clamped_to_the_very_tick(core, asked, given):
+    core.tell(Arm())
+    assert core.tell(Command((asked,) * 3, 100, Mode.DRIVE)).pulse == (given,) * 3
+    clamped = asked not in (0, given)
+    assert bool(core.telemetry().flags & Flags.CLAMPED) == clamped
+
+
+def test_a_host_that_starts_again_is_not_counted_as_a_loss(core):
+    for sequence in (4990, 5000, 0, 1):
+        core.receive(encode(Ping(0), sequence))
+    assert core.telemetry().lost == 9
 
 
 def test_the_timeout_flag_stays_until_arm_though_driving_goes_on(core):

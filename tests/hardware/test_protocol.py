@@ -116,9 +116,12 @@ def test_any_bytes_in_any_pieces_never_raise(pieces):
         list(decoder)
 
 
-@given(st.binary(max_size=600), st.integers(1, 64))
+runs = st.binary(max_size=250).map(lambda run: run.replace(b"\0", b"\1") + b"\0")
+streams = st.lists(st.one_of(runs, messages.map(lambda m: encode(m, 1))), max_size=6)
+
+
+@given(streams.map(b"".join), st.integers(1, 64))
 def test_counters_do_not_depend_on_how_the_stream_was_cut(data, piece):
-    data += b"\0"
     assert _decode(data)[1].counters == _decode(data, piece=piece)[1].counters
 
 
@@ -217,6 +220,21 @@ def test_a_stream_without_delimiters_is_not_stored():
         assert decoder.next_event() is None
     assert len(decoder._buffer) <= MAX_ENCODED + 1000
     assert decoder.counters.garbage == 1_000_000
+
+
+def test_a_run_too_long_for_a_frame_is_one_error_and_hides_nothing_after_it():
+    decoder = Decoder()
+    decoder.receive_data(encode(Ping(1), 0))
+    list(decoder)
+    for _ in range(5):
+        decoder.receive_data(b"\x55" * 200)
+        assert list(decoder) == []
+    # The end of the run, though it looks like a frame, belongs to the run.
+    decoder.receive_data(encode(Ping(2), 1))
+    assert list(decoder) == []
+    decoder.receive_data(encode(Ping(3), 2))
+    assert list(decoder) == [Frame(2, Ping(3))]
+    assert decoder.counters.crc_errors == 1
 
 
 def test_a_sound_frame_of_another_version_is_shown_not_swallowed():
