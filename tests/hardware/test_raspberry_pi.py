@@ -17,7 +17,7 @@ class _FakeBus:
 
     def __init__(self, addresses=(0x68, 0x69)):
         self.registers = {a: {0x6B: 0x40} for a in addresses}
-        self.measured = {a: ((100, -200, 300), (0, 0, -8192)) for a in addresses}
+        self.measured = dict.fromkeys(addresses, ((100, -200, 300), (0, 0, -8192)))
         self.gone = set()
 
     def write_byte_data(self, i2c_addr, register, value):
