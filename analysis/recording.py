@@ -1,24 +1,20 @@
 """Recordings as validated time series: the reader of the twin's own files."""
 
 import json
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
-from analysis import schema
+from analysis import rrd, schema
 from analysis.schema import AnalysisError
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-    from rerun.chunk import Chunk
-
-MAGIC = b"RRF2"  # first bytes of every file of Rerun's current format
+PROPERTIES = f"/__properties/{schema.PROPERTY}"
+WANTED = frozenset([PROPERTIES, schema.EVENTS, schema.HEALTH, *schema.ENTITIES])
 MAX_BYTES = 4 * 2**30  # a day of flight; more is a mistake or an attack
 MAX_PROPERTIES = 16 * 2**20  # characters of JSON
 
@@ -145,50 +141,22 @@ def read(path: Path | str) -> Recording:
         version, or holds impossible numbers.
     """
     path = Path(path)
-    _check_file(path)
     content = _Content(path)
-    # Rust panics arrive as BaseException; a stranger's file must not end the process with one.
     try:
-        for chunk in _chunks(path):
-            content.take(chunk)
-    except (RecordingError, MemoryError, KeyboardInterrupt, SystemExit):
+        if path.stat().st_size > MAX_BYTES:
+            raise RecordingError(f"{path}: larger than the {MAX_BYTES >> 30} GiB that are read")
+        for entity, batch in rrd.batches(path, WANTED):
+            content.take(entity, batch)
+    except RecordingError:
         raise
-    except BaseException as error:
-        raise RecordingError(f"{path}: {_damaged(error)}") from None
-    return content.recording()
-
-
-def _check_file(path: Path) -> None:
-    try:
-        with path.open("rb") as file:
-            start = file.read(len(MAGIC))
-        size = path.stat().st_size
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from None
-    if start != MAGIC:
-        raise RecordingError(f"{path}: not a Rerun recording (.rrd)")
-    if size > MAX_BYTES:
-        raise RecordingError(
-            f"{path}: {size / 2**30:.1f} GiB; at most {MAX_BYTES / 2**30:.0f} read"
-        )
-
-
-def _chunks(path: Path) -> "list[Chunk]":
-    from rerun.chunk import RrdReader
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # a missing footer, the mark of a file cut off, only warns
-        reader = RrdReader(path)
-    if not (stores := reader.recordings()):
-        raise RecordingError(f"{path}: holds no recording")
-    wanted = [*schema.ENTITIES, schema.EVENTS, schema.HEALTH, f"/__properties/{schema.PROPERTY}"]
-    return reader.stream(store=stores[0]).filter(content=wanted).to_chunks()
-
-
-def _damaged(error: BaseException) -> str:
-    text = " ".join(str(error).split())
-    reason = "its end is missing" if "no footer" in text else text[:160]
-    return f"damaged or cut off ({reason}); `twin view FILE` repairs what can be repaired"
+    except rrd.CutOffError as error:
+        raise RecordingError(f"{path}: {error}; `twin view FILE` repairs it") from None
+    except (ValueError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())[:160]
+        raise RecordingError(f"{path}: not a Rerun recording, or damaged ({reason})") from None
+    return content.recording()
 
 
 @dataclass
@@ -202,18 +170,17 @@ class _Content:
     )
     lines: dict[str, list[Event]] = field(default_factory=dict)
 
-    def take(self, chunk: "Chunk") -> None:
-        entity = chunk.entity_path
-        if entity.startswith("/__properties"):
-            self._take_properties(chunk.to_record_batch())
-        elif chunk.is_static:
+    def take(self, entity: str, batch: pa.RecordBatch) -> None:
+        if entity == PROPERTIES:
+            self._take_properties(batch)
+        elif schema.TIME not in batch.schema.names:
             return
         elif entity in (schema.EVENTS, schema.HEALTH):
-            self._take_lines(entity, chunk.to_record_batch())
+            self._take_lines(entity, batch)
         elif entity in schema.ENTITIES:
-            self._take_values(schema.ENTITIES[entity], chunk.to_record_batch())
+            self._take_values(schema.ENTITIES[entity], batch)
 
-    def _take_properties(self, batch: "pa.RecordBatch") -> None:
+    def _take_properties(self, batch: pa.RecordBatch) -> None:
         values = {name: batch[name].to_pylist() for name in batch.schema.names}
         found = _first(values.get("schema"))
         if found != schema.SCHEMA:
@@ -222,18 +189,23 @@ class _Content:
             )
         self.text = _first(values.get("json"))
 
-    def _take_lines(self, entity: str, batch: "pa.RecordBatch") -> None:
-        texts = batch["TextLog:text"].to_pylist()
-        levels = batch["TextLog:level"].to_pylist()
+    def _take_lines(self, entity: str, batch: pa.RecordBatch) -> None:
+        names = batch.schema.names
+        texts, levels = (
+            batch[name].to_pylist() if name in names else [None] * batch.num_rows
+            for name in ("TextLog:text", "TextLog:level")
+        )
         for at, text, level in zip(_times(batch), texts, levels, strict=True):
             self.lines.setdefault(entity, []).append(
                 Event(float(at) * 1e-9, _first(level) or "INFO", _first(text) or "")
             )
 
-    def _take_values(self, signal: schema.Signal, batch: "pa.RecordBatch") -> None:
+    def _take_values(self, signal: schema.Signal, batch: pa.RecordBatch) -> None:
         if "Scalars:scalars" not in batch.schema.names:
             return
         column, width = batch["Scalars:scalars"], len(signal.components)
+        if column.type != pa.list_(pa.float64()):
+            raise RecordingError(f"{self.path}: {signal.name} holds {column.type}, not numbers")
         flat = column.flatten().to_numpy(zero_copy_only=False)
         if flat.size != batch.num_rows * width or column.null_count:
             raise RecordingError(
@@ -275,9 +247,7 @@ class _Content:
             raise RecordingError(f"{self.path}: {error}") from None
 
 
-def _times(batch: "pa.RecordBatch") -> NDArray[np.int64]:
-    import pyarrow as pa
-
+def _times(batch: pa.RecordBatch) -> NDArray[np.int64]:
     column = batch[schema.TIME]
     if column.null_count or not pa.types.is_duration(column.type):
         raise RecordingError(f"timeline '{schema.TIME}' holds {column.type}, not durations")

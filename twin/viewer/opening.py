@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from analysis.recording import MAGIC
+from analysis.rrd import MAGIC
 from twin.errors import TwinError
 
 LOOPBACK = "127.0.0.1"
@@ -33,8 +33,9 @@ def binary() -> Path:
 
 def sound(path: Path) -> bool:
     """Tell whether a recording is complete, its footer included."""
-    done = _rerun("rrd", "verify", str(path))
-    return done.returncode == 0
+    if path.stat().st_size < EMPTY_BYTES:
+        return False
+    return _rerun("rrd", "verify", str(path)).returncode == 0
 
 
 def repaired(path: Path) -> Path:
@@ -59,8 +60,7 @@ def repaired(path: Path) -> Path:
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".repair-") as folder:
         part = Path(folder) / fresh.name
         done = _rerun("rrd", "optimize", "--continue-on-error", str(path), "-o", str(part))
-        empty = not part.is_file() or part.stat().st_size < EMPTY_BYTES or not sound(part)
-        if done.returncode != 0 or empty:
+        if done.returncode != 0 or not part.is_file() or not sound(part):
             raise ViewerError(f"{path}: nothing in it can be saved")
         part.replace(fresh)
     return fresh
