@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from analysis import schema
+from tests.conftest import ROOT
 
 FINITE = st.floats(-1e9, 1e9, allow_subnormal=False)
 
@@ -56,3 +57,11 @@ def test_a_wrong_name_is_answered_with_the_right_ones():
         schema.AnalysisError, match=r"'gimbal/comand'.*did you mean.*timing/lateness"
     ):
         schema.signal("gimbal/comand")
+
+
+def test_the_manual_lists_every_signal_with_its_units():
+    text = (ROOT / "docs" / "recording.md").read_text(encoding="utf-8")
+    for signal in schema.SIGNALS.values():
+        components = ", ".join(signal.components)
+        row = f"| `{signal.entity}` | {components} | {signal.stored_unit} | {signal.unit} |"
+        assert row in text, f"docs/recording.md lacks: {row}"
