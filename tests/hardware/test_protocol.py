@@ -27,6 +27,7 @@ from hardware.protocol import (
     Pong,
     Telemetry,
     Unknown,
+    constants,
     default_config,
     encode,
     hello,
@@ -297,3 +298,25 @@ def test_the_generated_headers_are_up_to_date():
 def test_the_manual_shows_the_table():
     manual = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
     assert markdown() in manual, "paste hardware.protocol.table.markdown() into docs/protocol.md"
+
+
+def _arduino_name(pin: int) -> str:
+    return f"A{pin - 14}" if pin >= 14 else f"D{pin}"
+
+
+@pytest.mark.parametrize(
+    ("pins", "what"),
+    [
+        (constants.SERVO_PINS, ("servo x", "servo y", "turntable servo")),
+        (constants.POTENTIOMETER_PINS, ("x_a", "x_b", "y_a", "y_b")),
+        (constants.JOYSTICK_PINS, ("joystick x", "joystick y")),
+        (constants.SWITCH_PINS, ("switch +x", "switch −x", "switch +y", "switch −y")),
+    ],
+)
+def test_the_wiring_page_shows_the_pins_of_the_firmware(pins, what):
+    page = (ROOT / "docs" / "wiring.md").read_text(encoding="utf-8")
+    for pin, part in zip(pins, what, strict=True):
+        row = next(
+            line for line in page.splitlines() if line.startswith(f"| {_arduino_name(pin)} |")
+        )
+        assert part in row
