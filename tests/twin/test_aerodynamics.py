@@ -1,5 +1,7 @@
 """The air against quadrature, published tables and symmetry."""
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -24,7 +26,9 @@ def outline(z: Array) -> Array:
     hull = 8 * np.sqrt(rho**2 - RADIUS**2) + RADIUS * (2 * np.pi - 8 * reach)
     fins = np.where(reach < np.pi / 4, hull, 4 * np.sqrt(2) * rho) / np.pi
     nose = 2 * RADIUS * np.sqrt(np.clip(1 - ((z - 0.6726) / NOSE) ** 2, 0, 1))
-    return np.select([z < -0.03, z <= 0.03, z <= 0.6726], [0.029 + 0 * z, fins, 0.054 + 0 * z], nose)
+    return np.select(
+        [z < -0.03, z <= 0.03, z <= 0.6726], [0.029 + 0 * z, fins, 0.054 + 0 * z], nose
+    )
 
 
 def integrals(v: Array, w: Array, centre: float) -> Array:
@@ -35,12 +39,14 @@ def integrals(v: Array, w: Array, centre: float) -> Array:
         ux, uy = v[0] + w[1] * r, v[1] - w[0] * r
         drag = np.hypot(ux, uy) * float(outline(np.array(z)))
         size = np.hypot(ux, uy) * drag
-        return float((-drag * ux, -drag * uy, r * drag * uy, -r * drag * ux, size, abs(r) * size)[what])
+        return float(
+            (-drag * ux, -drag * uy, r * drag * uy, -r * drag * ux, size, abs(r) * size)[what]
+        )
 
     def whole(what: int) -> float:
-        panels = zip(EDGES[:-1], EDGES[1:], strict=True)
         return sum(
-            float(quad(integrand, a, b, (what,), epsabs=1e-9, epsrel=1e-6, limit=100)[0]) for a, b in panels
+            float(quad(integrand, *ends, (what,), epsabs=1e-9, epsrel=1e-6, limit=100)[0])
+            for ends in itertools.pairwise(EDGES)
         )
 
     return np.array([whole(k) for k in range(6)])
@@ -76,7 +82,10 @@ def test_turning_the_flow_about_the_axis_turns_the_load_with_it() -> None:
             ]
         ).reshape(2, 2, 2)
         turned = np.array(
-            [air.crossflow(vx, vy, wx, wy, 1.0, z, area, 0.3), air.normal_force(vx, vy, 40.0, wx, wy, 1.0, 0.2)]
+            [
+                air.crossflow(vx, vy, wx, wy, 1.0, z, area, 0.3),
+                air.normal_force(vx, vy, 40.0, wx, wy, 1.0, 0.2),
+            ]
         ).reshape(2, 2, 2)
         np.testing.assert_allclose(turned, plain @ turn.T, rtol=1e-12, atol=1e-12)  # rounding
 
@@ -110,7 +119,8 @@ def test_broadside_cylinder_has_the_textbook_drag() -> None:
 def test_area_moment_form_equals_its_printed_polynomial() -> None:
     """M = ½ (1/C_v) ρ [v0³, -3v0²ω, 3v0ω², -ω³]·∫C_d [r¹…r⁴] b dr, the integrals by quadrature."""
     moments = [
-        quad(lambda r, n=n: 0.9 * r**n * (0.05 + 0.01 * r), -0.4, 0.6, epsabs=1e-15)[0] for n in range(5)
+        quad(lambda r, n=n: 0.9 * r**n * (0.05 + 0.01 * r), -0.4, 0.6, epsabs=1e-15)[0]
+        for n in range(5)
     ]
     rho, r_ref, dv = 1.1, 0.25, 0.1
     for v0, w in np.random.default_rng(6).normal(scale=6, size=(200, 2)):
@@ -119,11 +129,13 @@ def test_area_moment_form_equals_its_printed_polynomial() -> None:
         force, moment = air.crossflow_area_moment(v0, w, rho, tuple(moments), r_ref, dv)
         scale = sum(abs(p * a) for p, a in zip(polynomial, moments[1:], strict=True)) / c_v
         assert abs(moment - 0.5 / c_v * rho * np.dot(polynomial, moments[1:])) <= 1e-12 * scale
-        assert abs(force - 0.5 / c_v * rho * np.dot(polynomial, moments[:4])) <= 1e-12 * max(scale, 1)
+        assert abs(force - 0.5 / c_v * rho * np.dot(polynomial, moments[:4])) <= 1e-12 * max(
+            scale, 1
+        )
 
 
 def test_area_moment_form_is_exact_for_a_body_that_does_not_turn() -> None:
-    """Without rotation and with ∂v_ref → 0 the cubic form is v0|v0| itself; signs agree with strips."""
+    """Without rotation and with ∂v_ref → 0 the cubic form is v0|v0| itself, signs included."""
     z, area = strips(outline, EDGES, NODES)
     exact = air.crossflow(3.0, -5.0, 0.0, 0.0, 0.5 * 1.2 * 0.84, z, area, 0.3)
     for axis, v in ((0, (3.0, 0.0)), (1, (0.0, -5.0))):
@@ -135,7 +147,7 @@ def test_area_moment_form_is_exact_for_a_body_that_does_not_turn() -> None:
 
 def test_area_moment_form_damps_a_turning_body() -> None:
     z, area = strips(outline, EDGES, NODES)
-    fx, fy, mx, my = air.crossflow_by_moments(0, 0, 2.0, 3.0, 1.2, 0.84, z, area, 0.3, 0.25, 0.1)
+    _, _, mx, my = air.crossflow_by_moments(0, 0, 2.0, 3.0, 1.2, 0.84, z, area, 0.3, 0.25, 0.1)
     assert mx < 0
     assert my < 0
 
@@ -164,7 +176,14 @@ def test_silhouette_sees_fins_alike_at_every_roll_angle() -> None:
 
 @pytest.mark.parametrize(
     ("altitude", "published"),
-    [(0, 1.2250), (1000, 1.1117), (5000, 0.73643), (11000, 0.36480), (15000, 0.19476), (20000, 0.08891)],
+    [
+        (0, 1.2250),
+        (1000, 1.1117),
+        (5000, 0.73643),
+        (11000, 0.36480),
+        (15000, 0.19476),
+        (20000, 0.08891),
+    ],
 )
 def test_density_is_the_published_standard_atmosphere(altitude: float, published: float) -> None:
     """U.S. Standard Atmosphere 1976, table I (geometric altitude), five digits."""
@@ -218,4 +237,6 @@ def test_barrowman_coefficients_of_a_worked_fin_set() -> None:
     assert fins.behind() == pytest.approx(0.025)  # quarter chord
     # slope per fin area a: 2 fins carry `bare`; Σ∫ c y² dy = 4 c (R³-r³)/3
     per_area = bare * np.pi * 0.05**2 / (2 * 0.1 * 0.1)
-    assert fins.roll_damping() == pytest.approx(per_area * 4 * 0.1 * (0.15**3 - 0.05**3) / 3, rel=1e-6)
+    assert fins.roll_damping() == pytest.approx(
+        per_area * 4 * 0.1 * (0.15**3 - 0.05**3) / 3, rel=1e-6
+    )

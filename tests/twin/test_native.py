@@ -61,6 +61,11 @@ def passive(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return with_forces - data.qfrc_passive
 
 
+def thrust_at_5_s(model: mujoco.MjModel) -> float:
+    time, thrust = (model.numeric(f"motor_{name}").data[:18] for name in ("time", "thrust"))
+    return float(np.interp(5.0, time, thrust))
+
+
 def test_offsets_are_those_the_bindings_report() -> None:
     layout.verify()
 
@@ -148,12 +153,12 @@ def test_jet_damping_balances_the_angular_momentum_of_the_gas(model: mujoco.MjMo
         5.0, model.numeric("motor_time").data[:19], model.numeric("motor_thrust").data[:19]
     )
     flow = thrust * 0.1164 / model.numeric("motor_impulse").data[0]
+    half_grain = model.numeric("motor_grain_length").data[0] / 2
     exit_, face = (
         float((p - com) @ up)
         for p in (
             data.site("gimbal_nozzle").xpos,
-            data.body("gimbal_propellant").xipos
-            - up * model.numeric("motor_grain_length").data[0] / 2,
+            data.body("gimbal_propellant").xipos - up * half_grain,
         )
     )
     # about the centre of mass, from the generalised force at the body's origin

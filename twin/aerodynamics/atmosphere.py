@@ -34,8 +34,10 @@ def density(altitude: float) -> float:
     geopotential = EARTH_RADIUS * bounded / (EARTH_RADIUS + bounded)
     if geopotential <= TROPOPAUSE:
         ratio = 1.0 - LAPSE * geopotential / SEA_LEVEL_TEMPERATURE
-        return SEA_LEVEL_DENSITY * ratio**_EXPONENT
-    return float(_TROPOPAUSE_DENSITY * np.exp((TROPOPAUSE - geopotential) / _SCALE_HEIGHT))
+        low: float = SEA_LEVEL_DENSITY * ratio**_EXPONENT
+        return low
+    high: float = _TROPOPAUSE_DENSITY * np.exp((TROPOPAUSE - geopotential) / _SCALE_HEIGHT)
+    return high
 
 
 @register_jitable
@@ -49,7 +51,8 @@ def mean_wind(speed: float, height: float, reference: float, exponent: float) ->
         return 0.0
     if exponent == 0.0:
         return speed
-    return speed * (height / reference) ** exponent
+    aloft: float = speed * (height / reference) ** exponent
+    return aloft
 
 
 @register_jitable

@@ -127,7 +127,8 @@ def normal_force(
 @register_jitable
 def axial_drag(vz: float, scale: float) -> float:
     """Drag along the axis [N]; `scale` = ½ρ A C_A [kg/m], vz the speed along the axis [m/s]."""
-    return -scale * np.abs(vz) * vz
+    drag: float = -scale * np.abs(vz) * vz
+    return drag
 
 
 @register_jitable
@@ -137,4 +138,5 @@ def roll_damping(vz: float, wz: float, scale: float) -> float:
     Source: Barrowman (1967), The practical calculation of the aerodynamic characteristics of
     slender finned vehicles (each fin strip at the angle of attack ω y / v).
     """
-    return -scale * np.abs(vz) * wz
+    moment: float = -scale * np.abs(vz) * wz
+    return moment

@@ -4,6 +4,7 @@ For setting a model up, not for flying it: loads trimesh.
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -29,11 +30,12 @@ def silhouette(vertices: Array, faces: NDArray[np.int64]) -> Width:
     from scipy.spatial import ConvexHull
 
     mesh = trimesh.Trimesh(vertices, faces, process=False)
+    slice_at: Any = trimesh.intersections.mesh_plane
 
     def width(z: Array) -> Array:
         result = np.zeros(np.size(z))
         for k, station in enumerate(np.ravel(z)):
-            lines = trimesh.intersections.mesh_plane(mesh, (0.0, 0.0, 1.0), (0.0, 0.0, station))
+            lines = slice_at(mesh, (0.0, 0.0, 1.0), (0.0, 0.0, station))
             if len(lines):
                 result[k] = ConvexHull(lines.reshape(-1, 3)[:, :2]).area / np.pi
         return result.reshape(np.shape(z))
@@ -120,9 +122,7 @@ def _geometry(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64], Array]:
             levels = np.unique(points[:, 2].round(6))
             ends.append(levels if levels.size <= _FEW_LEVELS else levels[[0, -1]])
     if not vertices:
-        raise TwinError(
-            "the body 'vehicle' has no geometry that its silhouette could be taken from"
-        )
+        raise TwinError("the body 'vehicle' has no geometry to take a silhouette from")
     return np.vstack(vertices), np.vstack(faces), np.concatenate(ends)
 
 

@@ -1,3 +1,4 @@
+# ruff: noqa: ANN401 - MjSpec and MjModel elements share attributes, not a type
 """Another motor for a vehicle: its curve into the numerics, its masses into the bodies."""
 
 from collections.abc import Iterable, Sequence

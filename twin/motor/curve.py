@@ -60,7 +60,8 @@ class Motor:
         ):
             if not 0 < value <= largest:
                 raise MotorError(
-                    f"motor {self.name!r}: {label} {value:g} {unit}; must lie in 0 to {largest:g} {unit}"
+                    f"motor {self.name!r}: {label} {value:g} {unit};"
+                    f" must be positive, at most {largest:g} {unit}"
                 )
         if self.propellant_mass >= self.loaded_mass:
             raise MotorError(

@@ -5,7 +5,7 @@ from bisect import bisect_right
 import mujoco
 import numpy as np
 
-from twin.motor.curve import impulse_at
+from twin.motor.curve import Array, impulse_at
 from twin.motor.grain import Grain
 
 BODY = "gimbal_propellant"
@@ -47,10 +47,10 @@ class Depletion:
         model.body_iquat[body] = (1.0, 0.0, 0.0, 0.0)
         model.body_ipos[body, :2] = 0.0
         self._body = body
-        self._mass = memoryview(model.body_mass)
-        self._ipos = memoryview(model.body_ipos[body])
-        self._inertia = memoryview(model.body_inertia[body])
-        self._subtree = memoryview(model.body_subtreemass)
+        self._mass = _doubles(model.body_mass)
+        self._ipos = _doubles(model.body_ipos[body])
+        self._inertia = _doubles(model.body_inertia[body])
+        self._subtree = _doubles(model.body_subtreemass)
         self._chain = [body]
         while self._chain[-1] != 0:
             self._chain.append(int(model.body_parentid[self._chain[-1]]))
@@ -69,7 +69,7 @@ class Depletion:
         return float(done / self._total)
 
     def update(self, t: float) -> None:
-        """Rewrite the propellant as of simulation time t [s], and the masses of all bodies above."""
+        """Rewrite the propellant as of simulation time t [s], and all masses above it."""
         if not self._active:
             return
         mass, ahead, transverse, axial = self._grain.remaining(self.burnt(t))
@@ -83,3 +83,7 @@ class Depletion:
         inertia[2] = axial
         for body in self._chain:
             subtree[body] += change
+
+
+def _doubles(array: Array) -> memoryview[float]:
+    return array.data.cast("B").cast("d")

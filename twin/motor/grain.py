@@ -8,9 +8,7 @@ from twin.motor.curve import Motor
 
 Burn = Literal["core", "end"]
 
-DENSITY = (
-    1700.0  # kg/m³, ammonium perchlorate composite (Sutton & Biblarz, Rocket Propulsion Elements)
-)
+DENSITY = 1700.0  # kg/m³, composite propellant (Sutton & Biblarz, Rocket Propulsion Elements)
 LINER = 2e-3  # m between grain and outside of the casing
 BORE = 0.35  # core radius over grain radius before ignition; common for BATES grains
 FASTEST_END = 0.015  # m/s; slow-burning composites end-burn at 5 to 15 mm/s

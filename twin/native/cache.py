@@ -1,4 +1,4 @@
-"""What numba's on-disk cache cannot see: the other files that compiled code is made of.
+"""Compiling with numba: with types kept, and with a cache that sees every source file.
 
 numba keys its cache by the file of the outermost function alone, so an edited formula or a new
 MuJoCo would go unnoticed. Compiled callbacks therefore close over this fingerprint, which enters
@@ -7,18 +7,27 @@ the key.
 
 import functools
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import mujoco
 import numba
 import numpy as np
 
+F = TypeVar("F", bound=Callable[..., Any])
+
 _PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def jit(function: F) -> F:
+    """`numba.njit` that keeps the function's type for whoever calls it."""
+    return cast(F, numba.njit(function))
 
 
 @functools.cache
 def fingerprint() -> str:
-    """Digest of the sources of `twin.native` and `twin.aerodynamics` and the versions under them."""
+    """Digest of the sources of `twin.native` and `twin.aerodynamics`, and of versions."""
     digest = hashlib.sha256(f"{mujoco.__version__} {numba.__version__} {np.__version__}".encode())
     for folder in ("native", "aerodynamics"):
         for path in sorted((_PACKAGE / folder).glob("*.py")):

@@ -7,18 +7,19 @@ interpreter lock, reading all coefficients from the model; models without them a
 from typing import Any, Final
 
 import numpy as np
-from numba import cfunc, njit, types
+from numba import cfunc, types
 from numpy.typing import NDArray
 
 from twin import aerodynamics as air
 from twin.native import ramp
-from twin.native.cache import fingerprint
+from twin.native.cache import fingerprint, jit
 from twin.native.index import FIRST, NOZZLE, PROPELLANT, VEHICLE, locate
 from twin.native.layout import DATA, MODEL, address, floats, integers, number, size
 from twin.native.names import SLOT
 from twin.native.servo import dead_bands
 
 Vector = tuple[float, float, float]
+Array = NDArray[np.float64]
 
 _TIME, _XPOS, _XMAT, _XIPOS = DATA["time"], DATA["xpos"], DATA["xmat"], DATA["xipos"]
 _SITE_XPOS, _SITE_XMAT = DATA["site_xpos"], DATA["site_xmat"]
@@ -65,24 +66,25 @@ _PROPELLANT_MASS, _GRAIN_LENGTH, _BURN = (
 )
 
 
-@njit
-def _value(data: NDArray[np.float64], index: NDArray[np.float64], slot: int) -> float:
-    return data[int(index[slot])]
+@jit
+def _value(data: Array, index: Array, slot: int) -> float:
+    found: float = data[int(index[slot])]
+    return found
 
 
-@njit
-def _array(data: NDArray[np.float64], index: NDArray[np.float64], slot: int) -> NDArray[np.float64]:
+@jit
+def _array(data: Array, index: Array, slot: int) -> Array:
     start = int(index[slot])
     return data[start : start + int(index[slot + 1])]
 
 
-@njit
+@jit
 def _cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit
-def _turn(rotation: NDArray[np.float64], v: Vector) -> Vector:
+@jit
+def _turn(rotation: Array, v: Vector) -> Vector:
     """Local to world."""
     r = rotation
     return (
@@ -92,8 +94,8 @@ def _turn(rotation: NDArray[np.float64], v: Vector) -> Vector:
     )
 
 
-@njit
-def _turn_back(rotation: NDArray[np.float64], v: Vector) -> Vector:
+@jit
+def _turn_back(rotation: Array, v: Vector) -> Vector:
     """World to local."""
     r = rotation
     return (
@@ -103,12 +105,12 @@ def _turn_back(rotation: NDArray[np.float64], v: Vector) -> Vector:
     )
 
 
-@njit
-def _vector(array: NDArray[np.float64], row: int) -> Vector:
+@jit
+def _vector(array: Array, row: int) -> Vector:
     return array[3 * row], array[3 * row + 1], array[3 * row + 2]
 
 
-@njit
+@jit
 def _velocity(m: int, d: int, body: int, point: Vector) -> tuple[Vector, Vector]:
     """World velocity of a body's point, and the body's angular velocity."""
     nbody = size(m, _NBODY)
@@ -120,7 +122,7 @@ def _velocity(m: int, d: int, body: int, point: Vector) -> tuple[Vector, Vector]
     return (cvel[3] + c[0], cvel[4] + c[1], cvel[5] + c[2]), w
 
 
-@njit
+@jit
 def apply_force(m: int, d: int, body: int, point: Vector, force: Vector, torque: Vector) -> None:
     """Add a force at a point of a body, and a torque, to qfrc_passive; world frame.
 
@@ -148,8 +150,8 @@ def apply_force(m: int, d: int, body: int, point: Vector, force: Vector, torque:
         dof = parent[dof]
 
 
-@njit
-def thrust_at(time: NDArray[np.float64], thrust: NDArray[np.float64], t: float) -> float:
+@jit
+def thrust_at(time: Array, thrust: Array, t: float) -> float:
     """Thrust of a piecewise linear curve [N]; zero before its first and after its last point."""
     low, high = 0, time.size - 1
     if t < time[low] or t >= time[high]:
@@ -160,11 +162,13 @@ def thrust_at(time: NDArray[np.float64], thrust: NDArray[np.float64], t: float) 
             low = middle
         else:
             high = middle
-    return thrust[low] + (thrust[high] - thrust[low]) * (t - time[low]) / (time[high] - time[low])
+    slope = (thrust[high] - thrust[low]) / (time[high] - time[low])
+    force: float = thrust[low] + slope * (t - time[low])
+    return force
 
 
-@njit
-def _motor(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]) -> None:
+@jit
+def _motor(m: int, d: int, data: Array, index: Array) -> None:
     t = number(d, _TIME) - _value(data, index, _IGNITION)
     force = thrust_at(_array(data, index, _CURVE_TIME), _array(data, index, _CURVE_THRUST), t)
     impulse = _value(data, index, _IMPULSE)
@@ -173,7 +177,7 @@ def _motor(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]
     site = int(index[NOZZLE])
     nsite, nbody = size(m, _NSITE), size(m, _NBODY)
     body = integers(m, _SITE_BODY, nsite)[site]
-    exit = _vector(floats(d, _SITE_XPOS, 3 * nsite), site)
+    nozzle = _vector(floats(d, _SITE_XPOS, 3 * nsite), site)
     axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
     up = (axis[2], axis[5], axis[8])
 
@@ -188,8 +192,8 @@ def _motor(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]
         source = (source[0] - back * up[0], source[1] - back * up[1], source[2] - back * up[2])
     vehicle = int(index[VEHICLE])
     com = _vector(floats(d, _COM, 3 * nbody), vehicle)
-    _, w = _velocity(m, d, body, exit)
-    at_exit = _cross(w, (exit[0] - com[0], exit[1] - com[1], exit[2] - com[2]))
+    _, w = _velocity(m, d, body, nozzle)
+    at_exit = _cross(w, (nozzle[0] - com[0], nozzle[1] - com[1], nozzle[2] - com[2]))
     at_grain = _cross(w, (source[0] - com[0], source[1] - com[1], source[2] - com[2]))
     jet = (
         force * up[0] - flow * at_exit[0],
@@ -197,13 +201,13 @@ def _motor(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]
         force * up[2] - flow * at_exit[2],
     )
     none = (0.0, 0.0, 0.0)
-    apply_force(m, d, body, exit, jet, none)
+    apply_force(m, d, body, nozzle, jet, none)
     inflow = (flow * at_grain[0], flow * at_grain[1], flow * at_grain[2])
     apply_force(m, d, body, source, inflow, none)
 
 
-@njit
-def _wind(d: int, data: NDArray[np.float64], index: NDArray[np.float64], point: Vector) -> Vector:
+@jit
+def _wind(d: int, data: Array, index: Array, point: Vector) -> Vector:
     """Velocity of the air at a point, world frame."""
     speed = _value(data, index, _WIND)
     if speed == 0.0:
@@ -223,14 +227,14 @@ def _wind(d: int, data: NDArray[np.float64], index: NDArray[np.float64], point: 
     return mean * east + sigma * u, mean * north + sigma * v, sigma * w
 
 
-@njit
+@jit
 def _crossflow(
     v: Vector,
     w: Vector,
     rho: float,
     station: float,
-    data: NDArray[np.float64],
-    index: NDArray[np.float64],
+    data: Array,
+    index: Array,
 ) -> air.body.Load:
     """Crossflow drag by the model the vehicle asks for."""
     z, area = _array(data, index, _STRIP_Z), _array(data, index, _STRIP_AREA)
@@ -243,8 +247,8 @@ def _crossflow(
     )
 
 
-@njit
-def _air(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]) -> None:
+@jit
+def _air(m: int, d: int, data: Array, index: Array) -> None:
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
     origin = _vector(floats(d, _XPOS, 3 * nbody), body)
     rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
@@ -287,8 +291,8 @@ def _air(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]) 
     apply_force(m, d, body, point, force, torque)
 
 
-@njit
-def _guide(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]) -> None:
+@jit
+def _guide(m: int, d: int, data: Array, index: Array) -> None:
     length = _value(data, index, _RAMP_LENGTH)
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
     foot, lugs = _array(data, index, _RAMP), _array(data, index, _LUG)
@@ -316,7 +320,7 @@ def _guide(m: int, d: int, data: NDArray[np.float64], index: NDArray[np.float64]
         apply_force(m, d, body, point, (fx, fy, fz), torque)
 
 
-@njit
+@jit
 def add_forces(m: int, d: int) -> None:
     """Add every force of the vehicle to qfrc_passive; nothing where the model carries none."""
     carries, index = locate(m)
@@ -331,11 +335,11 @@ def add_forces(m: int, d: int) -> None:
         _guide(m, d, data, index)
 
 
-def _compile(sources: str) -> Any:
+def _compile(sources: str) -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
     """The callback; `sources` enters numba's cache key, which knows only this file."""
 
     @cfunc(types.void(types.voidptr, types.voidptr), cache=True)
-    def passive(model: Any, data: Any) -> None:
+    def passive(model, data):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         if len(sources) > 0:
             add_forces(address(model), address(data))
             dead_bands(address(model), address(data))

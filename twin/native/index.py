@@ -9,12 +9,12 @@ from typing import Final
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from twin.aerodynamics import gust_modes
 from twin.aerodynamics.atmosphere import MODE
 from twin.errors import TwinError
+from twin.native.cache import jit
 from twin.native.layout import MODEL, characters, floats, integers, size
 from twin.native.names import BODIES, INDEX, NUMERICS, SITES
 from twin.native.ramp import launch_pose
@@ -41,7 +41,7 @@ _BODIES, _BODY_NAMES = MODEL["nbody"], MODEL["name_bodyadr"]
 _SITES, _SITE_NAMES = MODEL["nsite"], MODEL["name_siteadr"]
 
 
-@njit
+@jit
 def _find(text: NDArray[np.uint8], starts: NDArray[np.int32], name: int) -> int:
     """Position in `starts` of a packed name, or -1."""
     for k in range(starts.size):
@@ -54,7 +54,7 @@ def _find(text: NDArray[np.uint8], starts: NDArray[np.int32], name: int) -> int:
     return -1
 
 
-@njit
+@jit
 def resolve(m: int, index: NDArray[np.float64]) -> None:
     """Fill an index (LENGTH,) by name; what the model lacks gets -1."""
     text = characters(m, _NAMES, size(m, _NAMES_SIZE))
@@ -74,7 +74,7 @@ def resolve(m: int, index: NDArray[np.float64]) -> None:
         index[FIRST + 2 * k + 1] = 0 if short else sizes[found]
 
 
-@njit
+@jit
 def locate(m: int) -> tuple[bool, NDArray[np.float64]]:
     """Index of a model and whether it carries one; searched by name unless bound."""
     data = floats(m, _DATA, size(m, _DATA_SIZE))

@@ -21,11 +21,12 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 from mujoco.introspect import ast_nodes, structs
-from numba import carray, njit, types  # type: ignore[attr-defined]
+from numba import carray, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
+from twin.native.cache import jit
 
 # C type -> bytes; alignment equals size for each (x86-64 and AArch64, LP64 and LLP64)
 _SCALARS: Final = {
@@ -90,14 +91,16 @@ MODEL: Final[dict[str, int]] = _place(structs.STRUCTS["mjModel"].fields)[0]
 DATA: Final[dict[str, int]] = _place(structs.STRUCTS["mjData"].fields)[0]
 
 
-@intrinsic
-def address(typing_context: Any, pointer: Any) -> Any:
+def _address(typing_context: Any, pointer: Any) -> Any:
     """Address held by a C pointer, as an integer."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.ptrtoint(arguments[0], context.get_value_type(types.intp))
 
     return types.intp(pointer), generate
+
+
+address: Callable[[Any], int] = intrinsic(_address)
 
 
 def _loader(kind: Any, doc: str) -> Any:
@@ -123,37 +126,37 @@ _load_ints = _loader(_pointer(types.int32), "One pointer to int.")
 _load_bytes = _loader(_pointer(types.uint8), "One pointer to char.")
 
 
-@njit
+@jit
 def number(struct: int, offset: int) -> float:
     """Scalar mjtNum field, for example the time of mjData."""
     return _load_double(struct + offset)
 
 
-@njit
+@jit
 def integer(struct: int, offset: int) -> int:
     """Scalar int field."""
     return _load_int(struct + offset)
 
 
-@njit
+@jit
 def size(struct: int, offset: int) -> int:
     """Scalar mjtSize field, for example nbody of mjModel."""
     return _load_size(struct + offset)
 
 
-@njit
+@jit
 def floats(struct: int, offset: int, count: int) -> NDArray[np.float64]:
     """View (count,) of the mjtNum array a pointer field refers to."""
     return carray(_load_doubles(struct + offset), (count,))
 
 
-@njit
+@jit
 def integers(struct: int, offset: int, count: int) -> NDArray[np.int32]:
     """View (count,) of the int array a pointer field refers to."""
     return carray(_load_ints(struct + offset), (count,))
 
 
-@njit
+@jit
 def characters(struct: int, offset: int, count: int) -> NDArray[np.uint8]:
     """View (count,) of the char array a pointer field refers to."""
     return carray(_load_bytes(struct + offset), (count,))

@@ -29,9 +29,7 @@ NUMERICS: Final = (
     Numeric("air_axial_drag", 1, "-", "axial drag coefficient C_A", "0.5"),
     Numeric("air_nose_slope", 1, "1/rad", "normal force slope C_Nα of the nose", "2"),
     Numeric("air_nose_z", 1, "m", "centre of pressure of the nose", "from geometry"),
-    Numeric(
-        "air_fin_slope", 1, "1/rad", "C_Nα of all fins together with the body", "from geometry"
-    ),
+    Numeric("air_fin_slope", 1, "1/rad", "C_Nα of all fins with the body", "from geometry"),
     Numeric("air_fin_z", 1, "m", "centre of pressure of the fins", "from geometry"),
     Numeric("air_roll_damping", 1, "m⁴", "slope · Σ∫ c y² dy over the fins", "from geometry"),
     Numeric("air_thesis_radius", 1, "m", "r_ref of the area-moment form", "from geometry"),

@@ -51,7 +51,7 @@ def guide_force(
 
 
 def launch_pose(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Position [m] and quaternion (wxyz) of the vehicle with its lower lug at the rail's foot, (7,).
+    """Position [m] and quaternion (wxyz) of a vehicle whose lower lug rests at the foot, (7,).
 
     Body x points to the ground side of the rail: roll is such that pitching down turns about +y.
 
