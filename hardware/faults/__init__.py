@@ -1,6 +1,7 @@
 """Which sensor is wrong, and what to do about it."""
 
-from hardware.faults.monitor import POTENTIOMETERS, Monitor, Prediction, Reading, Remedy
+from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
+from hardware.faults.monitor import Monitor
 from hardware.faults.states import SENSORS, TRANSITIONS, Fault, Sign, State
 
 __all__ = [

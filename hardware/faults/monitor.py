@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import cos, exp, radians
 
+from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
 from hardware.faults.states import (
     GYRO,
     NAMED,
@@ -23,9 +24,6 @@ from hardware.faults.states import (
     Track,
 )
 from hardware.frames import Pair, Triple
-
-POTENTIOMETERS = 4
-Quad = tuple[float, float, float, float]
 
 GATE = 4.5  # σ; two Gaussian outliers of one sensor meet within 100 ms once in 60 hours
 CERTAIN = 9.0  # σ; one is enough
@@ -42,66 +40,6 @@ DOUBT = radians(0.17)  # 4 σ of them, both potentiometers in use
 HABIT = 0.025  # s; over which a potentiometer's share of outliers is taken
 STRANDED = (radians(3.0), radians(30.0))  # to forget when every potentiometer was refused
 MOSTLY = 0.6  # share of outliers above which it is wrong, not glitching
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """One frame in angles and rates.
-
-    Attributes
-    ----------
-    dt : time since the previous frame [s]
-    fraction : potentiometer readings [1]
-    angle : the same as angles [rad]
-    gain : angle per full supply, signed [rad]
-    gyro : raw reading of the holder gyro [rad/s]
-    rate : calibrated x rate · cos y, and y rate, bias not removed [rad/s]
-    """
-
-    dt: float
-    fraction: Quad
-    angle: Quad
-    gain: Quad
-    gyro: Triple
-    rate: Pair
-
-
-@dataclass(frozen=True, slots=True)
-class Prediction:
-    """What the filters expect before they see the frame.
-
-    Attributes
-    ----------
-    angle, rate, bias : per axis [rad], [rad/s], [rad/s]
-    variance : of each potentiometer's innovation [rad²]
-    tolerance : what each potentiometer's map leaves open [rad]
-    gyro_delay : by which the gyro's reading is late [s]
-    """
-
-    angle: Pair
-    rate: Pair
-    bias: Pair
-    variance: Quad
-    tolerance: Quad = (0.0, 0.0, 0.0, 0.0)
-    gyro_delay: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Remedy:
-    """How the filters should treat this frame.
-
-    Attributes
-    ----------
-    use : per potentiometer
-    use_gyro : per axis
-    supply_sigma : standard deviation of a common supply error; 0 keeps the usual one [1]
-    forget : per axis, standard deviations to add to angle [rad] and bias [rad/s], or None
-    """
-
-    use: tuple[bool, bool, bool, bool]
-    use_gyro: tuple[bool, bool]
-    supply_sigma: float = 0.0
-    forget: tuple[Pair | None, Pair | None] = (None, None)
 
 
 @dataclass(slots=True)

@@ -12,8 +12,9 @@ from typing import Protocol
 from hardware.calibration.result import Calibration
 from hardware.rig.clock import ClockEstimate
 from hardware.rig.line import Endpoint, Line, LockstepLine
+from hardware.rig.phases import Phase, RigStatistics
 from hardware.rig.reading import Converter, unwrap
-from hardware.rig.rig import Phase, Rig, RigError, RigStatistics
+from hardware.rig.rig import Rig, RigError
 
 __all__ = [
     "ClockEstimate",

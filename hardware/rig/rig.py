@@ -6,14 +6,11 @@ it, so a pulled cable leads back to the greeting without a thread and without th
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 
 from hardware.calibration.result import Calibration, nominal
 from hardware.faults import Fault
 from hardware.frames import GimbalCommand, GimbalState, HardwareError, SensorFrame
 from hardware.fusion import Fusion, Noise
-from hardware.link import Gap
 from hardware.protocol import (
     LAYOUT,
     PROTOCOL,
@@ -34,6 +31,7 @@ from hardware.protocol import (
 )
 from hardware.rig.clock import ClockEstimate
 from hardware.rig.line import Line
+from hardware.rig.phases import TRANSITIONS, Phase, RigStatistics, Sign
 from hardware.rig.reading import Converter, unwrap
 
 GREETING_NS = 100_000_000  # between HELLO_REQUESTs
@@ -47,67 +45,6 @@ _POLL_NS = 1_000_000
 
 class RigError(HardwareError):
     """The device behind the port is not a rig of this version, or does not answer."""
-
-
-class Phase(StrEnum):
-    """Where a connection stands."""
-
-    AWAY = "away"
-    GREETING = "greeting"
-    SYNCING = "syncing"
-    READY = "ready"
-
-
-class Sign(StrEnum):
-    """What moves it on."""
-
-    LOST = "lost"
-    OPENED = "opened"
-    HELLO = "hello"
-    SYNCED = "synced"
-
-
-# A pair that is missing leaves the phase as it is.
-TRANSITIONS: dict[tuple[Phase, Sign], Phase] = {
-    (Phase.AWAY, Sign.OPENED): Phase.GREETING,
-    (Phase.GREETING, Sign.HELLO): Phase.SYNCING,
-    (Phase.GREETING, Sign.LOST): Phase.AWAY,
-    (Phase.SYNCING, Sign.SYNCED): Phase.READY,
-    (Phase.SYNCING, Sign.LOST): Phase.AWAY,
-    (Phase.SYNCING, Sign.OPENED): Phase.GREETING,
-    (Phase.READY, Sign.LOST): Phase.AWAY,
-    (Phase.READY, Sign.OPENED): Phase.GREETING,
-    (Phase.READY, Sign.HELLO): Phase.SYNCING,  # it rebooted behind our back
-}
-
-
-@dataclass(frozen=True, slots=True)
-class RigStatistics:
-    """Losses and timing of a rig since it was made.
-
-    Attributes
-    ----------
-    frames : telemetry frames turned into sensor frames
-    lost, crc_errors : of what the device sent
-    device_lost, device_crc_errors : of what it was sent, by its own count
-    skipped : frames it had no room to send
-    refused : messages the line did not take
-    gaps : times without a connection
-    round_trip_ns, shortest_ns : of the last PING, and without the slow ones [ns]
-    skew : how fast the device's clock is [1]
-    """
-
-    frames: int
-    lost: int
-    crc_errors: int
-    device_lost: int
-    device_crc_errors: int
-    skipped: int
-    refused: int
-    gaps: tuple[Gap, ...]
-    round_trip_ns: int
-    shortest_ns: int
-    skew: float
 
 
 class Rig:

@@ -1,0 +1,67 @@
+"""Where a connection to a rig stands, and what has gone over it."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hardware.link import Gap
+
+
+class Phase(StrEnum):
+    """Where a connection stands."""
+
+    AWAY = "away"
+    GREETING = "greeting"
+    SYNCING = "syncing"
+    READY = "ready"
+
+
+class Sign(StrEnum):
+    """What moves it on."""
+
+    LOST = "lost"
+    OPENED = "opened"
+    HELLO = "hello"
+    SYNCED = "synced"
+
+
+# A pair that is missing leaves the phase as it is.
+TRANSITIONS: dict[tuple[Phase, Sign], Phase] = {
+    (Phase.AWAY, Sign.OPENED): Phase.GREETING,
+    (Phase.GREETING, Sign.HELLO): Phase.SYNCING,
+    (Phase.GREETING, Sign.LOST): Phase.AWAY,
+    (Phase.SYNCING, Sign.SYNCED): Phase.READY,
+    (Phase.SYNCING, Sign.LOST): Phase.AWAY,
+    (Phase.SYNCING, Sign.OPENED): Phase.GREETING,
+    (Phase.READY, Sign.LOST): Phase.AWAY,
+    (Phase.READY, Sign.OPENED): Phase.GREETING,
+    (Phase.READY, Sign.HELLO): Phase.SYNCING,  # it rebooted behind our back
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RigStatistics:
+    """Losses and timing of a rig since it was made.
+
+    Attributes
+    ----------
+    frames : telemetry frames turned into sensor frames
+    lost, crc_errors : of what the device sent
+    device_lost, device_crc_errors : of what it was sent, by its own count
+    skipped : frames it had no room to send
+    refused : messages the line did not take
+    gaps : times without a connection
+    round_trip_ns, shortest_ns : of the last PING, and without the slow ones [ns]
+    skew : how fast the device's clock is [1]
+    """
+
+    frames: int
+    lost: int
+    crc_errors: int
+    device_lost: int
+    device_crc_errors: int
+    skipped: int
+    refused: int
+    gaps: tuple[Gap, ...]
+    round_trip_ns: int
+    shortest_ns: int
+    skew: float
