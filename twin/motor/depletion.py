@@ -85,5 +85,5 @@ class Depletion:
             subtree[body] += change
 
 
-def _doubles(array: Array) -> memoryview[float]:
+def _doubles(array: Array) -> "memoryview[float]":  # subscripted for type checkers only, until Python 3.14
     return array.data.cast("B").cast("d")
