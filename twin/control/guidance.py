@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from twin.control.attitude import interpolate
-from twin.control.setpoint import UP, Vector, _unit
+from twin.control.setpoint import UP, Vector, unit
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ class FixedPoint:
     last: float = 0.3
 
     def __post_init__(self) -> None:
-        launch = _unit(self.launch, "launch")
+        launch = unit(self.launch, "launch")
         line = np.subtract(self.target, self.origin)
         distance = float(np.linalg.norm(line))
         if not (math.isfinite(distance) and distance > 0.0):

@@ -39,10 +39,10 @@ def off_axis(launch: Vector, right: float, up: float) -> Vector:
     From a vertical launch, `up` leads to the west and `right` to the south, as for one that leans
     to the east.
     """
-    launch = _unit(launch, "launch")
-    beside = _cross(launch, UP)
-    beside = _unit(beside, "right") if math.hypot(*beside) > 1e-9 else (0.0, -1.0, 0.0)
-    above = _cross(beside, launch)
+    launch = unit(launch, "launch")
+    beside = cross(launch, UP)
+    beside = unit(beside, "right") if math.hypot(*beside) > 1e-9 else (0.0, -1.0, 0.0)
+    above = cross(beside, launch)
     angle = math.hypot(right, up)
     if angle == 0.0:
         return launch
@@ -51,14 +51,16 @@ def off_axis(launch: Vector, right: float, up: float) -> Vector:
     return (a, b, c)
 
 
-def _unit(vector: Vector, name: str) -> Vector:
+def unit(vector: Vector, name: str) -> Vector:
+    """Return a vector at length 1; one without length is refused by `name`."""
     length = math.sqrt(sum(c * c for c in vector))
     if not (math.isfinite(length) and length > 0.0):
         raise TwinError(f"{name} {vector} has no direction")
     return (vector[0] / length, vector[1] / length, vector[2] / length)
 
 
-def _cross(a: Vector, b: Vector) -> Vector:
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return a × b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
@@ -77,13 +79,13 @@ class Hold:
     axis: Vector | None = None
 
     def __post_init__(self) -> None:
-        launch = _unit(self.launch, "launch")
+        launch = unit(self.launch, "launch")
         axis = self.axis
         if axis is None:
-            level = _cross(UP, launch)
+            level = cross(UP, launch)
             axis = level if math.hypot(*level) > 1e-9 else (0.0, 1.0, 0.0)
-        along = _unit(axis, "axis")
-        if math.hypot(*_cross(along, launch)) < 1e-9:
+        along = unit(axis, "axis")
+        if math.hypot(*cross(along, launch)) < 1e-9:
             raise TwinError(f"axis {axis} lies along launch {self.launch}; turning does nothing")
         object.__setattr__(self, "launch", launch)
         object.__setattr__(self, "axis", along)
@@ -93,7 +95,7 @@ class Hold:
         for name, value in (
             ("_still", still),
             ("_turning", np.array(launch) - still),
-            ("_across", np.array(_cross(along, launch))),
+            ("_across", np.array(cross(along, launch))),
         ):
             value.setflags(write=False)
             object.__setattr__(self, name, value)

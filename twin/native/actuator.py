@@ -19,7 +19,7 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 from mujoco.introspect import structs
-from numba import cfunc, njit, types  # type: ignore[attr-defined]
+from numba import cfunc, njit, types
 from numpy.typing import NDArray
 
 from analysis.transfer_function import TransferFunctionModel, speed
