@@ -12,7 +12,7 @@ import numpy as np
 from analysis.transfer_function import TransferFunctionModel
 from twin import native
 from twin import overrides as override
-from twin.compose import MJCF, compose, one_line
+from twin.compose import MJCF, SCENES, compose, one_line
 from twin.errors import TwinError
 from twin.mechanism.servo import apply_servo, insert_backlash
 
@@ -92,6 +92,8 @@ def load(config: ModelConfig) -> TwinModel:
     if seat == "linkage":
         insert_backlash(spec, config.overrides.get("gimbal_backlash"))
     model = _compiled(spec)
+    if config.vehicle or config.mechanism or config.scene not in SCENES:
+        _check_meshes(model)
     override.apply(model, {**_seeded(model, config.seed), **config.overrides})
     if seat == "linkage":
         apply_servo(model)
@@ -159,6 +161,16 @@ def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> None:
     from twin.motor import Motor, apply_motor
 
     apply_motor(spec, Motor.from_eng(file))
+
+
+def _check_meshes(model: mujoco.MjModel) -> None:
+    """Refuse meshes that give mass and are not closed; the shipped ones are checked by tests."""
+    from meshes import MeshError, check_model
+
+    try:
+        check_model(model)
+    except MeshError as error:
+        raise TwinError(str(error)) from error
 
 
 def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -1,0 +1,91 @@
+"""Loading: the parts of a scene can be exchanged, and nothing unfit gets past it."""
+
+import struct
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin.compose import MJCF
+from twin.errors import TwinError
+from twin.model import ModelConfig, load
+
+DIRECT = MJCF / "examples" / "direct_drive.xml"
+TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+CORNERS = ((0, 0, 0), (0.01, 0, 0), (0, 0.01, 0), (0, 0, 0.01))
+
+
+def write_stl(path: Path, faces: tuple[tuple[int, int, int], ...]) -> None:
+    """Binary STL of some faces of a tetrahedron."""
+    triangles = [struct.pack("<12f", 0, 0, 1, *sum((CORNERS[c] for c in f), ())) for f in faces]
+    body = b"".join(t + b"\0\0" for t in triangles)
+    path.write_bytes(b"\0" * 80 + struct.pack("<I", len(faces)) + body)
+
+
+def with_mesh(folder: Path, faces: tuple[tuple[int, int, int], ...]) -> Path:
+    """The direct-drive mechanism with one more mesh, lying beside its file."""
+    write_stl(folder / "part.stl", faces)
+    text = DIRECT.read_text()
+    asset = '<asset><mesh name="part" file="part.stl" inertia="shell"/></asset><worldbody>'
+    text = text.replace("<worldbody>", asset, 1)
+    text = text.replace('<joint name="y"', '<geom type="mesh" mesh="part"/><joint name="y"', 1)
+    path = folder / "mechanism.xml"
+    path.write_text(text)
+    return path
+
+
+def test_a_mechanism_finds_its_meshes_beside_its_own_file_from_any_folder(tmp_path, monkeypatch):
+    path = with_mesh(tmp_path, TETRAHEDRON)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    model = load(ModelConfig(mechanism=path)).mj
+    assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, "gimbal_part") >= 0
+    assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, "gimbal_ring") < 0
+
+
+def test_a_mesh_with_a_hole_is_refused_by_name(tmp_path):
+    with pytest.raises(TwinError, match="part.*not watertight: 3 of its edges"):
+        load(ModelConfig(mechanism=with_mesh(tmp_path, TETRAHEDRON[:3])))
+
+
+def test_a_vehicle_given_as_a_file_is_the_scenes_own_when_it_is_the_same_file():
+    own, given = load(ModelConfig()), load(ModelConfig(vehicle=MJCF / "vehicle.xml"))
+    np.testing.assert_array_equal(own.mj.body_mass, given.mj.body_mass)
+    np.testing.assert_array_equal(own.mj.body_ipos, given.mj.body_ipos)
+    np.testing.assert_array_equal(own.mj.mesh_vert, given.mj.mesh_vert)
+
+
+def test_every_missing_name_is_told_at_once(tmp_path):
+    path = tmp_path / "vehicle.xml"
+    path.write_text('<mujoco><worldbody><body name="vehicle"/></worldbody></mujoco>')
+    with pytest.raises(TwinError, match="joint 'vehicle', site 'gimbal_nozzle'"):
+        load(ModelConfig(vehicle=path))
+
+
+def test_the_identified_seat_has_no_rods_servos_or_loops_and_keeps_the_joints():
+    model = load(ModelConfig(gimbal="transfer-function")).mj
+    assert model.neq == 0
+    joints = [model.joint(k).name for k in range(model.njnt)]
+    assert joints == ["vehicle", "gimbal_x", "gimbal_y"]
+    assert [model.actuator(k).name for k in range(model.nu)] == ["gimbal_x", "gimbal_y"]
+
+
+def test_the_digest_follows_the_physics():
+    one, same = load(ModelConfig()), load(ModelConfig())
+    other = load(ModelConfig(overrides={"gimbal_holder.mass": 0.03}))
+    assert one.sha256 == same.sha256
+    assert one.sha256 != other.sha256
+
+
+def test_an_overridden_step_reaches_the_model():
+    assert load(ModelConfig(dt=5e-4)).mj.opt.timestep == 5e-4
+
+
+def test_a_bomb_of_xml_entities_is_refused(tmp_path):
+    entities = "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 12))
+    path = tmp_path / "bomb.xml"
+    path.write_text(f'<!DOCTYPE m [<!ENTITY a0 "x">{entities}]><mujoco>&a11;</mujoco>')
+    with pytest.raises(TwinError, match="well-formed"):
+        load(ModelConfig(vehicle=path))

@@ -1,0 +1,75 @@
+"""The plant: one consistent instant, time without accumulation, no silent divergence."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin import native
+from twin.errors import DivergenceError
+from twin.model import ModelConfig, load
+from twin.plant import Plant
+
+
+@pytest.fixture(scope="module")
+def flight():
+    with native.installed():
+        yield Plant(load(ModelConfig()))
+
+
+def test_time_is_the_step_count_times_dt_exactly(flight):
+    flight.reset()
+    for _ in range(10):
+        flight.advance(37)
+    assert flight.time_ns == 370 * 1_000_000
+
+
+def test_advancing_at_once_or_in_parts_ends_in_the_same_state():
+    # before ignition: while the motor burns, the propellant's mass is renewed at every call
+    with native.installed():
+        plant = Plant(load(ModelConfig(overrides={"motor_ignition": 100.0})))
+
+        def after(parts: list[int]) -> np.ndarray:
+            plant.reset()
+            for n in parts:
+                plant.advance(n)
+            return plant.data.qpos.copy()
+
+        np.testing.assert_array_equal(after([12]), after([4, 4, 4]))
+
+
+def test_reset_gives_back_the_propellant(flight):
+    flight.reset()
+    full = flight.model.body("gimbal_propellant").mass[0]
+    for _ in range(50):
+        flight.advance(10)
+    assert flight.model.body("gimbal_propellant").mass[0] < full
+    flight.reset()
+    assert flight.model.body("gimbal_propellant").mass[0] == pytest.approx(full, rel=1e-12)
+
+
+def test_what_is_handed_out_is_a_copy(flight):
+    flight.reset()
+    before = flight.vehicle()
+    flight.advance(100)
+    after = flight.vehicle()
+    assert not np.array_equal(before.position, after.position)
+    after.position[:] = 0.0
+    assert flight.position.any()
+
+
+@pytest.mark.parametrize("speed", [np.nan, np.inf, 1e9])
+def test_a_state_that_is_no_number_stops_the_run_and_names_the_joint(flight, speed):
+    flight.reset()
+    flight.data.qvel[flight.model.joint("gimbal_x").dofadr[0]] = speed
+    with pytest.raises(DivergenceError, match=r"diverged at 0\.001"):
+        flight.advance(1)
+    flight.reset()
+
+
+def test_warnings_of_mujoco_are_counted_by_name(flight):
+    flight.reset()
+    assert flight.warnings() == {}
+    flight.data.qvel[0] = np.nan
+    mujoco.mj_checkVel(flight.model, flight.data)
+    assert flight.warnings() == {"badqvel": 1}
+    flight.reset()
