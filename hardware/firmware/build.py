@@ -97,33 +97,34 @@ def cache() -> Path:
     return folder
 
 
-def compile_with(command: list[str], target: Path) -> None:
+def compile_with(command: list[str], target: Path, *, strict: bool = False) -> None:
     """Run a compiler that writes `target`, beside it first.
 
     Raises
     ------
-    FirmwareError : it failed, or it warned
+    FirmwareError : it failed, or it warned and `strict` is set
     """
     scratch = target.with_name(f"{target.name}.{os.getpid()}")
     done = subprocess.run(
         [*command, "-o", str(scratch)], capture_output=True, text=True, check=False
     )
-    if done.returncode or done.stderr:
+    if done.returncode or (strict and done.stderr):
         scratch.unlink(missing_ok=True)
         raise FirmwareError(f"{command[0]} failed:\n{done.stderr.strip()}")
     scratch.replace(target)
 
 
-def build_elf(out: Path | None = None) -> Path:
+def build_elf(out: Path | None = None, *, strict: bool = False) -> Path:
     """Build the firmware unless this very source has been built before.
 
     Parameters
     ----------
-    out : where the ELF goes; the user's cache when None
+    out : where the ELF goes, built anew; the user's cache when None
+    strict : take a warning of the compiler for an error
 
     Raises
     ------
-    FirmwareError : no avr-g++, or the sources do not compile without a warning
+    FirmwareError : no avr-g++, or the sources do not compile
     """
     elf = out or cache() / f"tvc_gimbal-{build_hash():08x}.elf"
     if out is None and elf.exists():
@@ -131,7 +132,8 @@ def build_elf(out: Path | None = None) -> Path:
     if missing := missing_tools():
         raise FirmwareError(f"{missing[0]} is not installed: apt install gcc-avr avr-libc")
     units = [str(p) for p in sources() if p.suffix == ".cpp"]
-    compile_with(["avr-g++", *FLAGS, str(FOLDER / "main.cpp"), *units], elf)
+    command = ["avr-g++", *FLAGS, str(FOLDER / "main.cpp"), *units]
+    compile_with(command, elf, strict=strict)
     return elf
 
 

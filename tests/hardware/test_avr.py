@@ -87,7 +87,7 @@ def _widths(pulses: list[Pulse], servo: int) -> list[int]:
 
 
 def test_the_firmware_builds_without_a_warning(tmp_path):
-    build_elf(tmp_path / "firmware.elf")  # raises on any output of the compiler
+    build_elf(tmp_path / "firmware.elf", strict=True)  # raises on any output of the compiler
 
 
 def test_the_sketch_builds_as_the_arduino_ide_builds_it(tmp_path):
