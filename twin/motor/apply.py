@@ -83,7 +83,7 @@ def _place(target: Any, motor: Motor, grain: Grain) -> None:
     nozzle.pos = np.asarray(nozzle.pos) + shorter * _axis(nozzle.quat)
     casing_mass = motor.loaded_mass - motor.propellant_mass
     r, length = motor.diameter / 2, motor.length
-    hoop = (casing_mass * (r * r / 2 + length * length / 12), casing_mass * r * r)
+    hoop = _closed_tube(casing_mass, r, length)
     mass, ahead, transverse, axial = grain.remaining(0.0)
     shapes = {
         "gimbal_motor": (casing_mass, 0.0, hoop[0], hoop[1], r, length),
@@ -100,6 +100,14 @@ def _place(target: Any, motor: Motor, grain: Grain) -> None:
             body.explicitinertial = True
         for geom in _cylinders(target, body):
             geom.size = [radius, extent / 2, 0.0]
+
+
+def _closed_tube(mass: float, radius: float, length: float) -> tuple[float, float]:
+    """Transverse and axial inertia of a thin tube with both ends closed [kg m²]."""
+    wall = mass * length / (length + radius)  # areas 2πrl and 2·πr²
+    ends, r2, l2 = mass - wall, radius * radius, length * length
+    across = wall * (r2 / 2 + l2 / 12) + ends * (r2 / 4 + l2 / 4)
+    return across, wall * r2 + ends * r2 / 2
 
 
 def _axis(quaternion: Sequence[float]) -> np.ndarray:

@@ -85,5 +85,5 @@ class Depletion:
             subtree[body] += change
 
 
-def _doubles(array: Array) -> "memoryview[float]":  # subscripted for type checkers only, until Python 3.14
+def _doubles(array: Array) -> "memoryview[float]":  # a generic at run time from 3.14 on
     return array.data.cast("B").cast("d")
