@@ -124,8 +124,10 @@ def nominal(rig: int = 0) -> Calibration:
     gimbal, 240° potentiometers facing each other on each axis, pulses centred on 1.5 ms.
     """
     per_second = 1.0 / (10.3e-6 * 2.25) * radians(1.0)
-    forward = PotentiometerMap(0.5, radians(240.0))
-    backward = PotentiometerMap(0.5, -radians(240.0))
+    # Glued on by eye, track length as sold: 0.015 of the travel is 3.6°, and 5 %.
+    spread = ((0.015**2, 0.0), (0.0, radians(12.0) ** 2))
+    forward = PotentiometerMap(0.5, radians(240.0), spread)
+    backward = PotentiometerMap(0.5, -radians(240.0), spread)
     return Calibration(
         rig=rig,
         zero=(1.5e-3, 1.5e-3),

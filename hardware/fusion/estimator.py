@@ -41,6 +41,7 @@ class Fusion:
         self._last_us: int | None = None
         sigmas = [calibration.potentiometer_sigma(i, _MAP_ANGLE) for i in range(POTENTIOMETERS)]
         self._tolerance = (3 * sigmas[0], 3 * sigmas[1], 3 * sigmas[2], 3 * sigmas[3])
+        self._own_variance = [s * s for s in sigmas]
         self._map_variance = (sigmas[0] * sigmas[1], sigmas[2] * sigmas[3])
         gains = [m.gain for m in calibration.potentiometers]
         self._gains = (gains[0], gains[1], gains[2], gains[3])
@@ -101,8 +102,10 @@ class Fusion:
         (x, y), n = self.x.tolist(), self.noise
         px, py = self.P[:, ANGLE, ANGLE].tolist()
         v = [
-            gain * gain * (n.potentiometer**2 + (n.supply * fraction) ** 2)
-            for gain, fraction in zip(reading.gain, reading.fraction, strict=True)
+            gain * gain * (n.potentiometer**2 + (n.supply * fraction) ** 2) + own
+            for gain, fraction, own in zip(
+                reading.gain, reading.fraction, self._own_variance, strict=True
+            )
         ]
         return Prediction(
             angle=(x[ANGLE], y[ANGLE]),

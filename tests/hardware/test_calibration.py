@@ -325,15 +325,12 @@ def test_any_value_in_any_place_is_taken_or_refused_but_never_crashes(key, value
 
 
 def test_map_sigma_is_zero_without_covariance_and_grows_with_angle():
-    exact = nominal()
+    maps = [
+        PotentiometerMap(0.5, radians(240)),
+        PotentiometerMap(0.5, radians(240), ((1e-8, 0), (0, 1e-4))),
+    ]
+    exact, loose = (replace(nominal(), potentiometers=(m,) * 4) for m in maps)
     assert exact.potentiometer_sigma(0, 0.1) == 0
-    loose = replace(
-        exact,
-        potentiometers=(
-            PotentiometerMap(0.5, radians(240), ((1e-8, 0), (0, 1e-4))),
-            *exact.potentiometers[1:],
-        ),
-    )
     assert loose.potentiometer_sigma(0, 0.2) > loose.potentiometer_sigma(0, 0.0) > 0
 
 

@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import chi2
 
+from hardware.calibration import nominal
 from hardware.emulator import Emulator, sample_rig
 from hardware.emulator.trial import random_steps, run
 from hardware.emulator.truth import exact_calibration
@@ -112,6 +113,13 @@ def test_stated_sigma_is_of_the_order_of_the_error(healthy):
 
 def test_a_healthy_rig_raises_no_alarm(healthy):
     assert healthy.changes == ()
+
+
+def test_rig_that_was_never_calibrated_is_vague_but_not_called_faulty():
+    trial = run(sample_rig(12), random_steps(12), 4.0, seed=12, calibration=nominal())
+    assert trial.changes == ()
+    assert trial.sigma.min() > radians(2.0)
+    assert trial.error(1.0).max() < 3 * trial.sigma.max()
 
 
 def test_gap_starts_the_filter_afresh():
