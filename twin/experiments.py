@@ -2,6 +2,7 @@
 
 import time
 from contextlib import ExitStack
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from twin.seats import Pilot, Sequence, SimulatedGimbal
 from twin.steps import figures, schedule
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
+# Each write costs the same however much it holds; a run in real time may be cut off at any moment.
+DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 8_000_000_000, 200_000_000
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
 
 
@@ -140,14 +143,22 @@ def _clock(config: Run) -> Clock:
 
 def _recorder(config: Run, command: str, twin: TwinModel, rows: Rows) -> Recorder:
     settings = {k: v for k, v in as_properties(config).items() if k not in UNRECORDED}
-    properties = {
+    properties: dict[str, object] = {
         "command": command,
         "configuration": settings,
         "versions": {name: version(name) for name in VERSIONS},
         "model_sha256": twin.sha256,
         "seed": config.seed,
     }
+    if config.clock == "wall":
+        properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")
     path = config.out or Path("runs")
     if path.is_dir() or not path.suffix:
         path /= f"{command}.rrd"
-    return Recorder(path, signals=rows.signals, properties=properties, model=twin.mj)
+    return Recorder(
+        path,
+        signals=rows.signals,
+        properties=properties,
+        model=twin.mj,
+        drain_ns=DRAIN_WALL_NS if config.clock == "wall" else DRAIN_LOCKSTEP_NS,
+    )
