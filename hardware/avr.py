@@ -179,7 +179,7 @@ class SimulatedNano:
     def read(self) -> bytes:
         """Return the bytes that have arrived since the last call."""
         count = self._c.nano_read(self._open(), self._bytes, _BUFFER)
-        return self._bytes.raw[:count]
+        return ctypes.string_at(self._bytes, count)
 
     def pulses(self) -> list[Pulse]:
         """Return the servo pulses since the last call: x, y as they begin, D3 once ended."""
