@@ -1,6 +1,6 @@
 """The numerics a model carries for the compiled forces: name, size, unit, meaning, default.
 
-docs/aerodynamics.md prints this table (`python -m twin.native.names`); `bind` checks it.
+docs/aerodynamics.md shows this table, as `table` prints it; `bind` checks a model against it.
 """
 
 from dataclasses import dataclass
@@ -74,6 +74,3 @@ def table() -> str:
     rows = (f"| `{n.name}` | {n.size} | {n.unit} | {n.meaning} | {n.default} |" for n in NUMERICS)
     return head + "\n".join(rows)
 
-
-if __name__ == "__main__":
-    print(table())
