@@ -114,9 +114,12 @@ def _split(numerators: Array, den: Array) -> tuple[Array, list[Array]]:
     """Constant part of the quotient of each numerator by the denominator, and the remainder."""
     through, rest = np.zeros(len(numerators)), []
     for i, numerator in enumerate(numerators):
-        quotient, remainder = np.polydiv(numerator, den)
-        through[i] = quotient[-1] if len(numerator) >= len(den) else 0.0
-        rest.append(remainder)
+        left = np.array(numerator, dtype=np.float64)
+        while len(left) >= len(den):  # np.polydiv compares at every step and costs ten times this
+            through[i] = left[0] / den[0]
+            left[: len(den)] -= through[i] * den
+            left = left[1:]
+        rest.append(left)
     return through, rest
 
 

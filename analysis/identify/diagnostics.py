@@ -145,7 +145,7 @@ def residual_tests(problem: Problem, weighted: Array, is_rate: bool) -> Residual
 
     G. M. Ljung, G. E. P. Box, Biometrika 65 (1978); L. Ljung, "System Identification", 1999, 16.6.
     """
-    from scipy.stats import chi2, norm
+    from scipy.special import chdtrc, ndtri
 
     products, count, power = np.zeros(_LAGS + 1), 0, 0.0
     cross, moves = np.zeros((len(problem.parts[0].input.T), _LAGS + 1)), 0.0
@@ -160,7 +160,8 @@ def residual_tests(problem: Problem, weighted: Array, is_rate: bool) -> Residual
         count, power = count + len(e), power + float(e @ e)
         held = np.searchsorted(part.input_time, problem.time[rows], side="right") - 1
         change = np.diff(part.input[np.clip(held, 0, None)], axis=0, prepend=part.input[:1])
-        cross += [[float(e[k:] @ c[: len(e) - k]) for k in range(_LAGS + 1)] for c in change.T]
+        columns = np.ascontiguousarray(change.T)
+        cross += [[float(e[k:] @ c[: len(e) - k]) for k in range(_LAGS + 1)] for c in columns]
         moves = moves + np.sum(change**2, axis=0)
     if count == 0 or power == 0.0:
         return Residuals(0.0, 1.0, 0.0, 1.0)
@@ -168,5 +169,5 @@ def residual_tests(problem: Problem, weighted: Array, is_rate: bool) -> Residual
     q = count * (count + 2) * float(np.sum(rho**2 / (count - np.arange(1, _LAGS + 1))))
     scale = np.sqrt(power * np.where(moves > 0.0, moves, np.inf))
     largest = float(np.max(np.abs(cross) / np.atleast_1d(scale)[:, None]))
-    bound = float(norm.ppf(1.0 - 0.005 / _LAGS) / np.sqrt(count))
-    return Residuals(float(np.abs(rho).max()), float(chi2.sf(q, _LAGS)), largest, bound)
+    bound = float(ndtri(1.0 - 0.005 / _LAGS) / np.sqrt(count))
+    return Residuals(float(np.abs(rho).max()), float(chdtrc(_LAGS, q)), largest, bound)

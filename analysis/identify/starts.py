@@ -12,7 +12,8 @@ from analysis.identify.problem import Part, Problem
 Array = NDArray[np.float64]
 
 _ROWS = 6000  # samples the starts are judged on
-_FOLLOWED = 4
+_INSTRUMENT_ROWS = 3000  # samples the instruments see
+_FOLLOWED = 3
 _DELAYS = 13
 _REWEIGHTINGS = 3
 
@@ -79,7 +80,9 @@ def _all_starts(problem: Problem, max_delay: float) -> list[Array]:
     free = bool(problem.layout.free_delays)
     delays = np.linspace(0.0, 0.9 * max_delay, _DELAYS) if free else np.zeros(1)
     cutoffs = _cutoffs(problem)
-    return [*srivc.candidates(problem, delays, cutoffs), *_guesses(problem, delays[::2], cutoffs)]
+    guesses = _guesses(problem, delays[::2], cutoffs)
+    few = thinned(problem, _INSTRUMENT_ROWS)
+    return [*srivc.candidates(few, delays[:: 2 if guesses else 1], cutoffs), *guesses]
 
 
 def _cutoffs(problem: Problem) -> Array:

@@ -57,9 +57,9 @@ def over_repeats(name: str, values: ArrayLike, unit: str, amplitude: float = mat
     mean = float(found.mean())
     if len(found) == 1:
         return Figure(name, mean, unit, amplitude, 1)
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    half = float(t.ppf(0.975, len(found) - 1) * found.std(ddof=1) / math.sqrt(len(found)))
+    half = float(stdtrit(len(found) - 1, 0.975) * found.std(ddof=1) / math.sqrt(len(found)))
     return Figure(name, mean, unit, amplitude, len(found), (mean - half, mean + half))
 
 

@@ -180,11 +180,11 @@ def repeatability(
 
 def _spread_interval(n: int) -> tuple[float, float]:
     """Factors of the 95 % interval of a standard deviation of n Gaussian values."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     return (
-        math.sqrt((n - 1) / float(chi2.ppf(0.975, n - 1))),
-        math.sqrt((n - 1) / float(chi2.ppf(0.025, n - 1))),
+        math.sqrt((n - 1) / float(chdtri(n - 1, 0.025))),
+        math.sqrt((n - 1) / float(chdtri(n - 1, 0.975))),
     )
 
 

@@ -1,0 +1,147 @@
+"""Records: what is refused, and in which words."""
+
+import math
+
+import numpy as np
+import pytest
+
+from analysis.identify import IdentificationError, identify, record
+from analysis.identify.checks import clipped
+
+T = np.arange(0.0, 4.0, 0.01)
+STEPS = np.repeat([0.0, 0.1, -0.1, 0.05], 100)
+
+
+def first_order(t=T, u=STEPS, tau=0.05, scale=1.0):
+    y, out = 0.0, []
+    for command in u:
+        y += (command - y) * (1.0 - math.exp(-0.01 / tau))
+        out.append(y)
+    return scale * np.array(out)
+
+
+def noisy(values, sigma=1e-3, seed=0):
+    return values + sigma * np.random.default_rng(seed).normal(size=len(values))
+
+
+def test_stamps_that_run_backwards_are_named():
+    time = T.copy()
+    time[50] = time[40]
+    with pytest.raises(IdentificationError, match=r"time runs from 0\.49 s to 0\.4 s at sample 50"):
+        record(time, STEPS, angle=first_order())
+
+
+def test_command_stamps_may_not_stand_still():
+    with pytest.raises(IdentificationError, match="command time runs from"):
+        record(T, [0.0, 1.0, 0.0], command_time=[0.0, 1.0, 1.0], angle=first_order())
+
+
+def test_neither_sensor_is_refused():
+    with pytest.raises(IdentificationError, match="neither angle nor rate"):
+        record(T, STEPS)
+
+
+def test_infinite_readings_are_refused():
+    y = first_order()
+    y[3] = math.inf
+    with pytest.raises(IdentificationError, match="infinite"):
+        record(T, STEPS, angle=y)
+
+
+def test_commands_of_another_length_are_refused():
+    with pytest.raises(IdentificationError, match="399 commands but 400 stamps"):
+        record(T, STEPS[:-1], angle=first_order())
+
+
+def test_a_constant_command_teaches_nothing():
+    r = record(T, np.zeros(400), angle=noisy(np.zeros(400)))
+    with pytest.raises(IdentificationError, match="'x' never changes"):
+        identify([r])
+
+
+def test_a_single_step_is_too_few():
+    u = np.where(T < 1.0, 0.0, 0.1)
+    r = record(T, u, angle=noisy(first_order(u=u)))
+    with pytest.raises(IdentificationError, match="changes 1 time; 2 steps or more"):
+        identify([r])
+
+
+def test_missing_readings_are_counted():
+    y = noisy(first_order())
+    y[100:350] = math.nan
+    with pytest.raises(IdentificationError, match="150 readings in 400 samples; 62 % are missing"):
+        identify([record(T, STEPS, angle=y)])
+
+
+def test_commands_that_always_move_together_cannot_be_told_apart():
+    both = np.stack([STEPS, 2.0 * STEPS], axis=1)
+    angle = np.stack([noisy(first_order()), noisy(first_order(), seed=1)], axis=1)
+    with pytest.raises(IdentificationError, match="always move together"):
+        identify([record(T, both, angle=angle)])
+
+
+def test_records_of_other_axes_do_not_mix():
+    one = record(T, STEPS, angle=noisy(first_order()))
+    two = record(T, STEPS, angle=noisy(first_order()), inputs=("servo",), name="second")
+    with pytest.raises(IdentificationError, match="second: commands"):
+        identify([one, two])
+
+
+@pytest.mark.parametrize(("scale", "said"), [(180 / math.pi, "57"), (math.pi / 180, "0.017")])
+def test_a_gain_that_is_a_unit_is_said_to_be_one(scale, said):
+    r = record(T, STEPS, angle=noisy(first_order(scale=scale), 1e-3 * scale))
+    with pytest.raises(IdentificationError, match=rf"is {said}.*degrees.*radians"):
+        identify([r], 1)
+
+
+def test_gyro_in_degrees_beside_angle_in_radians_is_noticed():
+    y = first_order()
+    rate = np.gradient(y, T) * 180 / math.pi
+    r = record(T, STEPS, angle=noisy(y), rate=noisy(rate, 0.1))
+    with pytest.raises(IdentificationError, match=r"turns 0\.017.* rate in degrees"):
+        identify([r], 1)
+
+
+def test_a_clipped_sensor_is_refused_with_its_level():
+    y = np.clip(noisy(first_order(u=10 * STEPS, tau=0.3), 1e-4), -0.3, 0.3)
+    with pytest.raises(IdentificationError, match=r"clipped at -?0\.3"):
+        identify([record(T, 10 * STEPS, angle=y)])
+
+
+def test_a_settled_quantised_plateau_is_not_clipping():
+    settled = np.round(first_order() / 0.004) * 0.004
+    assert not clipped(settled).any()
+
+
+@pytest.mark.parametrize(
+    ("poles", "zeros", "delay"), [(0, 0, "free"), (7, 0, "free"), (2, 2, "free"), (2, 0, -1.0)]
+)
+def test_impossible_orders_are_refused(poles, zeros, delay):
+    r = record(T, STEPS, angle=noisy(first_order()))
+    with pytest.raises(IdentificationError, match=r"possible|zeros|delay"):
+        identify([r], poles, zeros, delay)
+
+
+def test_a_poor_fit_is_a_result_with_a_warning():
+    wander = np.cumsum(np.random.default_rng(0).normal(size=400)) * 0.01
+    model = identify([record(T, STEPS, angle=wander + 0.1 * first_order())], 1)
+    assert any("poor fit" in w for w in model.warnings)
+
+
+def test_gyro_delay_is_taken_out_of_the_rate_only():
+    r = record(T, STEPS, angle=first_order(), rate=first_order(), gyro_delay=0.0049)
+    assert r.size == 800
+    assert np.isfinite(r.angle[:, 0]).sum() == 400
+    assert r.time[np.isfinite(r.rate[:, 0])] == pytest.approx(T - 0.0049)
+
+
+def test_records_cannot_be_written_to():
+    r = record(T, STEPS, angle=first_order())
+    with pytest.raises(ValueError, match="read-only"):
+        r.time[0] = 1.0
+
+
+def test_two_step_sizes_may_hide_a_saturation_and_the_reader_is_told():
+    u = np.repeat([0.0, 0.1, 0.0, 0.1, 0.0, 0.1], 70)[:400]
+    model = identify([record(T, u, angle=noisy(first_order(u=u), 3e-4))], 1)
+    assert any("saturation cannot be told" in w for w in model.warnings)

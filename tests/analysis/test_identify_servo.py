@@ -1,0 +1,115 @@
+"""Servos whose speed is bounded: simulated by other means, and a real one."""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.identify import IdentificationError, identify, record
+from analysis.identify.ramps import ramps
+from analysis.identify.servo_motion import play, speed_servo
+from analysis.transfer_function.servo import play as reference_play
+
+_PATH = Path(__file__).parents[1] / "benchmarks" / "identification.py"
+_SPEC = importlib.util.spec_from_file_location("identification_studies", _PATH)
+assert _SPEC is not None
+assert _SPEC.loader is not None
+studies = importlib.util.module_from_spec(_SPEC)
+sys.modules.setdefault(_SPEC.name, studies)
+_SPEC.loader.exec_module(studies)
+
+
+@pytest.fixture(scope="module")
+def runs(shared_data):
+    path = shared_data / "servo_sysid_miuzei" / "real-action-state-dataset.json"
+    found = {}
+    for run in json.loads(path.read_text(encoding="utf-8"))["data"]:
+        actions = np.array(run["actions"]) * np.pi
+        sensed = np.array(run["sensor_data"]) * np.pi
+        r = record(np.arange(len(actions)) * 0.02, actions, angle=sensed, before=[0.0])
+        found.setdefault(run["type"], []).append(r)
+    return found
+
+
+@pytest.fixture(scope="module")
+def real_servo(runs):
+    return identify(runs["step"], servo=True)
+
+
+def test_the_real_servo_is_fitted_and_its_speed_found(real_servo):
+    """95 % and 281 °/s: what a rate-limited model reaches on these steps (data/README)."""
+    assert np.median(real_servo.axes[0].fit_angle) >= 95.0
+    assert np.degrees(real_servo.servo[0].rate_limit.value) == pytest.approx(281.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "least"),
+    [("square", 88.0), ("triangle", 89.0), ("ramp", 95.0), ("prbs", 75.0), ("chirp", 79.0)],
+)
+def test_the_real_servo_is_predicted_in_motions_not_fitted(real_servo, runs, kind, least):
+    assert np.median(real_servo.fit_to(runs[kind])) >= least
+
+
+def test_a_linear_fit_of_the_real_servo_is_flagged(runs):
+    model = identify(runs["step"])
+    assert any("rate-limited" in w for w in model.warnings)
+    assert any("poor fit" in w for w in model.warnings)
+
+
+def test_a_simulated_limit_is_found_and_the_linear_fit_flagged():
+    found = studies.limited_study(0)
+    assert found["limit error"] <= 0.01
+    assert found["frequency error"] <= 0.01
+    assert found["flagged"]
+    assert found["structure"] == "speed"
+
+
+def test_an_unlimited_servo_is_not_flagged():
+    rng = np.random.default_rng(1)
+    r = studies.servo_record(rng, studies.Gimbal(40.0, 0.7, 0.01, 1.0), duration=6.0)
+    assert not any("rate-limited" in w for w in identify([r]).warnings)
+
+
+def test_speed_servo_without_limit_is_the_linear_response():
+    """2e-6: fourth-order steps of 1 ms at ωn = 40 rad/s."""
+    g = studies.Gimbal(40.0, 0.7, 0.013, 1.0)
+    t = np.linspace(0.0, 0.5, 101)
+    w = 2 * 0.7 * 40.0
+    angle, rate = speed_servo(
+        t, np.array([-1.0, 0.0]), np.array([0.0, 1.0]), 0.013, 1600.0 / w, w, 1e9, 0.0
+    )
+    exact = studies.step_pair(g, t)
+    assert angle == pytest.approx(exact[0], abs=2e-6)
+    assert rate == pytest.approx(exact[1], abs=2e-4)
+
+
+def test_ramps_reach_the_command_at_the_limit():
+    at, slope, value = ramps(np.array([0.0, 1.0]), np.array([1.0, 0.0]), 2.0, 0.0)
+    assert at == pytest.approx([0.0, 0.5, 1.0, 1.5])
+    assert slope == pytest.approx([2.0, 0.0, -2.0, 0.0])
+    assert value == pytest.approx([0.0, 1.0, 1.0, 0.0])
+
+
+def test_a_ramp_cut_short_turns_where_it_is():
+    at, slope, value = ramps(np.array([0.0, 0.25]), np.array([1.0, 0.0]), 2.0, 0.0)
+    assert at == pytest.approx([0.0, 0.25, 0.5])
+    assert value == pytest.approx([0.0, 0.5, 0.0])
+    assert slope == pytest.approx([2.0, -2.0, 0.0])
+
+
+def test_play_is_that_of_the_flown_model():
+    drive = np.cumsum(np.random.default_rng(0).normal(size=200))
+    drive -= drive[0]
+    out, rate = play(drive, np.ones(200), 1.5)
+    assert out == pytest.approx(reference_play(drive[:, None], 1.5)[:, 0])
+    assert set(rate) == {0.0, 1.0}
+
+
+def test_zeros_and_servo_exclude_each_other():
+    rng = np.random.default_rng(1)
+    r = studies.servo_record(rng, studies.Gimbal(40.0, 0.7, 0.01, 1.0), duration=3.0)
+    with pytest.raises(IdentificationError, match="1 or 2 poles and no zeros"):
+        identify([r], 2, 1, servo=True)
