@@ -223,7 +223,7 @@ def test_every_telemetry_frame_is_byte_for_byte_what_python_encodes(armed):
     armed.raw = b""
     armed.decoder = Decoder()
     frames = armed.run(200)
-    assert len(frames) == 100
+    assert len(frames) in (99, 100)  # the first one may have begun before
     again = b"".join(encode(f.message, f.sequence) for f in frames)
     assert again in armed.raw  # the run may begin and end in the middle of a frame
 

@@ -102,14 +102,16 @@ bool Sender::send(uint8_t type, const void* payload, uint8_t size) {
 }
 
 void Sender::stuff(const uint8_t* body, uint8_t length) {
-  uint8_t start = 0;
-  while (start <= length) {
-    uint8_t end = start;
-    while (end < length && body[end] != 0) ++end;
-    ring_.put(static_cast<uint8_t>(end - start + 1));
-    while (start < end) ring_.put(body[start++]);
-    ++start;  // over the zero, or past the end
+  TransmitRing::Writer out(ring_);
+  const uint8_t* const end = body + length;
+  for (const uint8_t* run = body;;) {
+    const uint8_t* stop = run;
+    while (stop < end && *stop != 0) ++stop;
+    out.put(static_cast<uint8_t>(stop - run + 1));
+    while (run < stop) out.put(*run++);
+    if (run == end) break;
+    ++run;  // over the zero, which the length byte stands for
   }
-  ring_.put(0);
-  ring_.publish();
+  out.put(0);
+  out.publish();
 }

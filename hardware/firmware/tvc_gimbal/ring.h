@@ -7,23 +7,32 @@ class Ring {
   static_assert(SIZE <= 256 && (SIZE & (SIZE - 1)) == 0, "indices are one byte: atomic on AVR");
 
  public:
-  // Unchecked: ask room() first; the other end sees nothing before publish().
-  void put(uint8_t byte) {
-    data_[ahead_] = byte;
-    ahead_ = static_cast<uint8_t>((ahead_ + 1) & MASK);
-  }
-  void publish() {
-    asm volatile("" ::: "memory");  // the bytes before the index that shows them
-    head_ = ahead_;
-  }
+  // Writes many bytes quickly. Unchecked: ask room() first. The other end sees nothing before
+  // publish(). Its index is a local variable, which the compiler keeps in a register.
+  class Writer {
+   public:
+    explicit Writer(Ring& ring) : ring_(ring), at_(ring.head_) {}
+    void put(uint8_t byte) {
+      ring_.data_[at_] = byte;
+      at_ = static_cast<uint8_t>((at_ + 1) & MASK);
+    }
+    void publish() {
+      asm volatile("" ::: "memory");  // the bytes before the index that shows them
+      ring_.head_ = at_;
+    }
+
+   private:
+    Ring& ring_;
+    uint8_t at_;
+  };
 
   bool push(uint8_t byte) {
     const uint8_t at = head_;
     const uint8_t next = static_cast<uint8_t>((at + 1) & MASK);
     if (next == tail_) return false;
     data_[at] = byte;
-    ahead_ = next;
-    publish();
+    asm volatile("" ::: "memory");
+    head_ = next;
     return true;
   }
 
@@ -42,7 +51,6 @@ class Ring {
  private:
   static constexpr uint8_t MASK = SIZE - 1;
   uint8_t data_[SIZE];
-  uint8_t ahead_ = 0;  // the writer's own: where `put` goes next
   volatile uint8_t head_ = 0;
   volatile uint8_t tail_ = 0;
 };

@@ -2,4 +2,4 @@
 #pragma once
 #include <stdint.h>
 
-static constexpr uint32_t BUILD_HASH = 0x3e68dd27;
+static constexpr uint32_t BUILD_HASH = 0x8b9cdd28;
