@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.configuration import Fly
-from twin.control import PROGRAMMES, FixedPoint, Setpoint, launch_direction
+from twin.control import PROGRAMMES, Setpoint, fixed_point, launch_of, steer_to
 from twin.errors import TwinError
 from twin.loop import Outcome
 from twin.plant import Plant
@@ -28,37 +28,23 @@ def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | Non
     ------
     TwinError : numbers that make no programme, or a point outside the cone
     """
-    elevation, azimuth = (float(_numeric(model, f"ramp_{n}")[0]) for n in ("elevation", "azimuth"))
-    launch = launch_direction(elevation, azimuth)
     if config.target is None and config.programme != "point":
+        launch, _ = launch_of(model)
         if config.programme == "hold":
             return PROGRAMMES["hold"](launch=launch), None
         angle = math.radians(config.amplitude_deg)
         kind = PROGRAMMES[config.programme]
         return kind(launch=launch, amplitude=angle, begin=config.at_s), None  # type: ignore[call-arg]
-    start = _start(model)
-    offset = config.target or _off_axis(config, elevation, azimuth)
-    target = (start[0] + offset[0], start[1] + offset[1], start[2] + offset[2])
-    count = int(np.argmax(_numeric(model, "motor_time"))) + 1
-    steering = FixedPoint(
-        target=target,
-        launch=launch,
-        origin=start,
-        mass=float(model.body_subtreemass[model.body("vehicle").id]),
-        thrust_time=tuple(_numeric(model, "motor_time")[:count].tolist()),
-        thrust=tuple(_numeric(model, "motor_thrust")[:count].tolist()),
-    )
-    return steering, target
-
-
-def _off_axis(config: Fly, elevation: float, azimuth: float) -> Vector:
-    """Offset of the point from the launch point [m]: right and up of the launch direction."""
-    right, up = (math.radians(angle) for angle in config.off_axis_deg)
-    if not config.target_range_m > 0:
-        raise TwinError(f"--target-range-m {config.target_range_m}: must be greater than zero")
-    x, y, z = launch_direction(elevation + up, azimuth - right)
-    r = config.target_range_m
-    return r * x, r * y, r * z
+    if config.target is not None:
+        start = _start(model)
+        x, y, z = (o + t for o, t in zip(start, config.target, strict=True))
+        steering = steer_to(model, (x, y, z))
+    else:
+        if not config.target_range_m > 0:
+            raise TwinError(f"--target-range-m {config.target_range_m}: must be greater than zero")
+        right, up = (math.radians(angle) for angle in config.off_axis_deg)
+        steering = fixed_point(model, right, up, config.target_range_m)
+    return steering, steering.target
 
 
 def _start(model: mujoco.MjModel) -> Vector:

@@ -59,6 +59,7 @@ class Plant:
     def _view(self) -> None:
         """Bind views of the state once; MuJoCo's arrays stay where they are for life."""
         data, model = self.data, self.model
+        self._qvel = data.qvel
         self.has_vehicle = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "vehicle") >= 0
         if self.has_vehicle:
             joint = model.joint("vehicle")
@@ -99,8 +100,7 @@ class Plant:
         self._stepper.step(self.model, self.data, n)
         self.computing_s += time.perf_counter() - began
         self.steps += n
-        speed = float(self.data.qvel @ self.data.qvel)
-        if not speed < LARGEST_SPEED**2:
+        if not self._qvel @ self._qvel < LARGEST_SPEED**2:  # also where it is NaN
             self._diverged()
 
     def vehicle(self) -> VehicleState:

@@ -69,7 +69,7 @@ MISTAKES = [
     ("fly --gimbal transfer-function --model missing.json", "missing.json"),
     ("fly --gimbal rope", "linkage"),
     ("fly --target 0 0 -100", "30°"),
-    ("fly --programme point --off-axis-deg 60 0", "30°"),
+    ("fly --programme point --off-axis-deg 45 0", "30°"),
     ("fly --programme point --target-range-m -5", "greater than zero"),
     ("step --amplitude-deg 11", "stops"),
     ("step --repeats 0", "repeats"),

@@ -96,6 +96,7 @@ class Hold:
             ("_still", still),
             ("_turning", np.array(launch) - still),
             ("_across", np.array(cross(along, launch))),
+            ("_at_rest", np.array(launch)),
         ):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -107,6 +108,8 @@ class Hold:
     def direction(self, t: float, position: Array, velocity: Array) -> Array:  # noqa: ARG002
         """Wanted nose direction (..., 3), unit, world."""
         a = self.angle(t)
+        if a == 0.0 and position.ndim == 1:  # most ticks of most programmes
+            return self._at_rest  # type: ignore[attr-defined, no-any-return]
         nose: Array = (
             self._still + math.cos(a) * self._turning + math.sin(a) * self._across  # type: ignore[attr-defined]
         )
