@@ -112,7 +112,7 @@ def _grid(channel: Rational) -> Array:
     low = 1e-3 * float(scale.min()) if len(scale) else 1e-3
     high = 1e3 * float(scale.max()) if len(scale) else 1e3
     if channel.delay > 0.0:
-        high = max(high, 20.0 / channel.delay)
+        low, high = min(low, 1e-2 / channel.delay), max(high, 20.0 / channel.delay)
     return np.geomspace(low, high, 20_000)
 
 

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 _PLATEAU = 1.0 / 3.0  # of the step's duration, at its end, is taken as rest
 _BAND = 0.02  # settling band, of the change
 _DEAD = 0.05  # of the change: the motion has begun
+_REACHED = 0.9  # of the largest amplitude: a knee beyond is none
 _NOISES = 3.0  # sigma: no band is narrower on measured data
 
 
@@ -266,12 +267,16 @@ def slew_figures(steps: Sequence[Step]) -> tuple[Figure, Figure]:
         raise AnalysisError(f"{len(points)} steps that move; a slew rate needs 4 or more")
     amplitude, speed = np.array(sorted(points)).T
     ratio, limit = _knee(amplitude, speed)
-    at_limit = speed[amplitude >= limit / ratio] if ratio > 0.0 else speed
-    largest = float(amplitude[-1])
-    slew = over_repeats("slew_rate", at_limit if len(at_limit) else speed[-1:], "rad/s", largest)
-    reached = len(at_limit) > 0 and limit / ratio < largest
-    knee = limit / ratio if reached else math.nan
-    return slew, Figure("slew_knee", knee, "rad", largest, len(points))
+    largest, knee = float(amplitude[-1]), limit / ratio
+    if knee > _REACHED * largest:  # the line goes on to the largest step: no limit in sight
+        return (
+            over_repeats("slew_rate", speed[-1:], "rad/s", largest),
+            Figure("slew_knee", math.nan, "rad", largest, len(points)),
+        )
+    return (
+        over_repeats("slew_rate", speed[amplitude >= knee], "rad/s", largest),
+        Figure("slew_knee", knee, "rad", largest, len(points)),
+    )
 
 
 def _knee(amplitude: Array, speed: Array) -> tuple[float, float]:

@@ -1,0 +1,124 @@
+"""Two motions side by side against shifts, gains and noises that are known."""
+
+import json
+import math
+
+import control
+import numpy as np
+import pytest
+
+from analysis.compare import Motion, compare, errors
+from analysis.schema import AnalysisError
+
+T = np.arange(0.0, 20.0, 0.005)
+
+
+def wave(t, rng=None):
+    """Smooth and broad-band up to 4 Hz."""
+    rng = np.random.default_rng(5)
+    parts = rng.uniform(0.1, 4.0, 40), rng.uniform(0.0, 2 * math.pi, 40)
+    return sum(np.sin(2 * math.pi * f * t + p) for f, p in zip(*parts, strict=True)) / 10.0
+
+
+def motion(values, t=T, components=("x",), name="a"):
+    return Motion(t, values, components, name)
+
+
+def test_a_shift_of_a_third_of_a_sample_is_reported_and_taken_out():
+    """20 µs: linear interpolation between samples of 5 ms."""
+    shift = 0.0217
+    found = compare(motion(wave(T)), motion(wave(T - shift), name="b")).axes[0]
+    assert found.delay == pytest.approx(shift, abs=2e-5)
+    assert found.aligned.fit > 99.5
+    assert found.as_is.fit < 90.0
+
+
+def test_equal_motions_fit_whole():
+    found = compare(motion(wave(T)), motion(wave(T)))
+    assert found.fit == pytest.approx(100.0)
+    assert found.axes[0].delay == pytest.approx(0.0, abs=1e-6)
+
+
+def test_errors_are_their_definitions():
+    e = errors([0.0, 1.0, 2.0, 3.0], [0.5, 1.5, 2.5, 2.5])
+    assert (e.rmse, e.mae, e.worst) == (0.5, 0.5, 0.5)
+    assert e.fit == pytest.approx(100 * (1 - 1.0 / math.sqrt(5.0)))
+    assert e.vaf == pytest.approx(100 * (1 - np.var([0.5, 0.5, 0.5, -0.5]) / 1.25))
+
+
+def test_a_constant_reference_has_no_fit():
+    assert math.isnan(errors(np.ones(20), np.ones(20)).fit)
+
+
+def test_gain_and_phase_are_those_of_the_system_between():
+    """0.5 dB and 4° where coherence is high: Welch's window smears over 0.35 Hz."""
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.normal(size=4000), 5)
+    t = np.arange(len(u)) * 0.005
+    g = control.tf([400.0], [1.0, 20.0, 400.0])
+    _, y = control.forced_response(control.ss(g).sample(0.005, "zoh"), U=u)
+    spectrum = compare(motion(u, t), motion(np.asarray(y), t)).axes[0].spectrum
+    for hertz in (0.5, 1.0, 2.0):
+        k = int(np.argmin(np.abs(spectrum.frequency - hertz)))
+        exact = g(2j * math.pi * spectrum.frequency[k])
+        assert spectrum.gain[k] == pytest.approx(20 * math.log10(abs(exact)), abs=0.5)
+        assert spectrum.phase[k] == pytest.approx(math.degrees(np.angle(exact)), abs=4.0)
+        assert spectrum.coherence[k] > 0.95
+
+
+def test_noise_alone_has_no_coherence():
+    rng = np.random.default_rng(0)
+    found = compare(motion(rng.normal(size=4000)), motion(rng.normal(size=4000)))
+    assert np.median(found.axes[0].spectrum.coherence) < 0.5
+
+
+def test_repeats_are_judged_one_by_one():
+    y = wave(T)
+    worse = y.copy()
+    worse[T >= 10.0] += 0.1
+    found = compare(motion(y), motion(worse), repeats=[0.0, 5.0, 10.0, 15.0]).axes[0]
+    assert [round(r.worst, 6) for r in found.repeats] == [0.0, 0.0, 0.1, 0.1]
+
+
+def test_other_stamps_and_missing_readings_are_bridged():
+    rng = np.random.default_rng(1)
+    other = np.sort(rng.uniform(-1.0, 21.0, 9000))
+    y = wave(T)
+    y[100:120] = math.nan
+    found = compare(motion(y), motion(wave(other), other)).axes[0]
+    assert found.samples == len(T) - 20
+    assert found.as_is.fit > 99.0
+
+
+def test_axes_are_matched_by_name():
+    a = Motion(T, np.stack([wave(T), -wave(T)], 1), ("x", "y"), "a")
+    b = Motion(T, np.stack([-wave(T), wave(T)], 1), ("y", "x"), "b")
+    assert compare(a, b).fit == pytest.approx(100.0)
+
+
+def test_no_axis_in_common_says_which_there_are():
+    with pytest.raises(AnalysisError, match="a has x; b has roll"):
+        compare(motion(wave(T)), motion(wave(T), components=("roll",), name="b"))
+
+
+def test_no_time_in_common_says_what_is_covered():
+    with pytest.raises(AnalysisError, match=r"0 samples in common; a covers 0 to .*b 100 to"):
+        compare(motion(wave(T)), motion(wave(T), T + 100.0, name="b"))
+
+
+@pytest.mark.parametrize(
+    ("time", "values", "said"),
+    [
+        (T[::-1], wave(T), "increase"),
+        (T[:5], wave(T)[:5], "5 samples"),
+        (T, np.ones((len(T), 2)), "values"),
+        (T, np.full(len(T), math.inf), "infinite"),
+    ],
+)
+def test_what_is_no_motion_is_refused(time, values, said):
+    with pytest.raises(AnalysisError, match=said):
+        motion(values, time)
+
+
+def test_the_numbers_are_json():
+    json.dumps(compare(motion(wave(T)), motion(wave(T - 0.01))).to_dict(), allow_nan=False)

@@ -1,0 +1,269 @@
+"""Step, frequency and static figures against closed forms and published numbers."""
+
+import json
+import math
+
+import control
+import numpy as np
+import pytest
+
+from analysis.response import (
+    Figure,
+    bandwidth,
+    cosine_loss,
+    cross_coupling,
+    cut_steps,
+    disagreements,
+    frequency_figures,
+    hysteresis,
+    linearity,
+    measure,
+    model_figures,
+    model_step_metrics,
+    over_repeats,
+    phase_frequency,
+    repeatability,
+    slew_figures,
+    staircase_figures,
+    step_figures,
+    step_metrics,
+    step_response,
+)
+from analysis.schema import AnalysisError
+from analysis.transfer_function import Channel
+
+MATLAB = Channel((8.0, 18.0, 32.0), (1.0, 6.0, 14.0, 24.0))
+WN, ZETA = 30.0, 0.5
+SECOND = Channel((WN**2,), (1.0, 2 * ZETA * WN, WN**2), 0.012)
+
+
+def value(figures, name):
+    return next(f.value for f in figures if f.name == name)
+
+
+def test_matlab_documented_stepinfo_example():
+    """stepinfo(tf([8 18 32],[1 6 14 24])) of MATLAB's manual, to its four decimals.
+
+    Its peak 1.6871 (overshoot 26.5302 %) is the sample at its peak time 0.5987 s; the response goes
+    on to 1.68725 (26.5435 %) at 0.6079 s, which is what a fine grid must find.
+    """
+    m = model_step_metrics(MATLAB)
+    assert m.rise_time == pytest.approx(0.2087, abs=5e-5)
+    assert m.settling_time == pytest.approx(3.4972, abs=1e-4)
+    time, response = step_response(MATLAB)
+    at_sample = np.interp(0.5987, time, response)
+    assert at_sample == pytest.approx(1.6871, abs=5e-5)
+    assert 100 * (at_sample * 0.75 - 1) == pytest.approx(26.5302, abs=5e-3)
+    assert m.peak == pytest.approx(1.687246, abs=1e-6)
+    assert m.overshoot == pytest.approx(26.5435, abs=1e-4)
+    assert model_step_metrics(MATLAB, band=0.005).settling_time == pytest.approx(4.8896, abs=2e-4)
+
+
+def test_second_order_overshoot_and_peak_time_equal_the_closed_form():
+    m = model_step_metrics(SECOND)
+    root = math.sqrt(1 - ZETA**2)
+    assert m.overshoot == pytest.approx(100 * math.exp(-math.pi * ZETA / root), rel=1e-5)
+    assert m.peak_time == pytest.approx(math.pi / (WN * root) + 0.012, rel=2e-4)
+
+
+def test_bandwidth_and_quarter_turn_equal_the_closed_form():
+    undelayed = Channel(SECOND.num, SECOND.den)
+    z = ZETA
+    closed = WN * math.sqrt(1 - 2 * z * z + math.sqrt(4 * z**4 - 4 * z * z + 2))
+    assert bandwidth(undelayed, 10 * math.log10(2)) == pytest.approx(closed, rel=1e-9)
+    assert phase_frequency(undelayed, -90.0) == pytest.approx(WN, rel=1e-9)
+
+
+def test_phase_lag_and_equivalent_delay_at_one_hertz():
+    w = 2 * math.pi
+    lag = math.atan2(2 * ZETA * WN * w, WN**2 - w**2) + 0.012 * w
+    figures = frequency_figures(SECOND)
+    assert value(figures, "phase lag at 1 Hz") == pytest.approx(math.degrees(lag))
+    assert value(figures, "equivalent delay") == pytest.approx(lag / w)
+
+
+def test_a_pure_delay_counts_into_the_quarter_turn():
+    slow = Channel((1.0,), (1e-6, 1.0), 0.1)
+    assert phase_frequency(slow, -90.0) == pytest.approx(math.pi / 2 / 0.1, rel=1e-4)
+
+
+def test_an_unstable_channel_has_no_step_metrics():
+    with pytest.raises(AnalysisError, match="no step response settles"):
+        model_figures(Channel((1.0,), (1.0, -1.0)))
+
+
+def test_figures_are_json():
+    json.dumps([f.to_dict() for f in model_figures(SECOND)], allow_nan=False)
+
+
+def raw_steps(rng, *, noise=1e-4, static=0.0, repeats=8, lag=0.0):
+    """A square wave through SECOND; moves down end `lag` short."""
+    t = np.arange(0.0, 2.0 * repeats, 0.002)
+    at = np.arange(0.5, 2.0 * repeats, 1.0)
+    u = np.where(np.arange(len(at)) % 2, 0.0, 0.1)
+    y = np.zeros(len(t))
+    for begin, jump in zip(at, np.diff(u, prepend=0.0), strict=True):
+        late = np.clip(t - begin - 0.012, 0.0, None)
+        root = math.sqrt(1 - ZETA**2)
+        wave = np.exp(-ZETA * WN * late) * (
+            np.cos(root * WN * late) + ZETA / root * np.sin(root * WN * late)
+        )
+        y += (jump * (1.0 - static) + (lag if jump < 0 else 0.0)) * (1.0 - wave)
+    return t, y + noise * rng.normal(size=len(t)), np.append(-1.0, at), np.append(0.0, u)
+
+
+def test_raw_steps_reach_the_closed_form_with_an_interval_that_holds_it():
+    figures = step_figures(cut_steps(*raw_steps(np.random.default_rng(0))))
+    root = math.sqrt(1 - ZETA**2)
+    over = 100 * math.exp(-math.pi * ZETA / root)
+    overshoot = next(f for f in figures if f.name == "overshoot up")
+    assert overshoot.n == 8
+    # half a percent: the largest of several noisy samples lies above the true peak
+    assert overshoot.value == pytest.approx(over, abs=0.5)
+    rise = next(f for f in figures if f.name == "rise_time up")
+    assert rise.interval[0] < model_step_metrics(SECOND).rise_time < rise.interval[1]
+    assert rise.amplitude == pytest.approx(0.1)
+
+
+def test_settling_and_dead_time_count_from_the_command():
+    figures = step_figures(cut_steps(*raw_steps(np.random.default_rng(1), noise=1e-5)))
+    model = model_step_metrics(SECOND)
+    assert value(figures, "settling_time up") == pytest.approx(model.settling_time, abs=1e-3)
+    assert value(figures, "dead_time up") == pytest.approx(model.dead_time, abs=1e-3)
+
+
+def test_directions_are_told_apart():
+    t, y, at, u = raw_steps(np.random.default_rng(2), static=0.05)
+    figures = step_figures(cut_steps(t, y, at, u))
+    assert value(figures, "static_error up") == pytest.approx(0.005, abs=2e-4)
+    assert value(figures, "static_error down") == pytest.approx(-0.005, abs=2e-4)
+
+
+def test_the_settling_band_is_never_below_the_noise():
+    t = np.linspace(0.0, 1.0, 1000)
+    y = 1.0 - np.exp(-t / 0.05) + 0.02 * np.random.default_rng(0).normal(size=1000)
+    m = step_metrics(t, y, start=0.0, final=1.0, noise=0.02)
+    assert m.settling_time < 0.6  # a 2 % band would only be left at the end
+
+
+def test_a_step_that_drowns_in_noise_is_refused():
+    y = 0.01 * np.random.default_rng(0).normal(size=100)
+    with pytest.raises(AnalysisError, match="no more than its noise"):
+        step_metrics(np.arange(100.0), y, start=0.0, final=0.01, noise=0.01)
+
+
+def test_model_and_measurement_that_disagree_are_named():
+    measured = (Figure("rise_time", 1.0, "s", 0.1, 5, (0.9, 1.1)),)
+    model = (Figure("rise_time", 1.3, "s", n=0),)
+    assert disagreements(measured, model) == ("rise_time",)
+    assert disagreements(measured, (Figure("rise_time", 1.05, "s"),)) == ()
+
+
+def test_interval_over_repeats_is_students():
+    """1, 2, 3: mean 2, half width t(0.975; 2)·1/√3 = 4.3027/√3."""
+    f = over_repeats("x", [1.0, 2.0, 3.0, math.nan], "s")
+    assert (f.value, f.n) == (2.0, 3)
+    assert f.interval[1] - 2.0 == pytest.approx(4.30265 / math.sqrt(3), rel=1e-5)
+
+
+def limited_steps(limit, amplitudes, ramp=True):
+    found = []
+    for a in amplitudes:
+        t = np.arange(-0.2, 1.0, 0.002)
+        slow = np.minimum(a * (1 - np.exp(-np.clip(t, 0, None) / 0.03)), a)
+        y = np.minimum(slow, limit * np.clip(t, 0, None)) if ramp else slow
+        found += cut_steps(t, y, [-1.0, 0.0], [0.0, a])
+    return found
+
+
+def test_slew_rate_and_knee_of_a_limited_servo():
+    slew, knee = slew_figures(limited_steps(4.0, np.geomspace(0.02, 1.0, 12)))
+    assert slew.value == pytest.approx(4.0, rel=0.05)
+    # an exponential of 30 ms passes its middle 60 % at amplitude/69 ms
+    assert knee.value == pytest.approx(4.0 * 0.0693, rel=0.25)
+
+
+def test_an_unlimited_servo_has_no_knee():
+    _, knee = slew_figures(limited_steps(4.0, np.geomspace(0.02, 1.0, 12), ramp=False))
+    assert math.isnan(knee.value)
+
+
+def staircase(band, rng):
+    """Down a staircase of ever smaller steps; a dead band swallows what is below it."""
+    sizes = np.repeat(np.geomspace(0.02, 0.0005, 10), 2) * np.tile([1, -1], 10)
+    t = np.arange(0.0, 21.0, 0.01)
+    at = np.arange(1.0, 21.0)
+    u = np.cumsum(sizes)
+    held, y = 0.0, np.zeros(len(t))
+    for begin, target in zip(at, u, strict=True):
+        if abs(target - held) > band:
+            held = target
+        y[t >= begin] = held
+    y = y + 5e-5 * rng.normal(size=len(t))
+    return cut_steps(t, y, np.append(0.0, at), np.append(0.0, u))
+
+
+def test_threshold_lies_between_the_last_failure_and_the_first_success():
+    band = 0.004
+    threshold, resolution = staircase_figures(staircase(band, np.random.default_rng(0)))
+    for f in (threshold, resolution):
+        assert f.interval[0] <= band * 1.01 < f.interval[1] * 1.01
+        assert f.value == f.interval[1]
+
+
+def test_a_staircase_of_one_step_tells_nothing():
+    with pytest.raises(AnalysisError, match="three amplitudes"):
+        staircase_figures(staircase(0.0, np.random.default_rng(0))[:2])
+
+
+def test_hysteresis_is_the_gap_between_directions():
+    sweep = np.concatenate([np.linspace(-1, 1, 200), np.linspace(1, -1, 200)])
+    way = np.repeat([1.0, -1.0], 200)
+    found = hysteresis(sweep, 0.9 * sweep - 0.01 * way, way)
+    assert found.value == pytest.approx(0.02, rel=0.05)
+    with pytest.raises(AnalysisError, match="from below and from above"):
+        hysteresis(sweep, sweep, np.ones(400))
+
+
+def test_linearity_is_the_worst_distance_from_the_best_line():
+    u = np.linspace(-1, 1, 41)
+    gain, null, worst = linearity(u, 2.0 * u + 0.1 + 0.02 * (-1.0) ** np.arange(41))
+    assert gain.value == pytest.approx(2.0, abs=1e-3)
+    assert null.value == pytest.approx(0.1, abs=1e-3)
+    assert worst.value == pytest.approx(100 * 0.02 / 4.0, rel=0.1)
+
+
+def test_cross_coupling_is_of_the_commanded_axis():
+    found = cross_coupling([[1.0, 0.05], [-0.02, 0.5]])
+    assert value(found, "coupling x→y") == pytest.approx(-2.0)
+    assert value(found, "coupling y→x") == pytest.approx(10.0)
+    with pytest.raises(AnalysisError, match="square"):
+        cross_coupling([[1.0, 2.0]])
+
+
+def test_repeatability_is_iso_9283s():
+    """l = 1, 0, 1 around mean 0: l̄ = 2/3, S_l = √(1/3); RP = 2/3 + 3·0.57735."""
+    found = repeatability(0.5, [-1.0, 0.0, 1.0], [0.0, 1.0, 2.0])
+    assert value(found, "repeatability RP from below") == pytest.approx(2 / 3 + 3 / math.sqrt(3))
+    assert value(found, "accuracy AP from below") == pytest.approx(-0.5)
+    assert value(found, "variation vAP") == pytest.approx(1.0)
+    with pytest.raises(AnalysisError, match="3 or more"):
+        repeatability(0.0, [1.0, 2.0])
+
+
+def test_cosine_loss_of_eight_degrees_is_one_percent():
+    assert cosine_loss(math.radians(8.0)).value == pytest.approx(0.9732, abs=1e-4)
+
+
+def test_step_response_equals_python_control_behind_its_delay():
+    time, response = step_response(SECOND)
+    _, other = control.step_response(control.tf(SECOND.num, SECOND.den), time[1:] - 0.012)
+    assert response[1:] == pytest.approx(other, abs=1e-9)
+
+
+def test_one_clean_step_equals_the_model():
+    t, y, at, u = raw_steps(np.random.default_rng(0), noise=0.0)
+    first = measure(cut_steps(t, y, at, u)[0])
+    model = model_step_metrics(SECOND)
+    assert first.rise_time == pytest.approx(model.rise_time, rel=1e-3)
+    assert first.overshoot == pytest.approx(model.overshoot, abs=0.05)

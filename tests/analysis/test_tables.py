@@ -1,0 +1,150 @@
+"""Tables from anybody's rig, and from nobody's friend."""
+
+import contextlib
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import savemat
+
+from analysis.identify import IdentificationError
+from analysis.schema import AnalysisError
+from analysis.tables import read, to_record
+
+GOOD = "t,u,pot,gyro\n0.00,0,0.1,\n0.01,5,0.2,1.5\n0.02,5,,1.0\n0.03,0,0.4,0.5\n"
+
+
+def table(tmp_path, text, name="run.csv"):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read(path)
+
+
+def test_columns_come_by_name_and_empty_fields_are_missing(tmp_path):
+    found = table(tmp_path, GOOD)
+    assert list(found.columns) == ["t", "u", "pot", "gyro"]
+    assert found.column("u").tolist() == [0, 5, 5, 0]
+    assert math.isnan(found.column("pot")[2])
+
+
+def test_an_unknown_column_lists_the_valid_ones(tmp_path):
+    with pytest.raises(AnalysisError, match=r"no column 'po'.*gyro, pot, t, u"):
+        table(tmp_path, GOOD).column("po")
+
+
+def test_a_record_is_in_radians_whatever_the_file(tmp_path):
+    r = to_record(
+        table(tmp_path, GOOD), time="t", inputs=["u"], angle=["pot"], rate=["gyro"], unit="deg"
+    )
+    assert r.input[1, 0] == pytest.approx(math.radians(5.0))
+    assert r.rate[1, 0] == pytest.approx(math.radians(1.5))
+    assert math.isnan(r.angle[2, 0])
+
+
+def test_milliseconds_and_a_command_unit_of_its_own(tmp_path):
+    text = "ms,u,y\n0,1,0\n10,2,0.1\n20,2,0.2\n"
+    r = to_record(
+        table(tmp_path, text), time="ms", inputs=["u"], angle=["y"], input_unit="deg",
+        time_scale=1e-3,
+    )  # fmt: skip
+    assert r.time.tolist() == [0.0, 0.01, 0.02]
+    assert r.input[0, 0] == pytest.approx(math.radians(1.0))
+    assert r.angle[2, 0] == 0.2
+
+
+def test_commands_may_have_a_file_and_stamps_of_their_own(tmp_path):
+    commands = table(tmp_path, "t,u\n-1,0\n0.0137,5\n", "commands.csv")
+    r = to_record(table(tmp_path, GOOD), time="t", inputs=["u"], angle=["pot"], commands=commands)
+    assert r.input_time.tolist() == [-1.0, 0.0137]
+    assert r.slack == 0.0
+
+
+def test_unknown_unit_lists_the_valid_ones(tmp_path):
+    with pytest.raises(AnalysisError, match=r"no unit 'degrees'.*deg.*rad"):
+        to_record(table(tmp_path, GOOD), time="t", inputs=["u"], angle=["pot"], unit="degrees")
+
+
+def test_semicolons_with_decimal_commas_and_a_byte_order_mark(tmp_path):
+    found = table(tmp_path, "\ufefft;u\n0,00;1,5\n0,01;-2\n")
+    assert found.column("u").tolist() == [1.5, -2.0]
+
+
+def test_backward_stamps_of_a_file_name_the_file(tmp_path):
+    text = GOOD.replace("0.02,", "0.005,")
+    with pytest.raises(IdentificationError, match=r"run\.csv: time runs from 0\.01 s to 0\.005 s"):
+        to_record(table(tmp_path, text), time="t", inputs=["u"], angle=["pot"])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "empty"),
+        ("t,u\n", "no rows"),
+        ("0,1\n2,3\n", "must name the columns"),
+        ("t,t\n0,1\n", "two columns are called 't'"),
+        ("t,u\n0\n", "row 2 has 1 fields, the header 2"),
+        ("t,u\n0,volts\n", "row 2, column 'u': 'volts' is not a number"),
+        ("t,u\n0,1_000\n", "not a number"),
+        ("t,u\n0,inf\n", "infinite"),
+        (b"t,u\n\x00\x01", "zero bytes"),
+        (b"t,u\n\xff\xfe", "not UTF-8"),
+        ("t,u\n0," + "9" * 5000 + "\n", "not a number"),
+        (",".join(f"c{i}" for i in range(600)) + "\n", "600 columns"),
+    ],
+)
+def test_what_is_no_table_is_refused_in_one_line(tmp_path, text, said):
+    with pytest.raises(AnalysisError, match=said) as caught:
+        table(tmp_path, text)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_foreign_files_are_refused(tmp_path):
+    with pytest.raises(AnalysisError, match="No such file"):
+        read(tmp_path / "none.csv")
+    (tmp_path / "image.png").write_bytes(b"x")
+    with pytest.raises(AnalysisError, match=r"'\.png' is no table"):
+        read(tmp_path / "image.png")
+    with pytest.raises(AnalysisError, match="not a file"):
+        read(tmp_path)
+
+
+def test_matlab_vectors_matrices_and_structs_become_columns(tmp_path):
+    path = tmp_path / "run.mat"
+    savemat(path, {"t": np.arange(5.0), "y": np.ones((5, 2)), "log": {"u": np.zeros(5), "s": "a"}})
+    found = read(path)
+    assert set(found.columns) == {"t", "y(1)", "y(2)", "log.u"}
+    assert found.stack(["t", "log.u"]).shape == (5, 2)
+
+
+def test_columns_of_different_lengths_do_not_stack(tmp_path):
+    path = tmp_path / "run.mat"
+    savemat(path, {"t": np.arange(5.0), "y": np.ones(4)})
+    with pytest.raises(AnalysisError, match="different lengths"):
+        read(path).stack(["t", "y"])
+
+
+def test_a_newer_matlab_file_is_named_as_such(tmp_path):
+    path = tmp_path / "run.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file" + b" " * 105 + b"\x00\x02IM" + bytes(512))
+    with pytest.raises(AnalysisError, match=r"7\.3 file; save it with -v7"):
+        read(path)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.binary(max_size=300))
+def test_hostile_bytes_are_refused_or_read_but_never_crash(tmp_path_factory, content):
+    folder = tmp_path_factory.mktemp("hostile")
+    for name in ("x.csv", "x.mat"):
+        (folder / name).write_bytes(content)
+        with contextlib.suppress(AnalysisError):
+            read(folder / name)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30))
+def test_numbers_survive_a_csv(tmp_path_factory, values):
+    path = tmp_path_factory.mktemp("round") / "x.csv"
+    path.write_text("v,w\n" + "".join(f"{v!r},0\n" for v in values), encoding="utf-8")
+    assert read(path).column("v").tolist() == values
