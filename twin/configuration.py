@@ -9,6 +9,7 @@ import tyro
 
 from twin.errors import TwinError
 
+Signal = Literal["steps", "staircase", "chirp", "prbs", "multisine", "triangle", "dog-leg"]
 Programme = Literal["hold", "step", "doublet", "pitch-over", "point"]
 Seat = Literal["linkage", "transfer-function"]
 Integrator = Literal["implicitfast", "euler", "rk4", "ab1", "ab2", "ab3", "ab4"]
@@ -86,18 +87,29 @@ class Fly(Run):
 
 @dataclass(frozen=True)
 class Step(Run):
-    """Command steps to a clamped gimbal and record its response."""
+    """Excite a clamped gimbal and record its response."""
 
     scene: str = "bench"
     """A shipped scene, or an MJCF file."""
+    signal: Signal = "steps"
+    """What it is told: steps back and forth, ever smaller steps (staircase), a logarithmic sweep, a
+    pseudo-random binary sequence, many sines at once, slow ramps, or ramps with a bend."""
     amplitude_deg: float = 5.0
-    """Height of the steps, either way from zero."""
+    """Largest angle, either way from zero."""
     axis: Literal["x", "y", "both"] = "both"
-    """Axis stepped; `both` takes one after the other."""
+    """Axis excited; `both` takes one after the other."""
     repeats: int = 3
-    """Steps per axis and direction."""
+    """Steps per axis and direction, or periods of the other signals."""
     hold_s: float = 0.8
-    """Time between two steps."""
+    """Time between two steps, and at rest before and after any signal."""
+    duration_s: float = 20.0
+    """Length of one chirp, triangle or dog-leg."""
+    band_hz: tuple[float, float] = (0.2, 10.0)
+    """Lowest and highest frequency of chirp, prbs and multisine."""
+    smallest_deg: float = 0.05
+    """Last and smallest step of the staircase."""
+    rate_limit_deg_s: float | None = None
+    """Fastest change of the command; jumps stay jumps without it."""
     control_hz: float = 500.0
     """Rate of commands and of recorded rows."""
 

@@ -19,7 +19,7 @@ from twin.recorder import Recorder
 from twin.results import FlightResult, StepResult
 from twin.rows import Rows
 from twin.seats import Pilot, Sequence, SimulatedGimbal
-from twin.steps import figures, schedule
+from twin.steps import excitation, figures
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # Each write costs the same however much it holds; a run in real time may be cut off at any moment.
@@ -63,7 +63,7 @@ def fly(config: Fly) -> FlightResult:
 
 
 def step(config: Step) -> StepResult:
-    """Command steps to a gimbal on the bench and record its response.
+    """Excite a gimbal on the bench and record its response.
 
     Raises
     ------
@@ -71,13 +71,14 @@ def step(config: Step) -> StepResult:
     DivergenceError : the physics left the finite numbers; the recording up to there is kept
     """
     began = time.perf_counter()
-    plan = schedule(config)
+    asked = excitation(config)
     with ExitStack() as stack:
         stack.enter_context(native.installed())
         plant = _plant(config)
         if plant.twin.gimbal == "fixed":
             raise TwinError(f"scene {config.scene!r} has no gimbal to step")
         steps = steps_per_tick(config.control_hz, plant)
+        plan = asked.plan(steps * plant.dt_ns * 1e-9)
         rows = Rows(plant)
         recorder = stack.enter_context(_recorder(config, "step", plant.twin, rows))
         rows.bind(recorder)
@@ -92,6 +93,8 @@ def step(config: Step) -> StepResult:
     return StepResult(
         recording=str(recorder.path),
         gimbal=plant.twin.gimbal,
+        signal=config.signal,
+        excitation_s=plan.duration,
         figures=figures(recorder.path),
         physics_steps=plant.steps,
         physics_s=plant.computing_s,

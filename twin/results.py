@@ -1,6 +1,10 @@
 """What a run amounts to: numbers for machines, one screen for people."""
 
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analysis.report.figures import AxisFigures
 
 
 @dataclass(frozen=True)
@@ -69,29 +73,40 @@ class FlightResult:
 
 @dataclass(frozen=True)
 class StepResult:
-    """Step responses of a gimbal.
+    """Response of a gimbal to what it was told.
 
     Attributes
     ----------
-    figures : rise, overshoot, settling and the rest, one row per figure and axis
+    signal : what that was
+    figures : per axis, what the signal allows to tell, and notes on what could not be told
+    excitation_s : experiment time commanded
     """
 
     recording: str
     gimbal: str
-    figures: tuple[dict[str, object], ...]
+    signal: str
+    figures: "tuple[AxisFigures, ...]"
+    excitation_s: float
     physics_steps: int
     physics_s: float
     wall_s: float
     warnings: dict[str, int]
 
     def as_dict(self) -> dict[str, object]:
-        """JSON values."""
-        return asdict(self)
+        """JSON values; `figures` has one row per axis and figure, null where not measurable."""
+        rows = [{"axis": a.axis, **f.to_dict()} for a in self.figures for f in a.figures]
+        notes = [f"{a.axis}: {note}" for a in self.figures for note in a.notes]
+        others = {k: v for k, v in vars(self).items() if k != "figures"}
+        return {**others, "figures": rows, "notes": notes}
 
     def text(self) -> str:
         """One screen."""
-        rows = [("gimbal", self.gimbal)]
-        rows += [(str(f["name"]), str(f["text"])) for f in self.figures]
+        from twin.steps import lines
+
+        rows = [("gimbal", self.gimbal), ("signal", f"{self.signal}, {self.excitation_s:.1f} s")]
+        rows += lines(self.figures)
+        steps = f"{self.wall_s:.2f} s for {self.physics_steps} steps"
+        rows.append(("computing", f"{steps} ({self.physics_s:.2f} s of physics)"))
         rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
         return _lines(rows, self.recording)
 

@@ -1,62 +1,79 @@
-"""Steps back and forth on a gimbal: the commands, and the raw responses cut out of the run."""
+"""Excitation of a gimbal: from what was asked to commands, and from the recording to figures."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from twin.configuration import Step
-from twin.errors import TwinError
-from twin.model import AXES
+from twin.excitation import Excitation
 
-Array = NDArray[np.float64]
-LARGEST_ANGLE = math.radians(10.0)  # the mechanism's stops
+IN_FULL = ("peak", "peak time")  # told by --json and the report; a screen is small
 
-
-@dataclass(frozen=True)
-class Schedule:
-    """A sequence of commanded gimbal angles.
-
-    Attributes
-    ----------
-    times : (n,) when each angle begins [s]
-    angles : (n, 2) [rad]
-    duration : end of the last hold [s]
-    """
-
-    times: Array
-    angles: Array
-    duration: float
+if TYPE_CHECKING:
+    from analysis.report.figures import AxisFigures
 
 
-def schedule(config: Step) -> Schedule:
-    """Zero, then ±amplitude from zero and back, axis by axis, `repeats` times each.
+def excitation(config: Step) -> Excitation:
+    """What the gimbal is to be told, in radians.
 
     Raises
     ------
-    TwinError : an amplitude past the stops, or no time or repeats to speak of
+    TwinError : a value that cannot be, with its flag
     """
-    amplitude = math.radians(config.amplitude_deg)
-    if not 0 < amplitude <= LARGEST_ANGLE:
-        raise TwinError(f"--amplitude-deg {config.amplitude_deg}: must lie in 0 to 10, the stops")
-    if not 0.01 <= config.hold_s <= 100:
-        raise TwinError(f"--hold-s {config.hold_s}: must lie in 0.01 to 100")
-    if not 1 <= config.repeats <= 10_000:
-        raise TwinError(f"--repeats {config.repeats}: must lie in 1 to 10000")
-    chosen = (0, 1) if config.axis == "both" else (AXES.index(config.axis),)
-    angles = [np.zeros(2)]
-    for axis in chosen:
-        for _ in range(config.repeats):
-            for level in (amplitude, 0.0, -amplitude, 0.0):
-                angle = np.zeros(2)
-                angle[axis] = level
-                angles.append(angle)
-    times: Array = np.arange(len(angles), dtype=np.float64) * config.hold_s
-    return Schedule(times, np.array(angles), float(len(angles) * config.hold_s))
+    limit = config.rate_limit_deg_s
+    return Excitation(
+        signal=config.signal,
+        amplitude=math.radians(config.amplitude_deg),
+        axis=config.axis,
+        repeats=config.repeats,
+        hold=config.hold_s,
+        duration=config.duration_s,
+        band=config.band_hz,
+        smallest=math.radians(config.smallest_deg),
+        rate_limit=None if limit is None else math.radians(limit),
+        seed=config.seed,
+    )
 
 
-def figures(recording: Path) -> tuple[dict[str, object], ...]:
-    """Figures of the steps in a recording, one row per figure and axis."""
-    return ()
+def figures(recording: Path) -> "tuple[AxisFigures, ...]":
+    """Figures of a recording, axis by axis; axes that were not commanded are left out."""
+    from analysis import recording as recordings
+    from analysis.report.figures import axis_figures
+    from analysis.report.run import run_of
+
+    run = run_of(recordings.read(recording))
+    found = [axis_figures(run, axis) for axis in run.axes]
+    return tuple(f for f in found if f.kind != "still")
+
+
+def lines(figures: "Sequence[AxisFigures]") -> list[tuple[str, str]]:
+    """One row a figure, as people read it, a column for every axis and direction."""
+    from analysis.report.words import amplitude_text, split, value_text
+
+    cells: dict[str, dict[tuple[str, str], str]] = {}
+    heads: dict[tuple[str, str], str] = {}
+    for axis in figures:
+        for f in axis.figures:
+            name, direction = split(f.name)
+            column = (axis.axis, direction)
+            if name not in IN_FULL:
+                cells.setdefault(name, {})[column] = value_text(f)
+            if direction:
+                heads[column] = f"{axis.axis} {direction}, {amplitude_text(f)}, n = {f.n}"
+            else:
+                heads.setdefault(column, axis.axis)
+    rows = []
+    for directed in (True, False):
+        columns = [c for c in sorted(heads) if bool(c[1]) is directed]
+        told = {n: by for n, by in cells.items() if set(by) & set(columns)}
+        table = [
+            [heads[c] for c in columns],
+            *([by.get(c, "") for c in columns] for by in told.values()),
+        ]
+        widths = [max(map(len, column)) + 2 for column in zip(*table, strict=True)]
+        rows += [
+            (name, "".join(f"{c:<{w}}" for c, w in zip(cells, widths, strict=True)).rstrip())
+            for name, cells in zip(["", *told] if told else (), table, strict=False)
+        ]
+    return rows + [(f"note on {a.axis}", note) for a in figures for note in a.notes]

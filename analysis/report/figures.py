@@ -1,0 +1,138 @@
+"""The figures a run allows, per axis: what was commanded decides what can be told."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.report.run import AxisRecord, Run, setting
+from analysis.report.spectrum import frequency_response, measured_figures
+from analysis.response import (
+    Figure,
+    Step,
+    cut_steps,
+    hysteresis,
+    linearity,
+    staircase_figures,
+    step_figures,
+)
+from analysis.schema import AnalysisError
+
+Array = NDArray[np.float64]
+Kind = Literal["steps", "staircase", "broadband", "ramps", "still"]
+
+KINDS: dict[str, Kind] = {
+    "steps": "steps", "staircase": "staircase", "chirp": "broadband", "prbs": "broadband",
+    "multisine": "broadband", "triangle": "ramps", "dog-leg": "ramps",
+}  # fmt: skip
+HELD = 0.15  # s; commands held longer are steps one can watch settle
+SIZES = 4  # different step sizes make a staircase
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFigures:
+    """Figures of one axis of one run, and what could not be told."""
+
+    axis: str
+    kind: Kind
+    figures: tuple[Figure, ...]
+    notes: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON; what could not be measured is None, and a note says why."""
+        return {
+            "axis": self.axis,
+            "kind": self.kind,
+            "figures": [f.to_dict() for f in self.figures],
+            "notes": list(self.notes),
+        }
+
+
+def kind_of(run: Run, axis: AxisRecord) -> Kind:
+    """What an axis was told: as the run says itself, otherwise as the command looks."""
+    changes = np.flatnonzero(np.diff(axis.command) != 0.0) + 1
+    if len(changes) == 0:
+        return "still"
+    said = setting(run.recording, "signal")
+    if isinstance(said, str) and said in KINDS and not setting(run.recording, "rate_limit_deg_s"):
+        return KINDS[said]
+    pauses = np.diff(axis.time[changes])
+    if len(changes) < 3 or float(np.median(pauses)) >= HELD:
+        sizes = np.abs(np.diff(axis.command)[changes - 1])
+        return "staircase" if len(np.unique(np.round(sizes, 6))) >= SIZES else "steps"
+    slopes = np.abs(np.diff(axis.command)[changes - 1]) / np.maximum(np.append(pauses, 1.0), 1e-9)
+    usual = float(np.median(slopes))
+    return "ramps" if np.mean(np.abs(slopes - usual) < 0.05 * usual) > 0.45 else "broadband"
+
+
+def axis_figures(run: Run, axis: AxisRecord) -> AxisFigures:
+    """Every figure this axis' command allows; one that fails becomes a note, never a guess."""
+    kind = kind_of(run, axis)
+    figures: list[Figure] = []
+    notes: list[str] = []
+    for title, compute in _COMPUTED[kind]:
+        try:
+            figures += compute(axis)
+        except AnalysisError as error:
+            notes.append(f"{title}: {error}")
+    why = _WHY.get(kind, "the record does not show it")
+    notes += [f"{f.name}: not measurable, {why}" for f in figures if not math.isfinite(f.value)]
+    return AxisFigures(axis.name, kind, tuple(figures), tuple(notes))
+
+
+def steps_of(axis: AxisRecord) -> tuple[Step, ...]:
+    """The axis' record cut at every change of its own command."""
+    own = axis.active()
+    return cut_steps(own.angle_time, own.angle, own.time, own.command)
+
+
+def at_rest(axis: AxisRecord) -> tuple[Array, Array, Array]:
+    """Commands, plateau angles and approach directions (n,) of the steps."""
+    steps = steps_of(axis)
+    command = np.array([s.command_after for s in steps])
+    angle = np.array([float(s.response[-max(len(s.response) // 3, 3) :].mean()) for s in steps])
+    return command, angle, np.array([np.sign(s.command_after - s.command_before) for s in steps])
+
+
+def in_motion(axis: AxisRecord) -> tuple[Array, Array, Array]:
+    """Commands, angles and directions (n,) while the command moves."""
+    own = axis.active()
+    held = np.clip(
+        np.searchsorted(own.time, own.angle_time + 1e-9, side="right") - 1, 0, len(own.time) - 1
+    )
+    way = np.sign(np.gradient(own.command))[held]
+    return own.command[held][way != 0], own.angle[way != 0], way[way != 0]
+
+
+def _static(axis: AxisRecord) -> tuple[Figure, ...]:
+    u, y, way = at_rest(axis)
+    return (hysteresis(u, y, way), *linearity(u, y))
+
+
+def _moving(axis: AxisRecord) -> tuple[Figure, ...]:
+    u, y, way = in_motion(axis)
+    gap, *line = hysteresis(u, y, way), *linearity(u, y)
+    named = Figure("hysteresis with lag", gap.value, gap.unit, gap.amplitude, gap.n, gap.interval)
+    return (named, *line)
+
+
+_WHY: dict[Kind, str] = {
+    "broadband": "it lies beyond the frequencies excited",
+    "staircase": "no step was small enough, or all were too small",
+    "steps": "the response does not come that far before the next step",
+}
+_STEPS = ("step response", lambda a: step_figures(steps_of(a)))
+_REST = ("at rest", _static)
+_COMPUTED: dict[Kind, tuple[tuple[str, Callable[[AxisRecord], tuple[Figure, ...]]], ...]] = {
+    "steps": (_STEPS, _REST),
+    "staircase": (
+        ("staircase", lambda a: staircase_figures(steps_of(a))),
+        _REST,
+    ),
+    "broadband": (("frequency response", lambda a: measured_figures(frequency_response(a))),),
+    "ramps": (("slow sweep", _moving),),
+    "still": (),
+}

@@ -1,0 +1,136 @@
+"""One recording as the report sees it: a label, and per axis what was commanded and what moved."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import Recording
+from analysis.schema import AnalysisError
+
+Array = NDArray[np.float64]
+
+LONGEST_LABEL = 60  # characters
+
+
+class ReportError(AnalysisError):
+    """Something no report can be made of, told in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisRecord:
+    """One axis of a run; arrays are read-only.
+
+    Attributes
+    ----------
+    name : of the axis
+    time, command : stamps [s] (n,) and commanded angles [rad] (n,)
+    angle_time, angle : stamps [s] (m,) and angles [rad] (m,), gaps left out
+    """
+
+    name: str
+    time: Array
+    command: Array
+    angle_time: Array
+    angle: Array
+
+    def active(self) -> "AxisRecord":
+        """The part in which this axis is commanded, and as long a rest after it as before.
+
+        Both axes are usually excited in turn; what the other one does is no part of the answer.
+        """
+        rows = np.flatnonzero(np.diff(self.command) != 0.0) + 1
+        if len(rows) == 0:
+            return self
+        rest = float(np.diff(self.time[rows]).max(initial=0.2))
+        low, high = self.time[rows[0]] - min(rest, 1.0), self.time[rows[-1]] + min(rest, 1.0)
+        a = (self.time >= low) & (self.time <= high)
+        b = (self.angle_time >= low) & (self.angle_time <= high)
+        return AxisRecord(
+            self.name, self.time[a], self.command[a], self.angle_time[b], self.angle[b]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One recording.
+
+    Attributes
+    ----------
+    label : what it is called throughout the report; no two runs share one
+    recording : where it comes from
+    motion : `measured`, or `simulated` where nothing was measured
+    axes : those that were commanded and seen
+    """
+
+    label: str
+    recording: Recording
+    motion: str
+    axes: tuple[AxisRecord, ...]
+
+    def axis(self, name: str) -> AxisRecord | None:
+        """Return the axis of that name, if the run has it."""
+        return next((a for a in self.axes if a.name == name), None)
+
+
+def run_of(recording: Recording, label: str | None = None) -> Run:
+    """Take a recording apart into axes.
+
+    Raises
+    ------
+    ReportError
+        if it holds no gimbal command, or no gimbal angle.
+    """
+    series = recording.series
+    motion = "measured" if "gimbal/measured" in series else "simulated"
+    for name in ("gimbal/command", f"gimbal/{motion}"):
+        if name not in series:
+            held = ", ".join(series) or "nothing"
+            raise ReportError(f"{label or 'the recording'} has no {name}; it holds {held}")
+    command, angle = series["gimbal/command"], series[f"gimbal/{motion}"]
+    axes = []
+    for name in command.components:
+        if name not in angle.components:
+            continue
+        u, y = command.column(name), angle.column(name)
+        asked, seen = np.isfinite(u), np.isfinite(y)
+        if asked.sum() < 2 or seen.sum() < 16:
+            continue
+        axes.append(AxisRecord(name, command.time[asked], u[asked], angle.time[seen], y[seen]))
+    if not axes:
+        raise ReportError(f"{label or 'the recording'} has no axis with command and readings")
+    return Run(label or _label(recording), recording, motion, tuple(axes))
+
+
+def runs_of(
+    recordings: Sequence[Recording], labels: Sequence[str] | None = None
+) -> tuple[Run, ...]:
+    """Take recordings apart; equal labels are numbered.
+
+    Raises
+    ------
+    ReportError
+        for no recording at all, or one that no report can be made of.
+    """
+    if not recordings:
+        raise ReportError("no recording to report on")
+    if labels is not None and len(labels) != len(recordings):
+        raise ReportError(f"{len(labels)} labels for {len(recordings)} recordings")
+    asked = list(labels) if labels is not None else [_label(r) for r in recordings]
+    names = [
+        f"{name} {asked[: k + 1].count(name)}" if asked.count(name) > 1 else name
+        for k, name in enumerate(asked)
+    ]
+    return tuple(run_of(r, name) for r, name in zip(recordings, names, strict=True))
+
+
+def setting(recording: Recording, name: str) -> object:
+    """A value of the run's configuration, or None."""
+    configuration = recording.properties.get("configuration")
+    return configuration.get(name) if isinstance(configuration, Mapping) else None
+
+
+def _label(recording: Recording) -> str:
+    gimbal = setting(recording, "gimbal")
+    return gimbal[:LONGEST_LABEL] if isinstance(gimbal, str) and gimbal.strip() else "run"

@@ -1,0 +1,167 @@
+"""Excitation signals against what the literature says they are."""
+
+import math
+from typing import get_args
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin.configuration import Signal
+from twin.errors import TwinError
+from twin.excitation import Excitation
+
+TICK = 0.002
+SIGNALS = get_args(Signal)
+
+
+def sampled(plan, axis: int = 0) -> np.ndarray:
+    """Command at every tick (n,), as a seat sees it."""
+    ticks = np.arange(round(plan.duration / TICK)) * TICK
+    rows = np.searchsorted(plan.times, ticks + 5e-10, side="right") - 1
+    return plan.angles[rows, axis]
+
+
+def period(signal: str, **settings) -> np.ndarray:
+    """One period on axis x, without the rest around it."""
+    e = Excitation(signal, axis="x", repeats=1, hold=0.5, **settings)
+    return sampled(e.plan(TICK))[250:-250]
+
+
+def test_steps_go_to_both_sides_and_back_axis_by_axis():
+    plan = Excitation("steps", amplitude=0.1, repeats=2, hold=0.5).plan(TICK)
+    x = [0, 0.1, 0, -0.1, 0, 0.1, 0, -0.1, 0]
+    np.testing.assert_array_equal(plan.angles[:, 0], x + [0] * 8)
+    np.testing.assert_array_equal(plan.angles[:, 1], [0] * 8 + x)
+    np.testing.assert_allclose(np.diff(plan.times)[:7], 0.5, atol=1e-12)
+
+
+def test_a_prbs_has_the_autocorrelation_of_a_maximum_length_sequence():
+    """Golomb: N ones of A², and −A²/N at every other shift; exact but for rounding."""
+    wave = period("prbs", amplitude=0.05, band=(0.5, 8.0))
+    clock = round(0.443 / 8.0 / TICK)
+    chips = wave[::clock]
+    n = len(chips)
+    assert np.array_equal(np.repeat(chips, clock), wave)
+    assert math.log2(n + 1).is_integer()
+    assert 1.0 / (n * clock * TICK) <= 0.5  # line spacing: no wider than asked
+    correlation = [chips @ np.roll(chips, k) / n for k in range(n)]
+    np.testing.assert_allclose(correlation[0], 0.05**2, rtol=1e-12)
+    np.testing.assert_allclose(correlation[1:], -(0.05**2) / n, rtol=1e-9)
+
+
+def test_a_multisine_has_equal_lines_where_asked_and_none_elsewhere():
+    wave = period("multisine", amplitude=0.05, band=(0.5, 10.0))
+    lines = np.abs(np.fft.rfft(wave))
+    wanted = np.zeros(len(lines), bool)
+    wanted[1:21] = True  # 0.5 to 10 Hz in steps of 0.5 Hz
+    np.testing.assert_allclose(lines[wanted], lines[1], rtol=1e-9)
+    assert lines[~wanted].max() < 1e-9 * lines[1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_multisine_uses_its_amplitude_well(seed):
+    """Crest below Schroeder's 1.66 (IEEE Trans. Inf. Theory 16, 1970); random phases give 2.5."""
+    wave = period("multisine", amplitude=0.05, band=(0.2, 10.0), seed=seed)
+    assert np.abs(wave).max() == pytest.approx(0.05, rel=1e-12)
+    assert np.abs(wave).max() / np.sqrt(np.mean(wave**2)) < 1.66
+
+
+def test_a_chirp_takes_as_long_for_every_octave():
+    """Frequency between zero crossings follows f₀(f₁/f₀)^(t/T); 1 %: crossings interpolated."""
+    low, high, duration = 0.5, 8.0, 40.0
+    wave = period("chirp", amplitude=0.05, band=(low, high), duration=duration)
+    t = np.arange(len(wave)) * TICK
+    k = np.flatnonzero(np.diff(np.signbit(wave)))
+    crossing = t[k] - wave[k] * TICK / (wave[k + 1] - wave[k])
+    seen = 0.5 / np.diff(crossing)
+    middle = 0.5 * (crossing[1:] + crossing[:-1])
+    np.testing.assert_allclose(seen, low * (high / low) ** (middle / duration), rtol=0.01)
+
+
+def test_a_staircase_descends_evenly_to_the_smallest_step():
+    wave = period("staircase", amplitude=0.08, smallest=0.001)
+    levels = wave[::250]
+    sizes = levels[::4]
+    np.testing.assert_array_equal(levels[2::4], -sizes)
+    assert not levels[1::4].any()
+    assert not levels[3::4].any()
+    assert sizes[0] == 0.08
+    assert sizes[-1] == pytest.approx(0.001, rel=1e-9)
+    np.testing.assert_allclose(sizes[1:] / sizes[:-1], sizes[1] / sizes[0], rtol=1e-9)
+    assert sizes[0] / sizes[1] == pytest.approx(math.sqrt(2.0), rel=0.05)
+
+
+def test_a_triangle_moves_at_one_speed():
+    wave = period("triangle", amplitude=0.1, duration=8.0)
+    speed = np.abs(np.diff(wave)) / TICK
+    np.testing.assert_allclose(np.delete(speed, [999, 2999]), 4 * 0.1 / 8.0, rtol=1e-9)
+    assert wave.max() == pytest.approx(0.1)
+    assert wave.min() == pytest.approx(-0.1)
+
+
+def test_a_dog_leg_bends_from_one_speed_to_a_third_of_it():
+    speed = np.diff(period("dog-leg", amplitude=0.1, duration=24.0)) / TICK
+    seen = np.unique(np.abs(speed).round(9))
+    np.testing.assert_allclose(seen, [0.0, 0.05 / 3.0, 0.05], atol=2e-9)
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+def test_a_rate_limit_holds_for_every_signal(signal):
+    limit = 0.4
+    plan = Excitation(signal, amplitude=0.1, rate_limit=limit, duration=5.0).plan(TICK)
+    speed = np.diff(np.concatenate([[0.0], sampled(plan)])) / TICK
+    assert np.abs(speed).max() <= limit * (1 + 1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    signal=st.sampled_from(SIGNALS),
+    amplitude=st.floats(1e-4, math.radians(10.0)),
+    axis=st.sampled_from(["x", "y", "both"]),
+    seed=st.integers(0, 2**63 - 1),
+    limit=st.none() | st.floats(1e-3, 1e3),
+)
+def test_every_signal_stays_within_its_amplitude_and_starts_and_ends_at_rest(
+    signal, amplitude, axis, seed, limit
+):
+    e = Excitation(signal, amplitude, axis, 1, 0.05, 2.0, (1.0, 10.0), amplitude / 10, limit, seed)
+    plan = e.plan(TICK)
+    assert np.abs(plan.angles).max() <= amplitude
+    assert not plan.angles[0].any()
+    assert plan.times[0] == 0.0
+    assert (np.diff(plan.times) > 0).all()
+    assert not (plan.angles[:, 0] * plan.angles[:, 1]).any()  # one axis at a time
+    if limit is None:
+        assert not plan.angles[-1].any()
+    if axis != "both":
+        assert not plan.angles[:, 1 if axis == "x" else 0].any()
+
+
+@pytest.mark.parametrize("signal", ["prbs", "multisine"])
+def test_a_seed_repeats_itself_and_another_differs(signal):
+    one, same, other = (sampled(Excitation(signal, seed=s).plan(TICK)) for s in (1, 1, 2))
+    np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"signal": "sine"}, "there are steps, staircase"),
+        ({"amplitude": 0.2}, "--amplitude-deg 11.4592: must lie in 0 to 10"),
+        ({"band": (5.0, 1.0)}, "--band-hz 5 1"),
+        ({"signal": "chirp", "band": (1.0, 400.0)}, "125 at most"),
+        ({"signal": "staircase", "smallest": 0.5}, "--smallest-deg"),
+        ({"rate_limit": 0.0}, "--rate-limit-deg-s 0"),
+        ({"repeats": 10_000, "hold": 100.0}, "3600 are the most"),
+        ({"seed": -1}, "--seed -1"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_is_told_with_its_flag(settings, says):
+    with pytest.raises(TwinError) as told:
+        Excitation(**settings).plan(TICK)
+    assert says in str(told.value)
+    assert "\n" not in str(told.value)
