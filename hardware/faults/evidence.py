@@ -20,6 +20,7 @@ class Reading:
     gain : angle per full supply, signed [rad]
     gyro : raw reading of the holder gyro [rad/s]
     rate : calibrated x rate · cos y, and y rate, bias not removed [rad/s]
+    fresh : the gyro was read for this frame; else it is the last reading again
     """
 
     dt: float
@@ -28,6 +29,7 @@ class Reading:
     gain: Quad
     gyro: Triple
     rate: Pair
+    fresh: bool = True
 
 
 @dataclass(frozen=True, slots=True)

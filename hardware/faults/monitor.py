@@ -39,6 +39,7 @@ QUICK = 0.008  # s; smoothing of the innovations that make a filter doubt its gy
 DOUBT = radians(0.17)  # 4 σ of them, both potentiometers in use
 HABIT = 0.025  # s; over which a potentiometer's share of outliers is taken
 STRANDED = (radians(3.0), radians(30.0))  # to forget when every potentiometer was refused
+DOUBTFUL = 0.5  # s of disagreement that nobody can be named for, until health says so
 MOSTLY = 0.6  # share of outliers above which it is wrong, not glitching
 
 
@@ -71,7 +72,7 @@ class Monitor:
     @property
     def healthy(self) -> bool:
         """No sensor is named and no axis is in doubt."""
-        return self._named == 0 and all(a.doubtful < 0.5 for a in self._axes)
+        return self._named == 0 and all(a.doubtful < DOUBTFUL for a in self._axes)
 
     @property
     def faults(self) -> tuple[Fault, ...]:
@@ -91,7 +92,7 @@ class Monitor:
         parts += [
             f"potentiometers of {name} disagree"
             for name, axis in zip("xy", self._axes, strict=True)
-            if axis.doubtful >= 0.5 and not parts
+            if axis.doubtful >= DOUBTFUL and not parts
         ]
         return ", ".join(parts) or "ok"
 
@@ -116,16 +117,16 @@ class Monitor:
         for track in self._tracks:
             track.score *= fade
         rest, supply = self._without_supply(reading, prediction)
-        use = self._outliers(reading, prediction, rest, supply)
+        use = self._outliers(reading, prediction, rest)
         self._frozen(reading)
         self._dead_reckon(reading, prediction, rest, use)
         if self._running > SETTLING:
-            self._compare(prediction)
+            self._compare(reading, prediction)
         forget = self._advance(prediction, dt)
         gyro = self._tracks[GYRO]
         doubts = self._doubts(reading, prediction, rest, use)
         forget = (forget[0] or doubts[0], forget[1] or doubts[1])
-        usable = not (gyro.state is State.FAULTY and gyro.kind == "frozen")
+        usable = reading.fresh and not (gyro.state is State.FAULTY and gyro.kind == "frozen")
         marginal = supply or self._tracks[SUPPLY].state in NAMED
         return Remedy(
             use=(use[0], use[1], use[2], use[3]),
@@ -166,14 +167,12 @@ class Monitor:
         error = sum(slope[i] * rest[i] / p.variance[i] for i in wired) / weight
         fitted = [rest[i] - slope[i] * error for i in range(POTENTIOMETERS)]
         fits = all(fitted[i] ** 2 < GATE**2 * p.variance[i] for i in wired)
-        if not fits:
-            return rest, False
-        if error * error * weight > GATE**2:
+        if fits and error * error * weight > GATE**2:
             self._accuse(SUPPLY, 0.3, "sag")
             return fitted, True
         return (fitted, True) if known else (rest, False)
 
-    def _outliers(self, r: Reading, p: Prediction, rest: list[float], supply: bool) -> list[bool]:
+    def _outliers(self, r: Reading, p: Prediction, rest: list[float]) -> list[bool]:
         """Return which potentiometers may be used in this frame."""
         use = [True] * POTENTIOMETERS
         habit = min(1.0, r.dt / HABIT)
@@ -184,7 +183,7 @@ class Monitor:
             pair = p.variance[i] + p.variance[other]
             agree = (rest[i] - rest[other]) ** 2 < GATE**2 * pair
             # Potentiometers that agree against the prediction speak of the gyro, not of one.
-            outlying = z2 > GATE**2 and not supply and (not agree or self._excluded(other))
+            outlying = z2 > GATE**2 and (not agree or self._excluded(other))
             axis.railed[k] += habit * (railed - axis.railed[k])
             axis.outlying[k] += habit * ((outlying or railed) - axis.outlying[k])
             if railed or outlying:
@@ -198,8 +197,13 @@ class Monitor:
         """Tell whether a potentiometer stays out; one that lies now and then may lie a little."""
         return self._tracks[index].state in NAMED
 
+    def _mute(self, r: Reading, axis: int) -> bool:
+        """Tell whether an axis's potentiometers cannot tell a sag from a motion just now."""
+        same_sense = r.gain[2 * axis] * r.gain[2 * axis + 1] > 0
+        return same_sense and self._tracks[SUPPLY].state in NAMED
+
     def _frozen(self, r: Reading) -> None:
-        self._equal = self._equal + 1 if r.gyro == self._last_gyro else 0
+        self._equal = self._equal + 1 if r.gyro == self._last_gyro or not r.fresh else 0
         self._last_gyro = r.gyro
         if self._equal >= FROZEN:
             self._accuse(GYRO, 1.0, "frozen")
@@ -214,6 +218,9 @@ class Monitor:
         forget: list[Pair | None] = [None, None]
         for k, axis in enumerate(self._axes):
             pair = (2 * k, 2 * k + 1)
+            if self._mute(r, k):
+                axis.innovation = 0.0
+                continue
             used = [rest[i] for i in pair if use[i]]
             if used:
                 mean = sum(used) / len(used)
@@ -255,22 +262,27 @@ class Monitor:
                 axis.free += offset * min(1.0, r.dt / leak)
                 axis.bias += (p.bias[index] - axis.bias) * min(1.0, r.dt)
 
-    def _compare(self, p: Prediction) -> None:
+    def _compare(self, r: Reading, p: Prediction) -> None:
         for index, axis in enumerate(self._axes):
             a, b = axis.distance
+            axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
             moving = LAG * abs(p.rate[index]) + max(p.tolerance[2 * index : 2 * index + 2])
             if abs(a - b) > DRIFT + moving:
-                self._disagree(index, a, b, DRIFT + moving)
-            elif min(a * a, b * b) > (COMMON_DRIFT + moving) ** 2 and a * b > 0:
+                self._disagree(index, a, b, DRIFT + moving, r.dt)
+            elif (
+                not self._mute(r, index)
+                and min(a * a, b * b) > (COMMON_DRIFT + moving) ** 2
+                and a * b > 0
+            ):
                 self._accuse(GYRO, 0.2, "bias")
 
-    def _disagree(self, index: int, a: float, b: float, margin: float) -> None:
+    def _disagree(self, index: int, a: float, b: float, margin: float, dt: float) -> None:
         if abs(a) > abs(b) + 0.5 * margin:
             self._accuse(2 * index, 0.2, "deviating")
         elif abs(b) > abs(a) + 0.5 * margin:
             self._accuse(2 * index + 1, 0.2, "deviating")
         elif not (self._excluded(2 * index) or self._excluded(2 * index + 1)):
-            self._axes[index].doubtful += 0.002
+            self._axes[index].doubtful += 2 * dt
 
     def _advance(self, p: Prediction, dt: float) -> tuple[Pair | None, Pair | None]:
         """Move every sensor's state along `TRANSITIONS`; return what the filters should forget."""

@@ -10,6 +10,7 @@ from hardware.faults import POTENTIOMETERS, Monitor, Prediction, Reading, Remedy
 from hardware.frames import GimbalState, Pair, SensorFrame
 from hardware.fusion.axis import ANGLE, BIAS, RATE, Array, Noise, predict, process_noise, transition
 from hardware.fusion.axis import update as take_in
+from hardware.protocol import Flags
 
 LONGEST_STEP_US = 200_000  # after a longer gap the filter starts afresh
 _KEPT_STEPS = 256
@@ -86,6 +87,7 @@ class Fusion:
             gain=self._gains,
             gyro=frame.gyro,
             rate=self.calibration.gyro.rates(frame.gyro),
+            fresh=bool(frame.flags & Flags.HOLDER_IMU),
         )
 
     def _start(self, reading: Reading) -> None:

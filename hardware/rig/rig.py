@@ -93,6 +93,7 @@ class Rig:
         self._next_ns = 0
         self._device_us: int | None = None
         self._frames = 0
+        self._delay_known = False
         self._latest: Telemetry | None = None
 
     def connect(self, timeout_ns: int = CONNECT_NS) -> Hello:
@@ -266,6 +267,7 @@ class Rig:
             )
         self.hello = hello
         self._converter = Converter(hello)
+        self._delay_known = False
         # Number 0 is a boot; any other answers our request and changes nothing once we are ready.
         if self.phase is Phase.GREETING or sequence == 0:
             self._move(Sign.HELLO)
@@ -285,11 +287,10 @@ class Rig:
         if self._converter is None or self.phase is not Phase.READY:
             return None
         self._device_us = self._unwrapped(t.device_us)
-        if self._frames == 0 and self.hello is not None:
-            self.fusion.set_gyro_delay(
-                constants.GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
-                + t.imu_age_us[0] * 1e-6
-            )
+        if not self._delay_known and self.hello is not None:
+            low_pass = constants.GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
+            self.fusion.set_gyro_delay(low_pass + t.imu_age_us[0] * 1e-6)
+            self._delay_known = True
         time_ns = self.estimate.host_ns(self._device_us)
         frame = self._converter.frame(t, time_ns, self._device_us)
         self.state = self.fusion.update(frame)

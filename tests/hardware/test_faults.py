@@ -1,5 +1,6 @@
 """One fault at a time in an emulated rig: the right sensor is named in time, and nothing else."""
 
+from dataclasses import replace
 from math import radians
 
 import numpy as np
@@ -64,6 +65,26 @@ def test_frozen_gyro_is_named_and_the_potentiometers_carry_on():
     assert trial.error(ONSET, END).max() < radians(0.3)  # two potentiometers alone: 0.12° a reading
 
 
+def test_sag_is_named_too_where_both_potentiometers_turn_in_the_same_sense():
+    rig = sample_rig(SEED)
+    same = tuple(replace(p, direction=1) for p in rig.sensors.potentiometers)
+    rig = replace(rig, sensors=replace(rig.sensors, potentiometers=same))
+    sag = parse(f"supply:sag:0.1@{ONSET}-{END}")
+    trial = run(rig, random_steps(SEED), END, injections=(sag,), seed=SEED)
+    assert list(trial.named()) == ["supply"]
+    # The gyro alone carries the angle: bias known to 0.05 °/s for 2 s, scale to 0.3 % of the steps.
+    assert trial.error(ONSET, END).max() < radians(0.3)
+
+
+def test_gyro_that_is_no_longer_read_is_not_used_and_is_named():
+    monitor = _monitor()
+    for k in range(12):
+        stale = replace(_frame(gyro=(1e-3 * k, 0, 0)), fresh=False)
+        remedy = monitor.inspect(stale, _expected())
+        assert remedy.use_gyro == (False, False)
+    assert [(f.sensor, f.kind) for f in monitor.faults] == [("gyro", "frozen")]
+
+
 def test_fault_that_ends_is_forgiven_after_two_clean_seconds():
     fault = parse("potentiometer_x_a:offset:5@3-3.5")
     trial = run(sample_rig(SEED), random_steps(SEED), 6.5, injections=(fault,), seed=SEED)
@@ -126,6 +147,25 @@ def test_same_factor_on_three_is_not_the_supply():
     for k in range(5):
         monitor.inspect(_frame(angle, (1e-3 * k, 0, 0)), _expected())
     assert "supply" not in {f.sensor for f in monitor.faults}
+
+
+def test_disagreement_without_a_culprit_is_said_and_ends_with_it():
+    monitor = _monitor()
+    angle = (radians(0.5), -radians(0.5), 0.0, 0.0)  # both as far from the estimate, 1° apart
+    vague = _expected(radians(1.0))
+
+    def show(angles, seconds):
+        for k in range(int(seconds / 0.002)):
+            monitor.inspect(_frame(angles, (1e-3 * (-1) ** k, 0, 0)), vague)
+
+    show((0.0, 0.0, 0.0, 0.0), 2.0)
+    show(angle, 1.0)
+    assert monitor.faults == ()
+    assert not monitor.healthy
+    assert monitor.describe() == "potentiometers of x disagree"
+    show((0.0, 0.0, 0.0, 0.0), 2.0)
+    assert monitor.healthy
+    assert monitor.describe() == "ok"
 
 
 def test_every_state_can_be_left_and_faulty_never_jumps_to_ok():

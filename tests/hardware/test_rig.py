@@ -93,6 +93,17 @@ def test_every_frame_of_a_poll_has_its_state(skewed):
     assert rig.states[-1] is rig.state
 
 
+def test_another_low_pass_changes_the_delay_the_fusion_reckons_with(skewed):
+    device, rig = skewed
+    rig.connect()
+    _advance(rig, device, 20)
+    age = 620e-6
+    assert rig.fusion.noise.gyro_delay == pytest.approx(constants.GYRO_DELAY_S[2] + age)
+    rig.configure(replace(default_config(), dlpf=5))
+    _advance(rig, device, 20)
+    assert rig.fusion.noise.gyro_delay == pytest.approx(constants.GYRO_DELAY_S[5] + age)
+
+
 def test_close_drives_to_neutral(skewed):
     device, rig = skewed
     rig.connect()
