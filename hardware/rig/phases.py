@@ -22,6 +22,7 @@ class Sign(StrEnum):
     OPENED = "opened"
     HELLO = "hello"
     SYNCED = "synced"
+    SILENT = "silent"
 
 
 # A pair that is missing leaves the phase as it is.
@@ -34,6 +35,8 @@ TRANSITIONS: dict[tuple[Phase, Sign], Phase] = {
     (Phase.SYNCING, Sign.OPENED): Phase.GREETING,
     (Phase.READY, Sign.LOST): Phase.AWAY,
     (Phase.READY, Sign.OPENED): Phase.GREETING,
+    (Phase.SYNCING, Sign.SILENT): Phase.GREETING,
+    (Phase.READY, Sign.SILENT): Phase.GREETING,
     (Phase.READY, Sign.HELLO): Phase.SYNCING,  # it rebooted behind our back
 }
 

@@ -39,6 +39,7 @@ SYNC_NS = 10_000_000  # between PINGs while the clock is not known yet
 PING_NS = 200_000_000  # and later
 SYNC_COUNT = 10
 CONNECT_NS = 4_000_000_000  # a Nano's bootloader takes 2 s
+SILENCE_NS = 300_000_000  # without a frame on an open line: hung, or only half plugged in
 TIMEOUT_MS = 100
 _POLL_NS = 1_000_000
 
@@ -91,6 +92,7 @@ class Rig:
         self._converter: Converter | None = None
         self._generation = 0
         self._next_ns = 0
+        self._heard_ns = 0
         self._device_us: int | None = None
         self._frames = 0
         self._delay_known = False
@@ -142,6 +144,10 @@ class Rig:
         if self.line.generation != self._generation:
             self._generation = self.line.generation
             self._move(Sign.OPENED)
+        if arrived:
+            self._heard_ns = self._clock()
+        elif self._clock() - self._heard_ns > SILENCE_NS:
+            self._move(Sign.SILENT)
         frames = [f for event in arrived if (f := self._take(event)) is not None]
         self._speak()
         return frames

@@ -227,6 +227,21 @@ def test_silence_is_told_apart_from_noise():
         _rig(_Line([Frame(0, _hello())])).connect(500_000_000)
 
 
+def test_device_that_falls_silent_on_an_open_line_is_greeted_again(skewed):
+    device, rig = skewed
+    rig.connect()
+    _advance(rig, device, 50)
+    report, device._report = device._report, lambda _: None
+    device.device.receive = lambda *_: None
+    _advance(rig, device, 320)
+    assert rig.phase is Phase.GREETING
+    assert rig.health == "rig greeting"
+    del device.device.receive
+    device._report = report
+    _advance(rig, device, 400)
+    assert rig.phase is Phase.READY
+
+
 def test_reboot_behind_our_back_begins_anew(skewed):
     device, rig = skewed
     rig.connect()
