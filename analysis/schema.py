@@ -105,9 +105,10 @@ _TABLE = (
     _signal("vehicle/thrust", "thrust", "N"),
     _signal("vehicle/angle_of_attack", "angle", "rad", "deg", "sampled"),  # NaN without airspeed
     _signal("vehicle/airspeed", "speed", "m/s"),
-    # wanted nose direction, as vehicle/tilt; and the rotation still missing, about body x and y
-    _signal("control/setpoint", "x y", "rad", "deg"),
-    _signal("control/error", "x y", "rad", "deg"),
+    # wanted nose direction, as vehicle/tilt; and the rotation still missing, about body x and y;
+    # NaN while no thrust steers
+    _signal("control/setpoint", "x y", "rad", "deg", "sampled"),
+    _signal("control/error", "x y", "rad", "deg", "sampled"),
     # the rig's readings, exactly as received
     _signal("sensors/potentiometer", "x_a x_b y_a y_b", "1", kind="sampled"),  # of the supply
     _signal("sensors/gyro", "x y z", "rad/s", kind="sampled"),

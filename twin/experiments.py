@@ -49,6 +49,7 @@ def fly(config: Fly) -> FlightResult:
         flight = Flight(plant, rows, pilot.error, target)
         recorder = stack.enter_context(_recorder(config, "fly", plant.twin, rows))
         rows.bind(recorder)
+        flight.announce = recorder.event
         clock = stack.enter_context(_clock(config))
         outcome = run(
             Seats(plant, SimulatedGimbal(plant), pilot, clock),

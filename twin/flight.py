@@ -1,6 +1,7 @@
 """One flight: what it is to do, when it is over, and what it amounted to."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -58,11 +59,16 @@ def _numeric(model: mujoco.MjModel, name: str) -> Array:
 
 
 class Flight:
-    """Watches a flight tick by tick; decides when it is over and sums it up."""
+    """Watches a flight tick by tick; decides when it is over and sums it up.
+
+    Attributes
+    ----------
+    announce : told time [ns] and text of what happens
+    """
 
     def __init__(self, plant: Plant, rows: Rows, error: Array, target: Vector | None) -> None:
         self._plant, self._rows, self._error = plant, rows, error
-        self._start = np.array(_start(plant.model))
+        self._start = _start(plant.model)
         self._target = None if target is None else np.array(target)
         self._burnout_ns = round(_burnout(plant.model) * 1e9)
         self._ramp = float(_numeric(plant.model, "ramp_length")[0])
@@ -73,6 +79,8 @@ class Flight:
         self._closure = 0.0
         self._closest, self._closest_ns = math.inf, 0
         self._burnout_range: float | None = None
+        self._on_ramp = True
+        self.announce: Callable[[int, str], None] = lambda *_: None
 
     def watch(self, time_ns: int) -> None:
         """Take note of the plant's state at this tick."""
@@ -87,11 +95,19 @@ class Flight:
             ex, ey = self._error.tolist()
             self._errors.append(ex * ex + ey * ey)
         elif self._burnout_range is None:
-            self._burnout_range = float(np.linalg.norm(plant.position - self._start))
+            self._burnout_range = math.dist((x, y, z), self._start)
+            self._tell(time_ns, "burnout", self._burnout_range, vx, vy, vz)
+        if self._on_ramp and math.dist((x, y, z), self._start) > self._ramp:
+            self._on_ramp = False
+            self._tell(time_ns, "left the ramp", self._ramp, vx, vy, vz)
         if self._target is not None:
             distance = math.dist((x, y, z), self._target)
             if distance < self._closest:
                 self._closest, self._closest_ns = distance, time_ns
+
+    def _tell(self, time_ns: int, what: str, distance: float, *velocity: float) -> None:
+        speed = math.hypot(*velocity)
+        self.announce(time_ns, f"{what} at {speed:.1f} m/s, {distance:.1f} m from the launch point")
 
     def over(self) -> str | None:
         """Why the flight is over, or None while it is not."""

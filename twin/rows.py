@@ -45,7 +45,8 @@ class Rows:
         self.command: Array = np.zeros(2)
         self.closure: Array = np.zeros(2)
         self._servo: Array = np.zeros(2)
-        self._flow: Array = np.zeros(7)  # tilt x y, airspeed, angle of attack, thrust, setpoint x y
+        # tilt x y, airspeed, angle of attack, thrust, setpoint x y, error x y
+        self._flow: Array = np.zeros(9)
         self._wall_ns = 0
         self._recorder: Recorder | None = None
         self._copies: list[tuple[Array, Array]] = []
@@ -70,7 +71,7 @@ class Rows:
             sources |= dict(zip(VEHICLE, state, strict=True))
             parts = (flow[0:2], flow[2:3], flow[3:4], flow[4:5])
             sources |= dict(zip(FLOW, parts, strict=True))
-            sources |= dict(zip(CONTROL, (flow[5:7], self._pilot.error), strict=True))
+            sources |= dict(zip(CONTROL, (flow[5:7], flow[7:9]), strict=True))
             self._tables = _tables(plant.model)
         return sources
 
@@ -93,7 +94,7 @@ class Rows:
         if self._pilot is not None:
             _flow(
                 self._flow, time_ns * 1e-9, plant.position, plant.velocity, plant.attitude,
-                self._pilot.direction, *self._tables,
+                self._pilot.direction, self._pilot.error, *self._tables,
             )  # fmt: skip
 
     def write(self, time_ns: int) -> None:
@@ -149,7 +150,7 @@ def _gaps(out: Array, sites: Array, loops: NDArray[np.int64]) -> None:
 @njit(cache=True)
 def _flow(
     out: Array, time: float, position: Array, velocity: Array, attitude: Array, nose: Array,
-    wind: Array, modes: Array, curve_time: Array, curve_thrust: Array,
+    error: Array, wind: Array, modes: Array, curve_time: Array, curve_thrust: Array,
 ) -> None:  # fmt: skip
     speed, azimuth, exponent, reference, turbulence = wind
     mean = mean_wind(speed, position[2], reference, exponent)
@@ -171,4 +172,8 @@ def _flow(
     cosine = (zx * rx + zy * ry + zz * rz) / airspeed if airspeed > STILL else math.nan
     out[3] = math.acos(min(1.0, max(-1.0, cosine))) if airspeed > STILL else math.nan
     out[4] = np.interp(time, curve_time, curve_thrust)
-    out[5], out[6] = math.atan2(-nose[1], nose[2]), math.atan2(nose[0], nose[2])
+    # without thrust nothing steers, and there is no error to speak of
+    steered = out[4] > 0.0
+    out[5] = math.atan2(-nose[1], nose[2]) if steered else math.nan
+    out[6] = math.atan2(nose[0], nose[2]) if steered else math.nan
+    out[7], out[8] = (error[0], error[1]) if steered else (math.nan, math.nan)
