@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-tools bench lint format meshes docs-check lock clean
+.PHONY: env run test test-long test-tools bench lint format meshes docs-check lock clean
 
 env: $(STAMP)
 
@@ -23,6 +23,10 @@ test-tools:
 
 test: env test-tools
 	$(BIN)/python -m pytest tests --durations=8
+
+# The long forms as well: whole minutes of simulated telemetry, hundreds of seeds.
+test-long: env test-tools
+	$(BIN)/python -m pytest tests -m "slow or not slow" --durations=8
 
 bench: env
 	$(BIN)/python -m tests.benchmarks
