@@ -156,12 +156,11 @@ def residual_tests(problem: Problem, weighted: Array, is_rate: bool) -> Residual
         e = weighted[rows] - weighted[rows].mean() if len(rows) else weighted[rows]
         if len(e) <= _LAGS + 1:
             continue
-        products += [float(e[k:] @ e[: len(e) - k]) for k in range(_LAGS + 1)]
+        products += _lagged(e, e)
         count, power = count + len(e), power + float(e @ e)
         held = np.searchsorted(part.input_time, problem.time[rows], side="right") - 1
         change = np.diff(part.input[np.clip(held, 0, None)], axis=0, prepend=part.input[:1])
-        columns = np.ascontiguousarray(change.T)
-        cross += [[float(e[k:] @ c[: len(e) - k]) for k in range(_LAGS + 1)] for c in columns]
+        cross += [_lagged(e, c) for c in change.T]
         moves = moves + np.sum(change**2, axis=0)
     if count == 0 or power == 0.0:
         return Residuals(0.0, 1.0, 0.0, 1.0)
@@ -171,3 +170,10 @@ def residual_tests(problem: Problem, weighted: Array, is_rate: bool) -> Residual
     largest = float(np.max(np.abs(cross) / np.atleast_1d(scale)[:, None]))
     bound = float(ndtri(1.0 - 0.005 / _LAGS) / np.sqrt(count))
     return Residuals(float(np.abs(rho).max()), float(chdtrc(_LAGS, q)), largest, bound)
+
+
+def _lagged(a: Array, b: Array) -> Array:
+    """Σ a(i + k)·b(i) over the lags k = 0 … 20."""
+    size = 2 ** int(np.ceil(np.log2(len(a) + _LAGS + 1)))
+    product = np.fft.rfft(a, size) * np.conj(np.fft.rfft(b, size))
+    return np.asarray(np.fft.irfft(product, size)[: _LAGS + 1])

@@ -20,6 +20,8 @@ from analysis.identify.records import Record
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
+_ILL = 1e-6  # pivot of unit columns: below, squaring the condition costs too many digits
+
 
 @dataclass(frozen=True, slots=True)
 class Layout:
@@ -139,8 +141,7 @@ class Problem:
         basis = phi * self.weight[:, None]
         scale = np.linalg.norm(basis, axis=0)
         scale[scale == 0.0] = 1.0
-        q, r = np.linalg.qr(basis / scale)
-        # a column the weights have emptied (a step held out) keeps a zero pivot: solve around it
+        q, r = _orthonormal(basis / scale)
         solved = np.linalg.lstsq(r, q.T @ (self.measured * self.weight), rcond=1e-12)[0]
         linear = solved / scale
         residual = self.measured - phi @ linear
@@ -279,6 +280,27 @@ def assemble(
         np.ones(len(measured)),
         shared_offset,
     )
+
+
+def _orthonormal(basis: Array) -> tuple[Array, Array]:
+    """Orthonormal columns Q and R of a tall basis of unit columns, or zero ones.
+
+    Cholesky twice over: a tenth of Householder's time on tall matrices, and as orthogonal up to a
+    condition of 1e8 (Y. Yamamoto et al., ETNA 44, 2015); beyond, Householder.
+    """
+    q, r = basis, np.eye(basis.shape[1])
+    for _ in range(2):
+        gram = q.T @ q
+        # a column the weights have emptied (its record held out) stays empty
+        gram[np.diag_indices_from(gram)] += np.diag(gram) == 0.0
+        try:
+            upper = np.linalg.cholesky(gram).T
+        except np.linalg.LinAlgError:
+            upper = np.zeros_like(gram)
+        if np.diag(upper).min(initial=1.0) < _ILL:
+            return np.linalg.qr(basis)
+        q, r = q @ np.linalg.inv(upper), upper @ r
+    return q, r
 
 
 def _measured_rows(values: Array | None, axis: int) -> Rows:

@@ -265,7 +265,7 @@ def _bound(r, num, den, delay, sigma):
         g = control.ss(control.tf(p[:m], np.concatenate([[1.0], p[m : m + n]])))
         t = r.time
         # PRBS held over samples: an undelayed run on the samples' own grid, then shifted in time
-        fine = np.arange(0.0, t[-1] + 1e-9, (t[1] - t[0]) / 20.0)
+        fine = np.arange(0.0, t[-1] + 1e-9, (t[1] - t[0]) / (10.0 if delay else 1.0))
         u = r.held_input(fine)[:, 0]
         _, y = control.forced_response(g.sample(fine[1], "zoh"), U=u)
         return np.interp(t - p[-1], fine, np.asarray(y), left=0.0)
