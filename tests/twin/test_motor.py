@@ -43,6 +43,23 @@ def test_several_motors_in_a_file_are_chosen_by_name(tmp_path: Path) -> None:
             Motor.from_eng(file, name)
 
 
+@pytest.mark.parametrize(
+    ("time", "thrust", "says"),
+    [
+        ([0, 1, 2], [0, 5, 5], "never ends"),
+        ([0, 1], [5, 0], "needs 3"),
+        ([0, 1, 2], [0, 0, 0], "no thrust"),
+        ([0, 1, np.nan], [0, 5, 0], "not finite"),
+        ([1, 2, 3], [0, 5, 0], "increase"),
+    ],
+)
+def test_a_motor_made_in_code_is_checked_like_a_file(
+    time: list[float], thrust: list[float], says: str
+) -> None:
+    with pytest.raises(MotorError, match=says):
+        Motor("mine", np.array(time), np.array(thrust), 0.1, 0.2, 0.029, 0.1)
+
+
 def test_curves_are_read_only() -> None:
     with pytest.raises(ValueError, match="read-only"):
         parse(GOOD)[0].thrust[0] = 1
@@ -257,6 +274,21 @@ def test_depletion_reaches_the_mass_matrix(flight: mujoco.MjModel) -> None:
         mujoco.mj_fullM(flight, data, full)
         totals.append(full[0, 0])
     assert totals[0] - totals[1] == pytest.approx(0.1164, abs=2e-6)
+
+
+def test_centre_of_the_remaining_grain_is_where_mujoco_puts_it(flight: mujoco.MjModel) -> None:
+    """Also where MuJoCo takes the centre for the body's origin, as it was in the file."""
+    body = flight.body("gimbal_propellant")
+    flight.body_sameframe[body.id] = mujoco.mjtSameFrame.mjSAMEFRAME_BODY
+    Depletion(flight).update(8.0)
+    data = mujoco.MjData(flight)
+    mujoco.mj_forward(flight, data)
+    placed = data.body("gimbal_propellant")
+    offset = placed.xmat.reshape(3, 3).T @ (placed.xipos - placed.xpos)
+    burnt = 1 - body.mass[0] / 0.1164
+    # the face of an end burner recedes: the centre moves up by half the length that is gone
+    gone = flight.numeric("motor_grain_length").data[0] * burnt
+    np.testing.assert_allclose(offset, [0, 0, gone / 2], atol=1e-9)
 
 
 def test_burnt_fraction_is_that_of_the_motor(flight: mujoco.MjModel) -> None:

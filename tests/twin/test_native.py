@@ -174,11 +174,16 @@ def test_jet_damping_balances_the_angular_momentum_of_the_gas(model: mujoco.MjMo
 
 
 @pytest.mark.usefixtures("callbacks")
+@pytest.mark.parametrize("ahead", [30, -60])
 @pytest.mark.parametrize("form", [0, 1])
-def test_air_is_the_sum_of_the_formulas_about_the_axis(model: mujoco.MjModel, form: int) -> None:
+def test_air_is_the_sum_of_the_formulas_about_the_axis(
+    model: mujoco.MjModel, form: int, ahead: float
+) -> None:
     put(model, motor_impulse=0, air_model=form, wind_speed=6, wind_azimuth=0.4, wind_exponent=0.2)
     data = still(model)
-    data.qvel[:6] = 12, -7, 30, 1.5, -2.0, 4.0
+    data.qvel[:6] = 12, -7, 0, 1.5, -2.0, 4.0
+    mujoco.mj_forward(model, data)
+    data.qvel[:3] += ahead * data.body("vehicle").xmat.reshape(3, 3)[:, 2]
     added = passive(model, data)
     mujoco.mj_forward(model, data)
     n = {k.name: model.numeric(k.name).data for k in NUMERICS}

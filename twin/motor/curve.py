@@ -149,7 +149,9 @@ def _check_curve(name: str, time: Array, thrust: Array) -> None:
         raise MotorError(f"{motor}: the thrust curve has {time.size} points; it needs 3 or more")
     if not (np.isfinite(time).all() and np.isfinite(thrust).all()):
         raise MotorError(f"{motor}: the thrust curve holds a number that is not finite")
-    if time[0] != 0 or not (np.diff(time) > 0).all():
+    if time[0] != 0:
+        raise MotorError(f"{motor}: the curve starts at {time[0]:g} s; times increase from 0")
+    if not (np.diff(time) > 0).all():
         worst = int(np.argmax(np.diff(time) <= 0)) + 1
         raise MotorError(
             f"{motor}: time {time[worst]:g} s follows {time[worst - 1]:g} s;"
