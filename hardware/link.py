@@ -251,7 +251,12 @@ def _explain(url: str, error: Exception) -> str:
     return f"{url} is no serial port ({text}); ports here: {_ports()}"
 
 
-def _ports() -> str:
+def available() -> dict[str, str]:
+    """Serial ports of this machine: device name and what the operating system calls it."""
     from serial.tools import list_ports
 
-    return ", ".join(sorted(p.device for p in list_ports.comports())) or "none"
+    return {str(p.device): str(p.description) for p in list_ports.comports()}
+
+
+def _ports() -> str:
+    return ", ".join(sorted(available())) or "none"

@@ -142,19 +142,19 @@ def _real_time() -> Iterator[Finding]:
 
 
 def _ports() -> Iterator[Finding]:
-    from serial.tools import list_ports
+    from hardware import link
 
-    ports = list(list_ports.comports())
+    ports = link.available()
     if not ports:
         yield Finding("serial ports", "note", "none", "plug a Nano in, or use `--gimbal linkage`")
-    for port in ports:
-        usable = os.access(port.device, os.R_OK | os.W_OK)
+    for device, description in ports.items():
+        usable = not device.startswith("/") or os.access(device, os.R_OK | os.W_OK)
         remedy = "" if usable else "add yourself to the group `dialout` and log in again"
-        yield Finding(port.device, "ok" if usable else "missing", port.description, remedy)
-        timer = Path("/sys/bus/usb-serial/devices", Path(port.device).name, "latency_timer")
+        yield Finding(device, "ok" if usable else "missing", description, remedy)
+        timer = Path("/sys/bus/usb-serial/devices", Path(device).name, "latency_timer")
         if timer.is_file() and timer.read_text().strip() != "1":
             remedy = f"write 1 to {timer}: until then bytes wait up to 16 ms in the adapter"
-            yield Finding(port.device, "note", f"latency {timer.read_text().strip()} ms", remedy)
+            yield Finding(device, "note", f"latency {timer.read_text().strip()} ms", remedy)
 
 
 def _avr() -> Iterator[Finding]:
