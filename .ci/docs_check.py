@@ -1,4 +1,4 @@
-"""Every relative link of the documentation leads somewhere; every `twin` command it shows exists."""
+"""Every relative link of the documentation leads somewhere, every command it shows exists."""
 
 import re
 import shlex

@@ -46,7 +46,7 @@ def test_a_mechanism_finds_its_meshes_beside_its_own_file_from_any_folder(tmp_pa
 
 
 def test_a_mesh_with_a_hole_is_refused_by_name(tmp_path):
-    with pytest.raises(TwinError, match="part.*not watertight: 3 of its edges"):
+    with pytest.raises(TwinError, match=r"part.*not watertight: 3 of its edges"):
         load(ModelConfig(mechanism=with_mesh(tmp_path, TETRAHEDRON[:3])))
 
 

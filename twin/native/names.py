@@ -73,4 +73,3 @@ def table() -> str:
     head = "| numeric | size | unit | meaning | default |\n|---|---|---|---|---|\n"
     rows = (f"| `{n.name}` | {n.size} | {n.unit} | {n.meaning} | {n.default} |" for n in NUMERICS)
     return head + "\n".join(rows)
-
