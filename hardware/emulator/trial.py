@@ -184,7 +184,7 @@ def calibrate(
     hardware.calibration.CalibrationError : implausible
     """
     device = Emulator(parameters, injections=injections, seed=seed)
-    seat = in_process(device)
+    seat = in_process(device, fuse=False)
     hello = seat.connect()
     procedure = Procedure(rig or CalibrationRig(seed=seed), hello.build)
     frames = 0

@@ -44,7 +44,11 @@ class SimulatedDevice(Endpoint, Protocol):
 
 
 def in_process(
-    device: SimulatedDevice, calibration: Calibration | None = None, *, arm: bool = True
+    device: SimulatedDevice,
+    calibration: Calibration | None = None,
+    *,
+    arm: bool = True,
+    fuse: bool = True,
 ) -> Rig:
     """Return a rig in lockstep with a simulated device, whose time is the experiment's."""
 
@@ -54,4 +58,5 @@ def in_process(
     def wait(duration_ns: int) -> None:
         device.advance_us(max(1, duration_ns // 1000))
 
-    return Rig(LockstepLine(device, clock), calibration, clock=clock, wait=wait, arm=arm)
+    line = LockstepLine(device, clock)
+    return Rig(line, calibration, clock=clock, wait=wait, arm=arm, fuse=fuse)

@@ -59,6 +59,7 @@ class Rig:
     wait : lets time pass [ns] while `connect` waits; lockstep advances the device here
     noise : assumptions of the fusion
     arm : obey commands once connected; a mirror that only watches leaves the servos alone
+    fuse : estimate the gimbal's state; a calibration has no use for it
 
     Attributes
     ----------
@@ -78,6 +79,7 @@ class Rig:
         wait: Callable[[int], None] = lambda ns: time.sleep(ns * 1e-9),
         noise: Noise | None = None,
         arm: bool = True,
+        fuse: bool = True,
     ) -> None:
         self.line = line
         self.calibrated = calibration is not None
@@ -88,7 +90,7 @@ class Rig:
         self.hello: Hello | None = None
         self.phase = Phase.AWAY
         self.estimate = ClockEstimate()
-        self._clock, self._wait, self._arm = clock, wait, arm
+        self._clock, self._wait, self._arm, self._fuse = clock, wait, arm, fuse
         self._converter: Converter | None = None
         self._generation = 0
         self._next_ns = 0
@@ -299,7 +301,8 @@ class Rig:
             self._delay_known = True
         time_ns = self.estimate.host_ns(self._device_us)
         frame = self._converter.frame(t, time_ns, self._device_us)
-        self.state = self.fusion.update(frame)
-        self.states.append(self.state)
+        if self._fuse:
+            self.state = self.fusion.update(frame)
+            self.states.append(self.state)
         self._frames += 1
         return frame
