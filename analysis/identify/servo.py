@@ -192,7 +192,7 @@ def _fit(
         _descend(problem, axis, structure, starts[i], max_delay, tight) for i in ranked[:_FOLLOWED]
     ]
     theta, converged = min(ended, key=lambda e: _loss(problem, axis, structure, e[0]))
-    free, theta = _worth_having(problem, axis, structure, theta, max_delay, kept)
+    free, theta = _worth_having(problem, axis, structure, theta, starts, max_delay, kept)
     noise: Pair = (np.nan, np.nan)
     for _ in range(_ROUNDS):
         _, linear, residual = _project(problem, axis, structure, theta)
@@ -327,7 +327,13 @@ def _descend(
 
 
 def _worth_having(
-    problem: Problem, axis: int, structure: Structure, theta: Array, max_delay: float, kept: Mask
+    problem: Problem,
+    axis: int,
+    structure: Structure,
+    theta: Array,
+    starts: list[Array],
+    max_delay: float,
+    kept: Mask,
 ) -> tuple[NDArray[np.intp], Array]:
     """Which parameters to free, and where to start: dead band and backlash if they predict steps.
 
@@ -338,17 +344,22 @@ def _worth_having(
     poles = problem.layout.poles
     tight = np.arange(poles + 2)
     band, play_ = poles + 2, poles + 3
+    static = static_dead_band(problem, axis)
     if structure == "speed":
-        theta = _with(theta, [band], np.array([static_dead_band(problem, axis)]))
+        theta = _with(theta, [band], np.array([static]))
     choices = [(tight, theta)]
     extra = [[band]] if structure == "speed" else []
     if _reverses(problem, axis):
         extra += [[play_], [band, play_]] if structure == "speed" else [[play_]]
-    scale = _scales(problem)
+    least = _scales(problem)
     for more in extra:
         free = np.concatenate([tight, more])
-        starts = [_with(theta, more, np.maximum(theta[more], scale[more] * f)) for f in (0.3, 1.5)]
-        ended = [_descend(problem, axis, structure, s, max_delay, free)[0] for s in starts]
+        # settled angles fall short by a dead band or by half of a backlash: they cannot tell which
+        shares = [static / len(more) if k == band else 2.0 * static / len(more) for k in more]
+        values = np.maximum(shares, least[more])
+        begins = [_with(_with(t, [band], np.zeros(1)), more, values) for t in (theta, *starts)]
+        begins = sorted(begins, key=lambda t: _loss(problem, axis, structure, t))[:_FOLLOWED]
+        ended = [_descend(problem, axis, structure, b, max_delay, free)[0] for b in begins]
         choices.append((free, min(ended, key=lambda t: _loss(problem, axis, structure, t))))
     folds = step_folds(problem, axis, _FOLDS)
     losses = []

@@ -84,6 +84,7 @@ def bootstrap(
     drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=_DRAWS).astype(float)
     # an offset whose record was not drawn has no equation: a trace of the whole keeps it in place
     anchor = 1e-6 * normal.sum(axis=0)
+    anchor[np.diag_indices_from(anchor)] += np.where(np.diag(anchor) == 0.0, 1.0, 1e-12)
     moves = np.linalg.solve(
         np.tensordot(drawn, normal, axes=1) + anchor, (drawn @ pull)[:, :, None]
     )[:, :, 0]
