@@ -105,7 +105,6 @@ class Monitor:
             axis.distance = [0.0, 0.0]
             axis.innovation = 0.0
             axis.doubtful = 0.0
-        self._pending_start = True
         return (a, b, c, d)
 
     def inspect(self, reading: Reading, prediction: Prediction) -> Remedy:
@@ -253,11 +252,9 @@ class Monitor:
                     continue  # single wrong readings are outliers; they must not look like a drift
                 axis.distance[k] += smooth * (rest[i] + offset - axis.distance[k])
             parity = axis.distance[0] - axis.distance[1]
-            if (
-                abs(parity) < 0.5 * DRIFT
-                or self._excluded(2 * index)
-                or self._excluded(2 * index + 1)
-            ):
+            named = self._excluded(2 * index) or self._excluded(2 * index + 1)
+            # While they part, the angle stays with the gyro: the estimate follows their mean.
+            if named or abs(parity) < 0.5 * DRIFT:
                 leak = LEAK if not wrong_gyro else 0.1 * LEAK
                 axis.free += offset * min(1.0, r.dt / leak)
                 axis.bias += (p.bias[index] - axis.bias) * min(1.0, r.dt)

@@ -57,6 +57,19 @@ def test_stuck_potentiometer_is_named_once_the_gimbal_has_moved():
     assert named["potentiometer_y_a"] - moved < 0.05
 
 
+def test_stuck_potentiometer_is_named_even_when_the_gimbal_only_creeps():
+    def creep(time):  # 0.5 °/s: the filter's mean has time to follow the stuck one half way
+        return radians(0.5 * time - 2), 0.0
+
+    fault = parse("potentiometer_x_a:stuck@2")
+    trial = run(sample_rig(8), creep, 4.5, injections=(fault,), seed=8)
+    assert list(trial.named()) == ["potentiometer_x_a"]
+    moved = trial.true_angle[trial.time >= 2.0, 0]
+    when = trial.time[trial.time >= 2.0][np.argmax(np.abs(moved - moved[0]) > radians(1.0))]
+    assert trial.named()["potentiometer_x_a"] < when + 0.05
+    assert trial.error(2.0)[0] < radians(0.15)
+
+
 def test_frozen_gyro_is_named_and_the_potentiometers_carry_on():
     trial = _run("gyro:frozen")
     named = trial.named()
