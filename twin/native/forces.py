@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import numpy as np
 from numba import cfunc, types
-from numpy.typing import NDArray
 
 from twin import aerodynamics as air
 from twin.native import ramp
@@ -16,23 +15,23 @@ from twin.native.cache import fingerprint, jit
 from twin.native.index import FIRST, NOZZLE, PROPELLANT, VEHICLE, locate
 from twin.native.layout import DATA, MODEL, address, floats, integers, number, size
 from twin.native.names import SLOT
+from twin.native.rigid_body import (
+    Array,
+    Vector,
+    apply_force,
+    cross,
+    turn,
+    turn_back,
+    vector,
+    velocity_at,
+)
 from twin.native.servo import dead_bands
-
-Vector = tuple[float, float, float]
-Array = NDArray[np.float64]
 
 _TIME, _XPOS, _XMAT, _XIPOS = DATA["time"], DATA["xpos"], DATA["xmat"], DATA["xipos"]
 _SITE_XPOS, _SITE_XMAT = DATA["site_xpos"], DATA["site_xmat"]
-_COM, _CDOF, _CVEL, _PASSIVE = (
-    DATA["subtree_com"],
-    DATA["cdof"],
-    DATA["cvel"],
-    DATA["qfrc_passive"],
-)
-_NV, _NBODY, _NSITE = MODEL["nv"], MODEL["nbody"], MODEL["nsite"]
+_COM, _MASS = DATA["subtree_com"], MODEL["body_mass"]
+_NBODY, _NSITE = MODEL["nbody"], MODEL["nsite"]
 _NUMERIC, _NNUMERIC = MODEL["numeric_data"], MODEL["nnumericdata"]
-_ROOT, _PARENT, _WELD = MODEL["body_rootid"], MODEL["dof_parentid"], MODEL["body_weldid"]
-_DOF, _DOFS, _MASS = MODEL["body_dofadr"], MODEL["body_dofnum"], MODEL["body_mass"]
 _SITE_BODY = MODEL["site_bodyid"]
 
 
@@ -79,78 +78,6 @@ def _array(data: Array, index: Array, slot: int) -> Array:
 
 
 @jit
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@jit
-def _turn(rotation: Array, v: Vector) -> Vector:
-    """Local to world."""
-    r = rotation
-    return (
-        r[0] * v[0] + r[1] * v[1] + r[2] * v[2],
-        r[3] * v[0] + r[4] * v[1] + r[5] * v[2],
-        r[6] * v[0] + r[7] * v[1] + r[8] * v[2],
-    )
-
-
-@jit
-def _turn_back(rotation: Array, v: Vector) -> Vector:
-    """World to local."""
-    r = rotation
-    return (
-        r[0] * v[0] + r[3] * v[1] + r[6] * v[2],
-        r[1] * v[0] + r[4] * v[1] + r[7] * v[2],
-        r[2] * v[0] + r[5] * v[1] + r[8] * v[2],
-    )
-
-
-@jit
-def _vector(array: Array, row: int) -> Vector:
-    return array[3 * row], array[3 * row + 1], array[3 * row + 2]
-
-
-@jit
-def _velocity(m: int, d: int, body: int, point: Vector) -> tuple[Vector, Vector]:
-    """World velocity of a body's point, and the body's angular velocity."""
-    nbody = size(m, _NBODY)
-    root = integers(m, _ROOT, nbody)[body]
-    com = _vector(floats(d, _COM, 3 * nbody), root)
-    cvel = floats(d, _CVEL, 6 * nbody)[6 * body : 6 * body + 6]
-    w = (cvel[0], cvel[1], cvel[2])
-    c = _cross(w, (point[0] - com[0], point[1] - com[1], point[2] - com[2]))
-    return (cvel[3] + c[0], cvel[4] + c[1], cvel[5] + c[2]), w
-
-
-@jit
-def apply_force(m: int, d: int, body: int, point: Vector, force: Vector, torque: Vector) -> None:
-    """Add a force at a point of a body, and a torque, to qfrc_passive; world frame.
-
-    The same as mj_applyFT, along the chain of dofs above the body.
-    """
-    nbody, nv = size(m, _NBODY), size(m, _NV)
-    root = integers(m, _ROOT, nbody)[body]
-    com = _vector(floats(d, _COM, 3 * nbody), root)
-    arm = _cross((point[0] - com[0], point[1] - com[1], point[2] - com[2]), force)
-    t = (torque[0] + arm[0], torque[1] + arm[1], torque[2] + arm[2])
-    moved = integers(m, _WELD, nbody)[body]
-    cdof, passive = floats(d, _CDOF, 6 * nv), floats(d, _PASSIVE, nv)
-    parent = integers(m, _PARENT, nv)
-    dof = integers(m, _DOF, nbody)[moved] + integers(m, _DOFS, nbody)[moved] - 1
-    while dof >= 0 and moved > 0:
-        c = cdof[6 * dof : 6 * dof + 6]
-        passive[dof] += (
-            c[0] * t[0]
-            + c[1] * t[1]
-            + c[2] * t[2]
-            + c[3] * force[0]
-            + c[4] * force[1]
-            + c[5] * force[2]
-        )
-        dof = parent[dof]
-
-
-@jit
 def thrust_at(time: Array, thrust: Array, t: float) -> float:
     """Thrust of a piecewise linear curve [N]; zero before its first and after its last point."""
     low, high = 0, time.size - 1
@@ -177,7 +104,7 @@ def _motor(m: int, d: int, data: Array, index: Array) -> None:
     site = int(index[NOZZLE])
     nsite, nbody = size(m, _NSITE), size(m, _NBODY)
     body = integers(m, _SITE_BODY, nsite)[site]
-    nozzle = _vector(floats(d, _SITE_XPOS, 3 * nsite), site)
+    nozzle = vector(floats(d, _SITE_XPOS, 3 * nsite), site)
     axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
     up = (axis[2], axis[5], axis[8])
 
@@ -186,15 +113,15 @@ def _motor(m: int, d: int, data: Array, index: Array) -> None:
     flow = force * full / impulse
     grain = int(index[PROPELLANT])
     burnt = 1.0 - floats(m, _MASS, nbody)[grain] / full
-    source = _vector(floats(d, _XIPOS, 3 * nbody), grain)
+    source = vector(floats(d, _XIPOS, 3 * nbody), grain)
     if _value(data, index, _BURN) != 0.0:
         back = 0.5 * (1.0 - burnt) * _value(data, index, _GRAIN_LENGTH)
         source = (source[0] - back * up[0], source[1] - back * up[1], source[2] - back * up[2])
     vehicle = int(index[VEHICLE])
-    com = _vector(floats(d, _COM, 3 * nbody), vehicle)
-    _, w = _velocity(m, d, body, nozzle)
-    at_exit = _cross(w, (nozzle[0] - com[0], nozzle[1] - com[1], nozzle[2] - com[2]))
-    at_grain = _cross(w, (source[0] - com[0], source[1] - com[1], source[2] - com[2]))
+    com = vector(floats(d, _COM, 3 * nbody), vehicle)
+    _, w = velocity_at(m, d, body, nozzle)
+    at_exit = cross(w, (nozzle[0] - com[0], nozzle[1] - com[1], nozzle[2] - com[2]))
+    at_grain = cross(w, (source[0] - com[0], source[1] - com[1], source[2] - com[2]))
     jet = (
         force * up[0] - flow * at_exit[0],
         force * up[1] - flow * at_exit[1],
@@ -250,18 +177,18 @@ def _crossflow(
 @jit
 def _air(m: int, d: int, data: Array, index: Array) -> None:
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
-    origin = _vector(floats(d, _XPOS, 3 * nbody), body)
+    origin = vector(floats(d, _XPOS, 3 * nbody), body)
     rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
-    com = _vector(floats(d, _COM, 3 * nbody), body)
+    com = vector(floats(d, _COM, 3 * nbody), body)
     offset = (com[0] - origin[0], com[1] - origin[1], com[2] - origin[2])
-    station = _turn_back(rotation, offset)[2]  # of the centre of mass along the axis
-    up = _turn(rotation, (0.0, 0.0, station))
+    station = turn_back(rotation, offset)[2]  # of the centre of mass along the axis
+    up = turn(rotation, (0.0, 0.0, station))
     point = (origin[0] + up[0], origin[1] + up[1], origin[2] + up[2])
-    velocity, rate = _velocity(m, d, body, point)
+    velocity, rate = velocity_at(m, d, body, point)
     wind = _wind(d, data, index, point)
     rho = air.density(point[2] + _value(data, index, _ALTITUDE))
     through = (velocity[0] - wind[0], velocity[1] - wind[1], velocity[2] - wind[2])
-    v, w = _turn_back(rotation, through), _turn_back(rotation, rate)
+    v, w = turn_back(rotation, through), turn_back(rotation, rate)
 
     q = 0.5 * rho * _value(data, index, _AREA)
     fx, fy, mx, my = _crossflow(v, w, rho, station, data, index)
@@ -286,8 +213,8 @@ def _air(m: int, d: int, data: Array, index: Array) -> None:
     )
     fz = air.axial_drag(v[2], q * _value(data, index, _AXIAL))
     mz = air.roll_damping(v[2], w[2], 0.5 * rho * _value(data, index, _ROLL))
-    force = _turn(rotation, (fx + nose[0] + fins[0], fy + nose[1] + fins[1], fz))
-    torque = _turn(rotation, (mx + nose[2] + fins[2], my + nose[3] + fins[3], mz))
+    force = turn(rotation, (fx + nose[0] + fins[0], fy + nose[1] + fins[1], fz))
+    torque = turn(rotation, (mx + nose[2] + fins[2], my + nose[3] + fins[3], mz))
     apply_force(m, d, body, point, force, torque)
 
 
@@ -296,7 +223,7 @@ def _guide(m: int, d: int, data: Array, index: Array) -> None:
     length = _value(data, index, _RAMP_LENGTH)
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
     foot, lugs = _array(data, index, _RAMP), _array(data, index, _LUG)
-    origin = _vector(floats(d, _XPOS, 3 * nbody), body)
+    origin = vector(floats(d, _XPOS, 3 * nbody), body)
     reach = lugs[1] - lugs[0] + length + 1.0
     away = (origin[0] - foot[0]) ** 2 + (origin[1] - foot[1]) ** 2 + (origin[2] - foot[2]) ** 2
     if length <= 0.0 or away > reach * reach:
@@ -304,12 +231,12 @@ def _guide(m: int, d: int, data: Array, index: Array) -> None:
     rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
     direction = ramp.rail(_value(data, index, _ELEVATION), _value(data, index, _AZIMUTH))
     stiffness, damping = _value(data, index, _STIFFNESS), _value(data, index, _DAMPING)
-    up = _turn(rotation, (0.0, 0.0, 1.0))
+    up = turn(rotation, (0.0, 0.0, 1.0))
     for k in range(2 if lugs[1] != lugs[0] else 1):
-        arm = _turn(rotation, (0.0, 0.0, lugs[k]))
+        arm = turn(rotation, (0.0, 0.0, lugs[k]))
         point = (origin[0] + arm[0], origin[1] + arm[1], origin[2] + arm[2])
         offset = (point[0] - foot[0], point[1] - foot[1], point[2] - foot[2])
-        velocity, rate = _velocity(m, d, body, point)
+        velocity, rate = velocity_at(m, d, body, point)
         fx, fy, fz, hold = ramp.guide_force(
             offset, velocity, direction, length, stiffness, damping, k == 0
         )
