@@ -1,7 +1,10 @@
 """Short assemblies: who sits where for each command, and what is made of the outcome."""
 
+import sys
+import threading
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -24,6 +27,7 @@ from twin.steps import excitation, figures
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # Each write costs the same however much it holds; a run in real time may be cut off at any moment.
 DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 8_000_000_000, 200_000_000
+PATIENCE_S = 2.0
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
 
 
@@ -37,7 +41,7 @@ def fly(config: Fly) -> FlightResult:
     """
     began = time.perf_counter()
     with ExitStack() as stack:
-        stack.enter_context(native.installed())
+        stack.enter_context(compiled())
         plant = _plant(config, config.motor)
         if not plant.has_vehicle:
             raise TwinError(f"scene {config.scene!r} has no joint 'vehicle' to fly")
@@ -74,7 +78,7 @@ def step(config: Step) -> StepResult:
     began = time.perf_counter()
     asked = excitation(config)
     with ExitStack() as stack:
-        stack.enter_context(native.installed())
+        stack.enter_context(compiled())
         plant = _plant(config)
         if plant.twin.gimbal == "fixed":
             raise TwinError(f"scene {config.scene!r} has no gimbal to step")
@@ -102,6 +106,25 @@ def step(config: Step) -> StepResult:
         wall_s=time.perf_counter() - began,
         warnings=plant.warnings(),
     )
+
+
+@contextmanager
+def compiled() -> Iterator[None]:
+    """Install the native callbacks; tell whoever waits at a terminal why it takes long at first."""
+    timer = threading.Timer(PATIENCE_S, _explain_wait)
+    timer.daemon = True
+    if sys.stderr.isatty():
+        timer.start()
+    try:
+        with native.installed():
+            timer.cancel()
+            yield
+    finally:
+        timer.cancel()
+
+
+def _explain_wait() -> None:
+    print("twin: compiling the native forces, once after an update …", file=sys.stderr)
 
 
 def steps_per_tick(control_hz: float, plant: Plant) -> int:
