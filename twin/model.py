@@ -9,14 +9,14 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from analysis.transfer_function import TransferFunctionModel
+from analysis.transfer_function import Channel, TransferFunctionModel
 from twin import native
 from twin import overrides as override
 from twin.compose import MJCF, SCENES, compose, one_line
 from twin.errors import TwinError
 from twin.mechanism.servo import apply_servo, insert_backlash
 
-Seat = Literal["linkage", "transfer-function"]
+Seat = Literal["linkage", "transfer-function", "follow"]
 REFERENCE_GIMBAL = MJCF / "gimbal.json"
 AXES = ("x", "y")
 LARGEST_DT = 0.02  # s; the 50 Hz frame of a hobby servo, past which no gimbal motion is resolved
@@ -36,7 +36,8 @@ class ModelConfig:
     Attributes
     ----------
     scene : a shipped scene's name or an MJCF file
-    gimbal : who moves the gimbal joints: the servos and rods, or an identified model
+    gimbal : who moves the gimbal joints: the servos and rods, an identified model, or angles that
+        somebody measures, which the joints follow one physics step later
     transfer_function : file of the identified model; the shipped reference where None
     vehicle, mechanism : MJCF files in place of the scene's own
     motor : RASP `.eng` file in place of the vehicle's own motor
@@ -68,7 +69,7 @@ class TwinModel:
     """
 
     mj: mujoco.MjModel
-    gimbal: Literal["linkage", "transfer-function", "fixed"]
+    gimbal: Literal["linkage", "transfer-function", "follow", "fixed"]
     sha256: str
 
 
@@ -85,8 +86,8 @@ def load(config: ModelConfig) -> TwinModel:
     seat = _seat(spec, config)
     vehicle = config.vehicle is not None or spec.body("vehicle") is not None
     _require(spec, seat, vehicle=vehicle)
-    if seat == "transfer-function":
-        _exchange_actuation(spec, config.transfer_function)
+    if seat in ("transfer-function", "follow"):
+        _exchange_actuation(spec, _moved_by(config))
     if config.motor is not None:
         _exchange_motor(spec, config.motor)
     if seat == "linkage":
@@ -122,15 +123,22 @@ def _checked_dt(dt: float) -> float:
 
 def _seat(
     spec: mujoco.MjSpec, config: ModelConfig
-) -> Literal["linkage", "transfer-function", "fixed"]:
+) -> Literal["linkage", "transfer-function", "follow", "fixed"]:
     joints = {joint.name for joint in spec.joints}
     if joints.isdisjoint({"gimbal_x", "gimbal_y"}):
         return "fixed"
     return config.gimbal
 
 
-def _exchange_actuation(spec: mujoco.MjSpec, file: Path | None) -> None:
-    """Take servos and rods out of the mechanism and let an identified model move the joints.
+def _moved_by(config: ModelConfig) -> TransferFunctionModel:
+    if config.gimbal == "follow":
+        direct, none = Channel((1.0,), (1.0,)), Channel((0.0,), (1.0,))
+        return TransferFunctionModel(((direct, none), (none, direct)))
+    return TransferFunctionModel.read(config.transfer_function or REFERENCE_GIMBAL)
+
+
+def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> None:
+    """Take servos and rods out of the mechanism and let a transfer function move the joints.
 
     Horns stay where they are as dead weight; rods are a gram each and go, since without their
     loops they would have to be led by hand.
@@ -143,9 +151,9 @@ def _exchange_actuation(spec: mujoco.MjSpec, file: Path | None) -> None:
     for sensor in list(spec.sensors):
         if sensor.objname.startswith(("gimbal_servo_", "gimbal_rod_")):
             spec.delete(sensor)
-    for motion in list(spec.actuators):
-        if motion.name.startswith("gimbal_"):
-            spec.delete(motion)
+    for servo in list(spec.actuators):
+        if servo.name.startswith("gimbal_"):
+            spec.delete(servo)
     for joint in list(spec.joints):
         if joint.name.startswith("gimbal_servo_"):
             spec.delete(joint)
@@ -153,8 +161,7 @@ def _exchange_actuation(spec: mujoco.MjSpec, file: Path | None) -> None:
         rod = spec.body(f"gimbal_rod_{axis}")
         if rod is not None:
             spec.delete(rod)
-    identified = TransferFunctionModel.read(file or REFERENCE_GIMBAL)
-    actuator.attach(spec, identified, spec.option.timestep)
+    actuator.attach(spec, motion, spec.option.timestep)
 
 
 def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> None:
