@@ -10,6 +10,7 @@ from analysis.identify.model import (
     ServoBounds,
 )
 from analysis.identify.order import OrderScore, select_order
+from analysis.identify.recordings import from_recording
 from analysis.identify.records import Record, merge_stamps, record
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "OrderScore",
     "Record",
     "ServoBounds",
+    "from_recording",
     "identify",
     "merge_stamps",
     "record",

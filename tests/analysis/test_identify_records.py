@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.identify import IdentificationError, identify, record
+from analysis.identify import IdentificationError, from_recording, identify, record
 from analysis.identify.checks import clipped
 
 T = np.arange(0.0, 4.0, 0.01)
@@ -145,3 +145,18 @@ def test_two_step_sizes_may_hide_a_saturation_and_the_reader_is_told():
     u = np.repeat([0.0, 0.1, 0.0, 0.1, 0.0, 0.1], 70)[:400]
     model = identify([record(T, u, angle=noisy(first_order(u=u), 3e-4))], 1)
     assert any("saturation cannot be told" in w for w in model.warnings)
+
+
+def test_a_recording_of_the_twin_becomes_a_record():
+    from analysis.recording import Recording, TimeSeries
+
+    two = np.stack([STEPS, 0.5 * STEPS], axis=1)
+    gyro = np.full((400, 3), 0.1)
+    series = {
+        "gimbal/command": TimeSeries("gimbal/command", T, two, "rad", ("x", "y")),
+        "sensors/gyro": TimeSeries("sensors/gyro", T, gyro, "rad/s", ("x", "y", "z")),
+    }
+    r = from_recording(Recording({}, series), angle=None)
+    assert r.input.shape == (400, 2)
+    assert r.rate.shape == (400, 2)
+    assert r.slack == 0.0

@@ -1,0 +1,64 @@
+"""Records out of the twin's own recordings."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.errors import IdentificationError
+from analysis.identify.records import Initial, Record, merge_stamps, record
+
+if TYPE_CHECKING:  # reading recordings brings Rerun with it
+    from analysis.recording import Recording, TimeSeries
+
+Array = NDArray[np.float64]
+
+
+def from_recording(
+    recording: "Recording",
+    *,
+    command: str = "gimbal/command",
+    angle: str | None = "gimbal/measured",
+    rate: str | None = "sensors/gyro",
+    components: tuple[str, ...] = ("x", "y"),
+    gyro_delay: float = 0.0,
+    initial: Initial = "rest",
+    name: str = "recording",
+) -> Record:
+    """Record of the gimbal's axes from signals of a recording.
+
+    Parameters
+    ----------
+    command, angle, rate : names of signals; angle or rate may be None
+    components : of each, the axes
+    gyro_delay : delay of the gyro's own filter [s]
+
+    Raises
+    ------
+    AnalysisError
+        for signals and components that were not recorded, and what no record may hold.
+    """
+    commands = _columns(recording[command], components)
+    found = [None if s is None else _columns(recording[s], components) for s in (angle, rate)]
+    angles, rates = found
+    if angles is not None and rates is not None:
+        time, a, r = merge_stamps(*angles, *rates)
+    elif angles is not None:
+        time, a, r = angles[0], angles[1], None
+    elif rates is not None:
+        time, a, r = rates[0], None, rates[1]
+    else:
+        raise IdentificationError(f"{name}: neither angle nor rate; give at least one")
+    return record(
+        time, commands[1], angle=a, rate=r, command_time=commands[0], gyro_delay=gyro_delay,
+        initial=initial, name=name, inputs=components, outputs=components,
+    )  # fmt: skip
+
+
+def _columns(series: "TimeSeries", components: tuple[str, ...]) -> tuple[Array, Array]:
+    """Stamps and values of the rows that hold something; of equal stamps the first."""
+    values = np.stack([series.column(c) for c in components], axis=1)
+    held = np.isfinite(values).any(axis=1)
+    time, values = series.time[held], values[held]
+    new = np.concatenate([[True], np.diff(time) > 0.0])[: len(time)]
+    return time[new], values[new]
