@@ -1,0 +1,88 @@
+"""The bench scene as the mechanism of a simulated rig: pulses move MuJoCo's servos and rods."""
+
+from math import cos, sin
+
+import mujoco
+
+from hardware.frames import Pair, Triple
+from twin.errors import DivergenceError, TwinError
+from twin.model import AXES, TwinModel
+
+_LARGEST_SPEED = 5e3  # rad/s; as in twin.plant
+
+
+class BenchPlant:
+    """A clamped mechanism in MuJoCo behind `hardware.emulator.Plant`; needs `native.installed()`.
+
+    The firmware's clock sets the physics step, so that a device whose clock is fast moves through
+    its world in whole steps of its own millisecond.
+
+    Parameters
+    ----------
+    twin : a scene without vehicle whose gimbal is moved by servos; stepped and changed here only
+
+    Raises
+    ------
+    TwinError : the scene has another gimbal
+    """
+
+    def __init__(self, twin: TwinModel) -> None:
+        if twin.gimbal != "linkage":
+            raise TwinError(f"a simulated rig needs servos, this model's gimbal is {twin.gimbal}")
+        self.model = model = twin.mj
+        self.data = mujoco.MjData(model)
+        # Runge–Kutta would call the dead band four times a step; the shipped scenes use this one.
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        self._ctrl = [model.actuator(f"gimbal_servo_{a}").id for a in AXES]
+        joints = [model.joint(f"gimbal_{a}") for a in AXES]
+        self._q = [int(joint.qposadr[0]) for joint in joints]
+        self._v = [int(joint.dofadr[0]) for joint in joints]
+        self._force = self._sensor("accelerometer")
+        mujoco.mj_forward(model, self.data)
+        up = -model.opt.gravity
+        mount = self.data.body("gimbal_mount").xmat.reshape(3, 3)
+        x, y, z = (mount.T @ up).tolist()
+        self._rest: Triple = (x, y, z)
+
+    def _sensor(self, name: str) -> int:
+        if mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, name) < 0:
+            raise TwinError(f"a simulated rig's scene needs a sensor {name!r}; see mjcf/bench.xml")
+        return int(self.model.sensor(name).adr[0])
+
+    def advance(self, dt: float, shaft: Triple) -> None:
+        """Move for dt [s] with the shaft angles the pulses ask for [rad].
+
+        Raises
+        ------
+        DivergenceError : the state left the finite numbers
+        """
+        self.model.opt.timestep = dt
+        self.data.ctrl[self._ctrl] = shaft[:2]
+        mujoco.mj_step(self.model, self.data)
+        speed = self.data.qvel
+        if not speed @ speed < _LARGEST_SPEED**2:
+            raise DivergenceError(f"the simulated rig diverged at {self.data.time:.3f} s")
+
+    def angles(self) -> Pair:
+        """Gimbal angles as they are [rad]."""
+        q = self.data.qpos
+        return float(q[self._q[0]]), float(q[self._q[1]])
+
+    def rates(self) -> Pair:
+        """Their time derivatives [rad/s]."""
+        v = self.data.qvel
+        return float(v[self._v[0]]), float(v[self._v[1]])
+
+    def holder_imu(self) -> tuple[Triple, Triple]:
+        """Angular rate and specific force on the holder [rad/s], [m/s²].
+
+        The rate follows from the joints, because MuJoCo's sensors are of the instant before the
+        last step; the force, which nothing here depends on closely, is that sensor's.
+        """
+        (dx, dy), y = self.rates(), float(self.data.qpos[self._q[1]])
+        a, b, c = self.data.sensordata[self._force : self._force + 3].tolist()
+        return (dx * cos(y), dy, dx * sin(y)), (a, b, c)
+
+    def base_imu(self) -> tuple[Triple, Triple]:
+        """The same on the base, which stands still."""
+        return (0.0, 0.0, 0.0), self._rest

@@ -1,0 +1,141 @@
+"""From the name in the gimbal seat to a rig that is connected."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hardware.calibration import Calibration
+from hardware.calibration import read as read_calibration
+from hardware.emulator import parse
+from hardware.link import Link
+from hardware.rig import Rig, in_process
+from twin.errors import TwinError
+from twin.model import ModelConfig, load
+from twin.plant import Plant
+from twin.rigs.bench import BenchPlant
+from twin.rigs.devices import Device, drawn, make_device, parameters
+from twin.rigs.names import SIMULATED, check_seat, is_rig
+from twin.rigs.seat import RigGimbal
+
+OF_THE_MECHANISM = "gimbal_"
+
+
+@dataclass(frozen=True)
+class RigOptions:
+    """What opening a rig can be told.
+
+    Attributes
+    ----------
+    seat : `emulator`, `firmware` or a port
+    calibration : JSON file of this rig; what the drawings say where None
+    unit : number of a simulated rig with tolerances; None is the rig as drawn
+    faults : of a simulated rig, see `hardware.emulator.parse`
+    seed : of a simulated rig's noise
+    mechanism : MJCF file in place of the reference mechanism
+    overrides : named parameters; those of the mechanism count for a simulated rig
+    watch : neither arm nor command it
+    fuse : estimate angles; a calibration has no use for it
+    """
+
+    seat: str
+    calibration: Path | None = None
+    unit: int | None = None
+    faults: tuple[str, ...] = ()
+    seed: int = 0
+    mechanism: Path | None = None
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    watch: bool = False
+    fuse: bool = True
+
+
+def device(options: RigOptions) -> Device:
+    """The simulated rig of a seat, over a bench scene of its own.
+
+    Raises
+    ------
+    TwinError, HardwareError : unknown fault, missing AVR tools, an override that cannot be
+    """
+    faults = [parse(text) for text in options.faults]
+    return make_device(
+        options.seat, _bench(options), unit=options.unit, faults=faults, seed=options.seed
+    )
+
+
+def _bench(options: RigOptions) -> BenchPlant:
+    ours = {k: v for k, v in options.overrides.items() if k.startswith(OF_THE_MECHANISM)}
+    return BenchPlant(load(ModelConfig(scene="bench", mechanism=options.mechanism, overrides=ours)))
+
+
+@contextmanager
+def open_rig(options: RigOptions, plant: Plant | None) -> Iterator[RigGimbal]:
+    """Connect a rig for the length of a block, within `native.installed()`; see `opened`."""
+    seat = opened(options, plant)
+    try:
+        seat.start()
+        yield seat
+    finally:
+        seat.close()
+
+
+def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
+    """A rig in the gimbal seat, its line open, `start` not called yet.
+
+    Raises
+    ------
+    TwinError, HardwareError : in one line, what cannot be opened and what to do
+    """
+    check_seat(options.seat)
+    if not is_rig(options.seat):
+        raise TwinError(f"--gimbal {options.seat} is no rig")
+    if options.seat in SIMULATED:
+        return _simulated(options, plant)
+    _refuse_simulation(options)
+    calibration = _calibration(options) or drawn(_bench(options).model)
+    link = Link(options.seat)
+    rig = Rig(link, calibration, arm=not options.watch, fuse=options.fuse)
+    return RigGimbal(
+        rig,
+        plant,
+        clock=time.monotonic_ns,
+        wait=lambda ns: time.sleep(ns * 1e-9),
+        lockstep=False,
+        watch=options.watch,
+    )
+
+
+def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
+    calibration = _calibration(options)
+    simulated = device(options)
+    bench = simulated.bench.plant
+    assert isinstance(bench, BenchPlant)
+    if calibration is None:
+        calibration = drawn(bench.model, parameters(bench.model, options.unit))
+    rig = in_process(simulated, calibration, arm=not options.watch, fuse=options.fuse)
+    return RigGimbal(
+        rig,
+        plant,
+        clock=lambda: round(simulated.time_us * 1000),
+        wait=lambda ns: simulated.advance_us(max(1, ns // 1000)),
+        lockstep=True,
+        watch=options.watch,
+    )
+
+
+def _calibration(options: RigOptions) -> Calibration | None:
+    return None if options.calibration is None else read_calibration(options.calibration)
+
+
+def _refuse_simulation(options: RigOptions) -> None:
+    """A real rig has the faults and tolerances it has."""
+    given: Sequence[tuple[str, object]] = (
+        ("--fault", options.faults),
+        ("--unit", options.unit is not None),
+    )
+    for flag, value in given:
+        if value:
+            raise TwinError(
+                f"{flag} is for simulated rigs; --gimbal {options.seat} is a port"
+                " (give it to the `twin rig` behind it)"
+            )

@@ -1,0 +1,29 @@
+"""What a gimbal seat with sensors has seen since the last tick, for whoever records or shows it."""
+
+from dataclasses import dataclass, field
+
+from hardware.frames import GimbalState, SensorFrame
+
+
+@dataclass(slots=True)
+class Readings:
+    """Renewed by every poll.
+
+    Attributes
+    ----------
+    frames, states : sensor frames that arrived, and the estimate after each
+    age_ns : of the newest sample at the poll; None while nothing is coming [ns]
+    round_trip_ns : of the last PING; None while nothing is coming [ns]
+    lost, crc_errors : frames, since the line was opened
+    health : of connection and sensors, in words
+    news : events since the last poll, as level and text
+    """
+
+    frames: list[SensorFrame] = field(default_factory=list)
+    states: list[GimbalState] = field(default_factory=list)
+    age_ns: int | None = None
+    round_trip_ns: int | None = None
+    lost: int = 0
+    crc_errors: int = 0
+    health: str = "ok"
+    news: list[tuple[str, str]] = field(default_factory=list)

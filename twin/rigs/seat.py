@@ -1,0 +1,143 @@
+"""A rig in the gimbal seat: commands go over its line, measured angles move the joints."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from hardware.frames import GimbalCommand, GimbalState, SensorFrame
+from hardware.rig import Phase, Rig, RigError
+from twin.model import AXES
+from twin.plant import Plant
+from twin.rigs.readings import Readings
+
+SETTLE_NS = 200_000_000  # the filters find the gyro's bias in this
+LONGEST_SETTLE_NS = 2_000_000_000
+# A servo looks at its pulse every 20 ms; more commands than the rig sends frames tell it nothing.
+COMMAND_NS = 2_000_000
+_STEP_NS = 1_000_000
+
+
+class RigGimbal:
+    """Polls a rig once a tick without blocking and lets the plant's joints follow it.
+
+    While the cable is out the joints hold the last angle, `GimbalState.healthy` is false, and the
+    rig's own timeout has sent the servos to neutral; the run goes on.
+
+    Parameters
+    ----------
+    rig : not connected yet
+    plant : of a model whose gimbal is `follow`; None leaves the joints to somebody else
+    clock : the rig's clock [ns]
+    wait : lets time pass on it [ns]; in lockstep this is what moves the simulated device
+    lockstep : the device lives on the plant's time
+    watch : send nothing; the rig must not be armed then
+
+    Attributes
+    ----------
+    rig : as given
+    readings : what the latest poll brought
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        plant: Plant | None,
+        *,
+        clock: Callable[[], int],
+        wait: Callable[[int], None],
+        lockstep: bool,
+        watch: bool = False,
+    ) -> None:
+        self.rig = rig
+        self.readings = Readings()
+        self._plant, self._clock, self._wait = plant, clock, wait
+        self._lockstep, self._watch = lockstep, watch
+        self._origin = 0
+        self._started = False
+        self._next_command = 0
+        self._ready = False
+        self._lost_ns = 0
+        self._stale = GimbalState(0, (0.0, 0.0), healthy=False)
+        self._ids: list[int] = []
+        if plant is not None and plant.twin.gimbal == "follow":
+            self._ids = [int(plant.model.actuator(f"gimbal_{a}").id) for a in AXES]
+
+    def start(self) -> None:
+        """Connect and let the estimate settle; blocks.
+
+        Raises
+        ------
+        RigError : nothing answers, something else does, or the calibration is of another rig
+        """
+        self.rig.connect()
+        began = self._clock()
+        while self._clock() - began < SETTLE_NS or self.rig.state is None:
+            if self._clock() - began > LONGEST_SETTLE_NS:
+                raise RigError("the rig answers but sends no readings; is its cable sound?")
+            self.rig.poll()
+            self._wait(_STEP_NS)
+        self._ready = True
+
+    def now_ns(self) -> int:
+        """Experiment time on the rig's clock [ns]."""
+        return self._clock() - self._origin
+
+    def send(self, command: GimbalCommand) -> None:
+        """Pass a command on, at most every 2 ms."""
+        if self._watch or command.time_ns < self._next_command:
+            return
+        self._next_command = command.time_ns + COMMAND_NS
+        self.rig.send(command)
+
+    def poll(self) -> GimbalState:
+        """The latest estimate, in experiment time; frames and states are in `readings`."""
+        if not self._started:
+            self._origin = self._clock() - (self._plant.time_ns if self._plant else 0)
+            self._started = True
+        if self._lockstep and self._plant is not None:
+            behind = self._plant.time_ns - self.now_ns()
+            if behind > 0:
+                self._wait(behind)
+        frames = self.rig.poll()
+        self._read(frames)
+        state = self.readings.states[-1] if self.readings.states else self._stale
+        if not self._ready:
+            state = replace(state, healthy=False)
+        self._stale = state
+        if self._plant is not None and self._ids:
+            ctrl = self._plant.data.ctrl
+            ctrl[self._ids[0]], ctrl[self._ids[1]] = state.angle
+        return state
+
+    def close(self) -> None:
+        """Neutral, disarmed, line closed."""
+        self.rig.close()
+
+    def _read(self, frames: list[SensorFrame]) -> None:
+        rig, origin, r = self.rig, self._origin, self.readings
+        r.frames = [replace(f, time_ns=f.time_ns - origin) for f in frames]
+        r.states = [replace(s, time_ns=s.time_ns - origin) for s in rig.states]
+        r.news = []
+        self._follow_connection()
+        newest = r.states[-1] if r.states else self._stale
+        known = self._ready and newest.sigma != (0.0, 0.0)
+        r.age_ns = self.now_ns() - newest.time_ns if known else None
+        r.round_trip_ns = rig.estimate.round_trip_ns if known and r.frames else None
+        statistics = rig.line.statistics
+        r.lost, r.crc_errors = statistics.decoder.lost, statistics.decoder.crc_errors
+        r.health = rig.health
+
+    def _follow_connection(self) -> None:
+        ready = self.rig.phase is Phase.READY
+        if ready is self._ready:
+            return
+        self._ready = ready
+        now = self.now_ns()
+        if ready:
+            self.readings.news.append(
+                ("INFO", f"rig back after {(now - self._lost_ns) * 1e-9:.2f} s")
+            )
+            return
+        self._lost_ns = now
+        gaps = self.rig.line.statistics.gaps
+        reason = gaps[-1].reason if gaps and gaps[-1].end_ns is None else "it fell silent"
+        self.readings.news.append(("WARN", f"rig lost: {' '.join(reason.split())}"))
