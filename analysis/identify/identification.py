@@ -11,12 +11,14 @@ from analysis.identify import channels, checks
 from analysis.identify.diagnostics import Saturation, residual_tests, saturation
 from analysis.identify.errors import IdentificationError
 from analysis.identify.fit import AxisFit, search
+from analysis.identify.layout import Layout
 from analysis.identify.model import AxisEvidence, ChannelFit, IdentifiedModel
 from analysis.identify.prediction import nrmse_fit
-from analysis.identify.problem import Layout, Problem, assemble
+from analysis.identify.problem import Problem, assemble
 from analysis.identify.records import Record
 from analysis.identify.segments import step_of_row
-from analysis.identify.servo import ServoFit, Structure, search_servo
+from analysis.identify.servo import ServoFit, search_servo
+from analysis.identify.servo_response import Structure
 from analysis.identify.uncertainty import bootstrap, covariance, whole_jacobian
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.modal import modal_response
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.records import Record
-from analysis.identify.servo import servo_motion_of
+from analysis.identify.servo_response import servo_motion_of
 
 Array = NDArray[np.float64]
 

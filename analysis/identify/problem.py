@@ -12,62 +12,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.identify.basis import Denominator, denominator, over_single, over_square
+from analysis.identify.basis import Denominator, denominator
+from analysis.identify.layout import Layout
 from analysis.identify.modal import impulse_response, modal_response
 from analysis.identify.ramps import Bounds, ramps
 from analysis.identify.records import Record
+from analysis.identify.weights import (
+    channel_weights,
+    free_gradient,
+    free_weights,
+    gradient_weights,
+)
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 _ILL = 1e-6  # pivot of unit columns: below, squaring the condition costs too many digits
-
-
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """Which parameters the model of one axis has.
-
-    Attributes
-    ----------
-    poles, zeros : of every channel into this axis
-    inputs : number of commands
-    own : every channel has a denominator of its own; otherwise they share one
-    delays : fixed delay of every command [s], NaN where it is free (inputs,)
-    frequency : scale of s in the numerators [rad/s], to keep the columns comparable
-    """
-
-    poles: int
-    zeros: int
-    inputs: int
-    own: bool
-    delays: tuple[float, ...]
-    frequency: float = 1.0
-
-    @property
-    def groups(self) -> int:
-        """Number of denominators."""
-        return self.inputs if self.own else 1
-
-    @property
-    def free_delays(self) -> tuple[int, ...]:
-        """Commands whose delay is searched."""
-        return tuple(i for i, d in enumerate(self.delays) if np.isnan(d))
-
-    @property
-    def size(self) -> int:
-        """Number of searched parameters."""
-        return self.groups * self.poles + len(self.free_delays)
-
-    def group(self, column: int) -> slice:
-        """Where the denominator of a command's channel stands in θ."""
-        first = (column if self.own else 0) * self.poles
-        return slice(first, first + self.poles)
-
-    def delay(self, theta: Array, column: int) -> float:
-        """Delay of a command's channel [s]."""
-        if not np.isnan(self.delays[column]):
-            return self.delays[column]
-        return float(theta[self.groups * self.poles + self.free_delays.index(column)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +148,7 @@ class Problem:
         for j in range(layout.inputs):
             den = dens[j if layout.own else 0]
             state = _states(part, den, j, layout.delay(theta, j))
-            weights_a, weights_r = _channel_weights(den, layout)
+            weights_a, weights_r = channel_weights(den, layout)
             columns = state[part.angle_rows] @ weights_a
             columns[:, 0] += part.input[0, j]
             angle.append(columns)
@@ -198,7 +158,7 @@ class Problem:
         motions: list[Array] = []
         if part.free:
             motions = [_free_states(part, den) for den in dens]
-            pairs = [_free_weights(den, layout) for den in dens]
+            pairs = [free_weights(den, layout) for den in dens]
             values.free_angle = np.hstack(
                 [m[part.angle_rows] @ a for m, (a, _) in zip(motions, pairs, strict=True)]
             )
@@ -217,7 +177,7 @@ class Problem:
             r = np.zeros((len(part.rate_rows), layout.size))
             for j in range(layout.inputs):
                 den, state = signal.dens[j if layout.own else 0], signal.states[j]
-                wa, wr = _gradient_weights(den, layout, coefficients[j])
+                wa, wr = gradient_weights(den, layout, coefficients[j])
                 where = np.arange(layout.size)[layout.group(j)]
                 if j in layout.free_delays:
                     column = layout.groups * layout.poles + layout.free_delays.index(j)
@@ -228,7 +188,7 @@ class Problem:
                 r[:, where] += state[part.rate_rows] @ wr
             for g, motion in enumerate(signal.motions):
                 part_linear = linear[free_at : free_at + layout.poles]
-                wa, wr = _free_gradient(signal.dens[g], layout, part_linear)
+                wa, wr = free_gradient(signal.dens[g], layout, part_linear)
                 a[:, layout.group(g)] += motion[part.angle_rows] @ wa
                 r[:, layout.group(g)] += motion[part.rate_rows] @ wr
                 free_at += layout.poles
@@ -341,65 +301,3 @@ def _free_states(part: Part, den: Denominator) -> Array:
     single, double = impulse_response(part.time - part.time[0], den.poles)
     none = np.zeros((len(part.time), 1))
     return np.hstack([single.real, -single.imag, double.real, -double.imag, none])
-
-
-def _stack(
-    single: NDArray[np.complex128], double: NDArray[np.complex128] | None, through: Array
-) -> Array:
-    if double is None:
-        double = np.zeros_like(single)
-    return np.vstack([single.real, single.imag, double.real, double.imag, through[None, :]])
-
-
-def _powers(den: Denominator, layout: Layout, highest: int, extra: int) -> Array:
-    """Rows a₀ (s/ω)ᵏ sᵉˣᵗʳᵃ, k = 0…highest, descending powers."""
-    width = highest + extra + 1
-    rows = np.zeros((highest + 1, width))
-    for k in range(highest + 1):
-        rows[k, width - 1 - k - extra] = den.coefficients[-1] / layout.frequency**k
-    return rows
-
-
-def _channel_weights(den: Denominator, layout: Layout) -> tuple[Array, Array]:
-    """Weights of the numerator columns on the states: φₖ = a₀ (s/ω)ᵏ/A for angle, sφₖ for rate."""
-    pair = []
-    for extra in (0, 1):
-        single, through = over_single(_powers(den, layout, layout.zeros, extra), den)
-        pair.append(_stack(single, None, through))
-    return pair[0], pair[1]
-
-
-def _gradient_weights(den: Denominator, layout: Layout, b: Array) -> tuple[Array, Array]:
-    """Weights of ∂(Σ bₖφₖ)/∂θ of the channel and, in the last column, ∂/∂delay = −s·."""
-    pair = []
-    for extra in (0, 1):
-        powers = _powers(den, layout, layout.zeros, extra)
-        numerator = b @ powers  # includes a₀
-        a0 = den.coefficients[-1]
-        rows = []
-        for change in den.gradient:
-            relative = change[-1] / a0  # ∂a₀/a₀
-            rows.append(np.convolve(numerator, relative * den.coefficients - change))
-        single, double, through = over_square(np.array(rows), den)
-        late, late_through = over_single(np.append(-numerator, 0.0)[None, :], den)
-        pair.append(np.hstack([_stack(single, double, through), _stack(late, None, late_through)]))
-    return pair[0], pair[1]
-
-
-def _free_weights(den: Denominator, layout: Layout) -> tuple[Array, Array]:
-    pair = []
-    for extra in (0, 1):
-        powers = _powers(den, layout, den.order - 1, extra) / den.coefficients[-1]
-        single, through = over_single(powers, den)
-        pair.append(_stack(single, None, through))
-    return pair[0], pair[1]
-
-
-def _free_gradient(den: Denominator, layout: Layout, c: Array) -> tuple[Array, Array]:
-    pair = []
-    for extra in (0, 1):
-        numerator = c @ (_powers(den, layout, den.order - 1, extra) / den.coefficients[-1])
-        rows = np.array([-np.convolve(numerator, change) for change in den.gradient])
-        single, double, through = over_square(rows, den)
-        pair.append(_stack(single, double, through))
-    return pair[0], pair[1]

@@ -6,26 +6,20 @@ saturates (`servo_motion`). `command`: the command is limited to ramps ahead of 
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify import noise as sensor_noise
-from analysis.identify.basis import denominator
+from analysis.identify.dead_band import static_dead_band
 from analysis.identify.errors import IdentificationError
 from analysis.identify.noise import Mask, Pair, weights
-from analysis.identify.problem import Part, Problem
-from analysis.identify.ramps import Bounds
-from analysis.identify.records import Record
+from analysis.identify.problem import Problem
 from analysis.identify.segments import step_folds
-from analysis.identify.servo_motion import play, speed_servo
-
-if TYPE_CHECKING:
-    from analysis.identify.model import ChannelFit, ServoBounds
+from analysis.identify.servo_response import Structure, servo_response
+from analysis.identify.servo_starts import grid_of_starts, limits, scales
 
 Array = NDArray[np.float64]
-Structure = Literal["speed", "command"]
 
 _ROUNDS = 3
 _FOLLOWED = 3
@@ -120,72 +114,12 @@ def search_servo(
     return min(fits, key=lambda f: f.cost)
 
 
-def servo_response(
-    part: Part, axis: int, structure: Structure, poles: int, theta: Array
-) -> tuple[Array, Array]:
-    """Angle and rate (n,) of the servo with unit gain and no offset."""
-    delay, limit = float(theta[poles]), float(np.exp(theta[poles + 1]))
-    dead_band, backlash = float(theta[poles + 2]), float(theta[poles + 3])
-    command = np.ascontiguousarray(part.input[:, axis])
-    if structure == "speed":
-        k, w = _loop(theta[:poles])
-        motion = speed_servo(part.time, part.input_time, command, delay, k, w, limit, dead_band)
-    else:
-        motion = _behind_ramps(part, command, theta[:poles], delay, Bounds(limit, dead_band))
-    return play(*motion, backlash) if backlash > 0.0 else motion
-
-
-def servo_motion_of(
-    channel: "ChannelFit", bounds: "ServoBounds", record: Record, column: int
-) -> tuple[Array, Array]:
-    """Angle and rate (n,) of an identified servo under a record's commands."""
-    den = np.array(channel.den) / channel.den[0]
-    gain = channel.num[-1] / channel.den[-1]
-    limits = np.array(
-        [
-            channel.delay,
-            np.log(bounds.rate_limit.value / abs(gain)),
-            bounds.dead_band.value,
-            bounds.backlash.value / abs(gain),
-        ]
-    )
-    none = np.zeros(0, dtype=np.intp)
-    part = Part(record.time, record.input_time, record.input, none, none, False)
-    theta = np.concatenate([np.log(den[1:]), limits])
-    angle, rate = servo_response(part, column, bounds.structure, len(den) - 1, theta)
-    return gain * angle, gain * rate
-
-
-def _loop(section: Array) -> tuple[float, float]:
-    """Loop gain k and speed bandwidth w of s² + c₁s + c₀ = s² + w·s + k·w, or of s + k."""
-    if len(section) == 1:
-        return float(np.exp(section[0])), 0.0
-    c1, c0 = np.exp(section)
-    return float(c0 / c1), float(c1)
-
-
-def _behind_ramps(
-    part: Part, command: Array, section: Array, delay: float, bounds: Bounds
-) -> tuple[Array, Array]:
-    from analysis.identify.basis import over_single
-    from analysis.identify.problem import held_states
-
-    den = denominator(section)
-    single, held = held_states(part.time, part.input_time, command, den, delay, bounds)
-    a0 = den.coefficients[-1]
-    both = []
-    for numerator in (np.array([[a0]]), np.array([[a0, 0.0]])):
-        weight, through = over_single(numerator, den)
-        both.append((single @ weight).real[:, 0] + held * through[0])
-    return both[0] + command[0], both[1]
-
-
 def _fit(
     problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair
 ) -> ServoFit:
     """Judge a grid of starts, follow the best few, settle the noise."""
     poles = problem.layout.poles
-    starts = _starts(problem, max_delay)
+    starts = grid_of_starts(problem, max_delay)
     ranked = sorted(range(len(starts)), key=lambda i: _loss(problem, axis, structure, starts[i]))
     tight = np.arange(poles + 2)  # neither dead band nor backlash
     ended = [
@@ -214,40 +148,6 @@ def _noise(problem: Problem, residual: Array, paid: int, kept: Mask, floor: Pair
     return both[0], both[1]
 
 
-def _starts(problem: Problem, max_delay: float) -> list[Array]:
-    """Grid over speed, delay and limit; the limit around the fastest motion in the readings."""
-    fixed = problem.layout.delays[0]
-    delays = np.linspace(0.0, 0.6 * max_delay, 6) if np.isnan(fixed) else np.array([fixed])
-    fastest = _fastest(problem)
-    starts = []
-    for limit in fastest * np.array([0.5, 0.8, 1.1]):
-        for speed in (6.0, 12.0, 25.0, 50.0, 100.0):
-            for delay in delays:
-                section = [np.log(speed)]
-                if problem.layout.poles == 2:
-                    section = [np.log(1.6 * speed), 2.0 * np.log(speed)]
-                starts.append(np.array([*section, delay, np.log(limit), 0.0, 0.0]))
-    return starts
-
-
-def _fastest(problem: Problem) -> float:
-    """Fastest motion that lasts: the 98th percentile of the speed over 5 samples [rad/s]."""
-    found = [1e-6]
-    for index in range(len(problem.parts)):
-        for is_rate in (False, True):
-            rows = (problem.owner == index) & (problem.is_rate == is_rate) & (problem.weight > 0)
-            if rows.sum() < 12:
-                continue
-            time, value = problem.time[rows], problem.measured[rows]
-            if is_rate:
-                centred = np.abs(value - np.median(value))
-                found.append(float(np.quantile(centred, 0.98)))
-            else:
-                speed = np.abs((value[5:] - value[:-5]) / (time[5:] - time[:-5]))
-                found.append(float(np.quantile(speed, 0.98)))
-    return max(found)
-
-
 def _columns(problem: Problem, axis: int, structure: Structure, theta: Array) -> Array:
     """Columns of gain, offsets and biases (rows, linear)."""
     both = [servo_response(p, axis, structure, problem.layout.poles, theta) for p in problem.parts]
@@ -272,25 +172,6 @@ def _loss(problem: Problem, axis: int, structure: Structure, theta: Array) -> fl
     return float(np.sum(_project(problem, axis, structure, theta)[0] ** 2))
 
 
-def _scales(problem: Problem) -> Array:
-    amplitude = max(float(np.ptp(p.input)) for p in problem.parts)
-    return np.array([0.3] * problem.layout.poles + [0.01, 0.1, 0.01 * amplitude, 0.01 * amplitude])
-
-
-def _limits(problem: Problem, max_delay: float) -> tuple[Array, Array]:
-    poles = problem.layout.poles
-    amplitude = max(float(np.ptp(p.input)) for p in problem.parts)
-    fixed = problem.layout.delays[0]
-    slack = max(p.slack for p in problem.parts)
-    delay = (-slack - 1e-6, max_delay) if np.isnan(fixed) else (fixed - 1e-12, fixed + 1e-12)
-    rate = np.log(_fastest(problem))
-    low = [-3.0] * poles + [delay[0], rate - 2.0, -1e-12, -1e-12]
-    fast = np.log(10.0 / min(float(np.median(np.diff(p.time))) for p in problem.parts))
-    section = [fast] if poles == 1 else [fast + 0.7, 2.0 * fast]
-    high = [*section, delay[1], rate + 3.0, 0.25 * amplitude, 0.25 * amplitude]
-    return np.array(low), np.array(high)
-
-
 def _descend(
     problem: Problem,
     axis: int,
@@ -302,8 +183,8 @@ def _descend(
     """Follow the loss down along the free parameters."""
     from scipy.optimize import least_squares
 
-    low, high = _limits(problem, max_delay)
-    scale = _scales(problem)
+    low, high = limits(problem, max_delay)
+    scale = scales(problem)
     start = np.clip(theta, low, high)
 
     def whole(x: Array) -> Array:
@@ -351,7 +232,7 @@ def _worth_having(
     extra = [[band]] if structure == "speed" else []
     if _reverses(problem, axis):
         extra += [[play_], [band, play_]] if structure == "speed" else [[play_]]
-    least = _scales(problem)
+    least = scales(problem)
     for more in extra:
         free = np.concatenate([tight, more])
         # settled angles fall short by a dead band or by half of a backlash: they cannot tell which
@@ -372,56 +253,6 @@ def _worth_having(
         losses.append(loss)
     best = int(np.argmin(losses))
     return choices[best] if losses[best] < _WORTH * losses[0] else choices[0]
-
-
-def static_dead_band(problem: Problem, axis: int) -> float:
-    """Dead band as the shortfall of settled angles behind the command, in its direction [rad].
-
-    Angle at rest = gain·u + offset − band·(direction of approach); the scatter of such points grows
-    with the amplitude, hence the weights 1/√|u|. Zero where it does not stand out of the scatter.
-    """
-    points = [p for i in range(len(problem.parts)) for p in _settled(problem, i, axis)]
-    if len(points) < 4:
-        return 0.0
-    command, angle, direction, weight = np.array(points).T
-    if len(set(direction)) < 2:
-        return 0.0  # one direction only: shortfall and offset are the same
-    columns = np.stack([command, -direction], axis=1) * weight[:, None]
-    found, _, rank, _ = np.linalg.lstsq(columns, angle * weight, rcond=None)
-    scatter = (angle * weight - columns @ found) / np.sqrt(max(len(points) - 2, 1))
-    if rank < 2 or found[0] <= 0.0:
-        return 0.0
-    error = np.sqrt(np.linalg.inv(columns.T @ columns)[1, 1] * float(scatter @ scatter))
-    return float(found[1] / found[0]) if found[1] > 2.0 * error else 0.0
-
-
-def _settled(problem: Problem, index: int, axis: int) -> list[tuple[float, float, float, float]]:
-    """Command, angle, direction and weight of every step of a record that came to rest."""
-    part = problem.parts[index]
-    rows = (problem.owner == index) & ~problem.is_rate & (problem.weight > 0.0)
-    time, angle = problem.time[rows], problem.measured[rows]
-    moved = np.flatnonzero(np.diff(part.input[:, axis]) != 0.0) + 1
-    found = []
-    for k, row in enumerate(moved):
-        end = part.input_time[moved[k + 1]] if k + 1 < len(moved) else np.inf
-        inside = np.flatnonzero((time >= part.input_time[row]) & (time < end))
-        change = part.input[row, axis] - part.input[row - 1, axis]
-        rest = inside[-(len(inside) // 3) :]
-        if len(inside) < 12 or np.ptp(angle[rest]) > 0.1 * abs(change):
-            continue
-        before = angle[time < part.input_time[row]]
-        offset = float(before[-1]) if k == 0 and len(before) else float(angle[0]) if k == 0 else 0.0
-        target = part.input[row, axis] - part.input[0, axis]
-        start = float(angle[0]) if k else offset
-        found.append(
-            (
-                float(target),
-                float(angle[rest].mean()) - start,
-                float(np.sign(change)),
-                float(1.0 / np.sqrt(max(abs(target), 1e-9))),
-            )
-        )
-    return found
 
 
 def _with(theta: Array, places: list[int], values: Array) -> Array:
@@ -455,7 +286,7 @@ def _jacobian(
     problem: Problem, axis: int, structure: Structure, theta: Array, linear: Array
 ) -> Array:
     """Derivatives of the weighted model output (rows, θ + linear)."""
-    scale = _scales(problem) * 1e-3
+    scale = scales(problem) * 1e-3
     columns = []
     for i, step in enumerate(scale):
         shift = np.zeros(len(theta))

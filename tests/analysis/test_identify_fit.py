@@ -12,7 +12,8 @@ import pytest
 
 from analysis.identify import identify, record, select_order
 from analysis.identify.basis import denominator, parameters_of
-from analysis.identify.problem import Layout, assemble
+from analysis.identify.layout import Layout
+from analysis.identify.problem import assemble
 from analysis.identify.uncertainty import propagated
 from analysis.transfer_function import TransferFunctionModel
 

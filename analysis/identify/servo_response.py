@@ -1,0 +1,79 @@
+"""Response of a bounded servo of either structure to a record's commands."""
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.basis import denominator, over_single
+from analysis.identify.problem import Part, held_states
+from analysis.identify.ramps import Bounds
+from analysis.identify.records import Record
+from analysis.identify.servo_motion import play, speed_servo
+
+if TYPE_CHECKING:
+    from analysis.identify.model import ChannelFit, ServoBounds
+
+Array = NDArray[np.float64]
+Structure = Literal["speed", "command"]
+
+
+def servo_response(
+    part: Part, axis: int, structure: Structure, poles: int, theta: Array
+) -> tuple[Array, Array]:
+    """Angle and rate (n,) of the servo with unit gain and no offset."""
+    delay, limit = float(theta[poles]), float(np.exp(theta[poles + 1]))
+    dead_band, backlash = float(theta[poles + 2]), float(theta[poles + 3])
+    command = np.ascontiguousarray(part.input[:, axis])
+    motion: tuple[Array, Array]
+    if structure == "speed":
+        k, w = _loop(theta[:poles])
+        motion = speed_servo(part.time, part.input_time, command, delay, k, w, limit, dead_band)
+    else:
+        motion = _behind_ramps(part, command, theta[:poles], delay, Bounds(limit, dead_band))
+    if backlash == 0.0:
+        return motion
+    angle, rate = play(*motion, backlash)
+    return angle, rate
+
+
+def servo_motion_of(
+    channel: "ChannelFit", bounds: "ServoBounds", record: Record, column: int
+) -> tuple[Array, Array]:
+    """Angle and rate (n,) of an identified servo under a record's commands."""
+    den = np.array(channel.den) / channel.den[0]
+    gain = channel.num[-1] / channel.den[-1]
+    limits = np.array(
+        [
+            channel.delay,
+            np.log(bounds.rate_limit.value / abs(gain)),
+            bounds.dead_band.value,
+            bounds.backlash.value / abs(gain),
+        ]
+    )
+    none = np.zeros(0, dtype=np.intp)
+    part = Part(record.time, record.input_time, record.input, none, none, False)
+    theta = np.concatenate([np.log(den[1:]), limits])
+    angle, rate = servo_response(part, column, bounds.structure, len(den) - 1, theta)
+    return gain * angle, gain * rate
+
+
+def _loop(section: Array) -> tuple[float, float]:
+    """Loop gain k and speed bandwidth w of s² + c₁s + c₀ = s² + w·s + k·w, or of s + k."""
+    if len(section) == 1:
+        return float(np.exp(section[0])), 0.0
+    c1, c0 = np.exp(section)
+    return float(c0 / c1), float(c1)
+
+
+def _behind_ramps(
+    part: Part, command: Array, section: Array, delay: float, bounds: Bounds
+) -> tuple[Array, Array]:
+    den = denominator(section)
+    single, held = held_states(part.time, part.input_time, command, den, delay, bounds)
+    a0 = den.coefficients[-1]
+    both = []
+    for numerator in (np.array([[a0]]), np.array([[a0, 0.0]])):
+        weight, through = over_single(numerator, den)
+        both.append((single @ weight).real[:, 0] + held * through[0])
+    return both[0] + command[0], both[1]

@@ -1,0 +1,63 @@
+"""Where the search for a bounded servo begins, and how far it may go."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.problem import Problem
+
+Array = NDArray[np.float64]
+
+
+def grid_of_starts(problem: Problem, max_delay: float) -> list[Array]:
+    """Grid over speed, delay and limit; the limit around the fastest motion in the readings."""
+    fixed = problem.layout.delays[0]
+    delays = np.linspace(0.0, 0.6 * max_delay, 6) if np.isnan(fixed) else np.array([fixed])
+    quick = fastest(problem)
+    starts = []
+    for limit in quick * np.array([0.5, 0.8, 1.1]):
+        for speed in (6.0, 12.0, 25.0, 50.0, 100.0):
+            for delay in delays:
+                section = [np.log(speed)]
+                if problem.layout.poles == 2:
+                    section = [np.log(1.6 * speed), 2.0 * np.log(speed)]
+                starts.append(np.array([*section, delay, np.log(limit), 0.0, 0.0]))
+    return starts
+
+
+def fastest(problem: Problem) -> float:
+    """Fastest motion that lasts: the 98th percentile of the speed over 5 samples [rad/s]."""
+    found = [1e-6]
+    for index in range(len(problem.parts)):
+        for is_rate in (False, True):
+            rows = (problem.owner == index) & (problem.is_rate == is_rate) & (problem.weight > 0)
+            if rows.sum() < 12:
+                continue
+            time, value = problem.time[rows], problem.measured[rows]
+            if is_rate:
+                centred = np.abs(value - np.median(value))
+                found.append(float(np.quantile(centred, 0.98)))
+            else:
+                speed = np.abs((value[5:] - value[:-5]) / (time[5:] - time[:-5]))
+                found.append(float(np.quantile(speed, 0.98)))
+    return max(found)
+
+
+def scales(problem: Problem) -> Array:
+    """Change of each parameter that matters (θ,)."""
+    amplitude = max(float(np.ptp(p.input)) for p in problem.parts)
+    return np.array([0.3] * problem.layout.poles + [0.01, 0.1, 0.01 * amplitude, 0.01 * amplitude])
+
+
+def limits(problem: Problem, max_delay: float) -> tuple[Array, Array]:
+    """Range of every parameter: what the samples can tell, and the readings allow."""
+    poles = problem.layout.poles
+    amplitude = max(float(np.ptp(p.input)) for p in problem.parts)
+    fixed = problem.layout.delays[0]
+    slack = max(p.slack for p in problem.parts)
+    delay = (-slack - 1e-6, max_delay) if np.isnan(fixed) else (fixed - 1e-12, fixed + 1e-12)
+    rate = np.log(fastest(problem))
+    low = [-3.0] * poles + [delay[0], rate - 2.0, -1e-12, -1e-12]
+    fast = np.log(10.0 / min(float(np.median(np.diff(p.time))) for p in problem.parts))
+    section = [fast] if poles == 1 else [fast + 0.7, 2.0 * fast]
+    high = [*section, delay[1], rate + 3.0, 0.25 * amplitude, 0.25 * amplitude]
+    return np.array(low), np.array(high)
