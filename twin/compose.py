@@ -12,6 +12,7 @@ from twin.errors import TwinError
 MJCF = Path(str(files("mjcf")))
 SCENES = ("flight", "bench", "turntable")
 LARGEST_XML = 4_000_000  # bytes; a hand-written model is three orders smaller
+DEEPEST_INCLUDE = 8
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
 
@@ -35,7 +36,7 @@ def compose(
 ) -> mujoco.MjSpec:
     """Uncompiled model of `scene`, vehicle and mechanism exchanged where files are given.
 
-    The scene names its vehicle in an `<include>` and the mechanism in `<model name="mechanism">`;
+    The scene names its vehicle in its `<include>`, the mechanism is the model asset `mechanism`;
     both references are rewritten in the text, since attaching happens while MuJoCo parses.
 
     Raises
@@ -45,27 +46,11 @@ def compose(
     path = scene_path(scene)
     if vehicle is None and mechanism is None:
         return _parsed(path, lambda: mujoco.MjSpec.from_file(str(path)))
-    root = _tree(path)
-    includes: dict[str, bytes] = {}
-    placed = _place_mechanism(root, mechanism)
-    include = root.find("include")
-    if include is not None:
-        part = vehicle or path.parent / include.get("file", "")
-        tree = _tree(part)
-        placed |= _place_mechanism(tree, mechanism)
-        include.set("file", "vehicle.xml")
-        includes["vehicle.xml"] = ET.tostring(tree)
-    elif vehicle is not None:
-        raise TwinError(f"scene {scene!r} includes no vehicle that {vehicle} could replace")
-    if mechanism is not None and not placed:
-        owner = vehicle or scene
-        raise TwinError(
-            f'{owner} attaches no <model name="mechanism"> that {mechanism} could replace'
-        )
+    root = _tree(path, vehicle)
+    if mechanism is not None:
+        _place_mechanism(root, mechanism, vehicle or path)
     text = ET.tostring(root, encoding="unicode")
-    return _parsed(
-        vehicle or mechanism or path, lambda: mujoco.MjSpec.from_string(text, include=includes)
-    )
+    return _parsed(vehicle or mechanism or path, lambda: mujoco.MjSpec.from_string(text))
 
 
 def _parsed(path: Path, parse: Callable[[], mujoco.MjSpec]) -> mujoco.MjSpec:
@@ -80,8 +65,33 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _tree(path: Path) -> ET.Element:
-    """Root element of an MJCF file, its file references made absolute."""
+def _tree(path: Path, vehicle: Path | None = None, depth: int = 0) -> ET.Element:
+    """Root element of an MJCF file, includes resolved and file references made absolute.
+
+    Where `vehicle` is given it takes the place of the file's `<include>` and of its mechanism.
+    """
+    root = _root(path)
+    if depth > DEEPEST_INCLUDE:
+        raise TwinError(f"{path} is included more than {DEEPEST_INCLUDE} files deep")
+    includes = root.findall("include")
+    if vehicle is not None:
+        if not includes:
+            raise TwinError(f"{path} includes no vehicle that {vehicle} could replace")
+        for asset in root.findall("asset"):
+            for model in asset.findall("model[@name='mechanism']"):
+                asset.remove(model)
+    for place, include in enumerate(includes):
+        given = vehicle if place == 0 else None
+        part = _tree(given or path.resolve().parent / include.get("file", ""), depth=depth + 1)
+        at = list(root).index(include)
+        root.remove(include)
+        for offset, element in enumerate(part):
+            root.insert(at + offset, element)
+    return root
+
+
+def _root(path: Path) -> ET.Element:
+    """Root element of one MJCF file, its own file references made absolute."""
     if not path.is_file():
         raise TwinError(f"{path} is not a file; give an MJCF file")
     if path.stat().st_size > LARGEST_XML:
@@ -103,12 +113,11 @@ def _tree(path: Path) -> ET.Element:
     return root
 
 
-def _place_mechanism(root: ET.Element, mechanism: Path | None) -> bool:
-    if mechanism is None:
-        return False
+def _place_mechanism(root: ET.Element, mechanism: Path, owner: Path) -> None:
     if not mechanism.is_file():
         raise TwinError(f"{mechanism} is not a file; give an MJCF file")
-    places = [m for m in root.iter("model") if m.get("name") == "mechanism"]
+    places = root.findall("asset/model[@name='mechanism']")
+    if not places:
+        raise TwinError(f"{owner} has no model asset 'mechanism' that {mechanism} could replace")
     for place in places:
         place.set("file", str(mechanism.resolve()))
-    return bool(places)

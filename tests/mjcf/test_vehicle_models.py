@@ -159,3 +159,12 @@ def test_gimbal_torque_outweighs_the_air_at_small_angles() -> None:
         # about the centre of mass; at zero gimbal the thrust passes within 40 µm of it
         moment = abs(data.qfrc_passive[4] - lever * data.qfrc_passive[0])
         assert moment < 0.75 * 12.0 * np.sin(np.radians(8)) * lever
+
+
+OPENED = [*MJCF.glob("*.xml"), *MJCF.glob("examples/*.xml")]
+
+
+@pytest.mark.parametrize("path", sorted(p.relative_to(MJCF.parent) for p in OPENED), ids=str)
+def test_every_model_opens_by_a_relative_path(path, monkeypatch):
+    monkeypatch.chdir(MJCF.parent)
+    assert mujoco.MjModel.from_xml_path(str(path)).nbody > 1
