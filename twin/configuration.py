@@ -8,10 +8,12 @@ from typing import Annotated, Literal
 import tyro
 
 from twin.errors import TwinError
+from twin.seat_names import check_seat, is_port, is_rig
 
 Signal = Literal["steps", "staircase", "chirp", "prbs", "multisine", "triangle", "dog-leg"]
 Programme = Literal["hold", "step", "doublet", "pitch-over", "point"]
 Seat = Literal["linkage", "transfer-function"]
+Kind = Literal["emulator", "firmware"]
 Integrator = Literal["implicitfast", "euler", "rk4", "ab1", "ab2", "ab3", "ab4"]
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # --json, and no --no-json
 
@@ -22,10 +24,18 @@ class Run:
 
     scene: str = "flight"
     """A shipped scene, or an MJCF file."""
-    gimbal: Seat = "linkage"
-    """Who moves the gimbal: servos and pushrods, or an identified model."""
+    gimbal: str = "linkage"
+    """Who moves the gimbal: servos and pushrods (linkage), an identified model (transfer-function),
+    or a rig: a simulated one (emulator, or firmware on a simulated Nano), or a port such as
+    /dev/ttyUSB0, COM3 or socket://127.0.0.1:5555."""
     model: Path | None = None
     """Identified model (JSON) for `--gimbal transfer-function`; the shipped one without it."""
+    calibration: Path | None = None
+    """Calibration (JSON) of the rig; what the drawings say without it."""
+    fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """What is wrong with a simulated rig, for example potentiometer_x_a:glitch:0.2. Repeatable."""
+    unit: int | None = None
+    """Which of many simulated rigs, every tolerance drawn; the rig exactly as drawn without it."""
     vehicle: Path | None = None
     """MJCF file in place of the reference vehicle."""
     mechanism: Path | None = None
@@ -38,8 +48,8 @@ class Run:
     """How the physics steps."""
     dt: float | None = None
     """Physics step [s]; the scene's own, 1 ms, without it."""
-    clock: Literal["lockstep", "wall"] = "lockstep"
-    """As fast as it goes, or in real time."""
+    clock: Literal["lockstep", "wall"] | None = None
+    """As fast as it goes, or in real time; without it a rig on a port decides for real time."""
     seed: int = 0
     """Of everything random."""
     out: Path | None = None
@@ -54,10 +64,16 @@ class Run:
         ------
         TwinError : the flag and its value
         """
-        for name, value in asdict(self).items():
-            for number in value if isinstance(value, tuple) else (value,):
-                if isinstance(number, float) and not math.isfinite(number):
-                    raise TwinError(f"--{name.replace('_', '-')} {number}: must be finite")
+        _refuse_no_number(self)
+        check_seat(self.gimbal)
+        if is_port(self.gimbal) and self.clock == "lockstep":
+            raise TwinError(f"--clock lockstep: a rig at {self.gimbal} lives in real time")
+        _check_rig_flags(self)
+
+    @property
+    def real_time(self) -> bool:
+        """Whether the run keeps pace with the wall clock."""
+        return self.clock == "wall" or (self.clock is None and is_port(self.gimbal))
 
 
 @dataclass(frozen=True)
@@ -115,6 +131,56 @@ class Step(Run):
 
 
 @dataclass(frozen=True)
+class Converge:
+    """Vary the time step of a flight over integrators: errors, orders, and what real time allows."""
+
+    flight: Literal["baseline", "closed-loop"] = "baseline"
+    """Free flight with the gimbal at rest, where everything is smooth; or steered from the launch
+    on."""
+    gimbal: Literal["linkage", "transfer-function"] = "transfer-function"
+    """Who moves the gimbal of the steered flight."""
+    model: Path | None = None
+    """Identified model (JSON) for `--gimbal transfer-function`; the shipped one without it."""
+    vehicle: Path | None = None
+    """MJCF file in place of the reference vehicle."""
+    mechanism: Path | None = None
+    """MJCF file in place of the reference mechanism."""
+    motor: Path | None = None
+    """RASP .eng file in place of the vehicle's own motor."""
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """NAME=VALUE, any named model parameter. Repeatable."""
+    set_from: Path | None = None
+    """JSON file of such names and values."""
+    integrators: tuple[Integrator, ...] = ("ab1", "ab2", "ab3", "ab4", "implicitfast", "rk4")
+    """Which to compare."""
+    dt_ms: tuple[float, ...] = ()
+    """Time steps; 20 to 2.5 ms for the baseline, 4 to 0.5 ms for the closed loop without it."""
+    integrator: Integrator = "ab2"
+    """Whose flights the figure shows, and the verdict is about."""
+    tolerance_m: float = 0.1
+    """Largest error of the path that counts as converged."""
+    duration_s: float = 3.0
+    """Length of the flight at most."""
+    control_hz: float = 250.0
+    """Rate of the controller."""
+    seed: int = 0
+    """Of everything random."""
+    out: Path | None = None
+    """Page to write (.html); runs/converge.html without it."""
+    json: Flag = False
+    """Print the numbers as one JSON object instead of a summary."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        _refuse_no_number(self)
+
+
+@dataclass(frozen=True)
 class View:
     """Open a recording in the Rerun viewer."""
 
@@ -132,6 +198,28 @@ class Doctor:
 
     json: Flag = False
     """Print the findings as one JSON object."""
+
+
+def _check_rig_flags(config: Run) -> None:
+    """Refuse flags that would be silently without effect."""
+    given = {
+        "--calibration": config.calibration is not None,
+        "--fault": bool(config.fault),
+        "--unit": config.unit is not None,
+    }
+    for flag, present in given.items():
+        if present and not is_rig(config.gimbal):
+            raise TwinError(
+                f"{flag} is about a rig; --gimbal {config.gimbal} is none (emulator, firmware and"
+                " ports are)"
+            )
+
+
+def _refuse_no_number(config: Run | Converge) -> None:
+    for name, value in asdict(config).items():
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float) and not math.isfinite(number):
+                raise TwinError(f"--{name.replace('_', '-')} {number}: must be finite")
 
 
 def as_properties(config: Run) -> dict[str, object]:

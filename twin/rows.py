@@ -12,7 +12,9 @@ from twin.aerodynamics import gust, mean_wind
 from twin.aerodynamics.atmosphere import MODE
 from twin.model import AXES
 from twin.plant import Plant
+from twin.readings import Readings
 from twin.recorder import Recorder
+from twin.rig_rows import RigRows
 from twin.seats import Pilot
 
 Array = NDArray[np.float64]
@@ -31,7 +33,7 @@ CONTROL = ("control/setpoint", "control/error")
 
 
 class Rows:
-    """Gathers a run's signals from plant and pilot; `write` is called once a tick.
+    """Gathers a run's signals from plant, pilot and rig; `write` is called once a tick.
 
     Attributes
     ----------
@@ -40,8 +42,11 @@ class Rows:
     closure : (2,) gap of the two rod loops at the last row [m]; zeros without rods
     """
 
-    def __init__(self, plant: Plant, pilot: Pilot | None = None) -> None:
+    def __init__(
+        self, plant: Plant, pilot: Pilot | None = None, readings: Readings | None = None
+    ) -> None:
         self._plant, self._pilot = plant, pilot
+        self._rig = None if readings is None else RigRows(readings)
         self.command: Array = np.zeros(2)
         self.closure: Array = np.zeros(2)
         self._servo: Array = np.zeros(2)
@@ -51,7 +56,7 @@ class Rows:
         self._recorder: Recorder | None = None
         self._copies: list[tuple[Array, Array]] = []
         self._sources = self._gather()
-        self.signals = tuple(self._sources)
+        self.signals = tuple(self._sources) + (self._rig.signals if self._rig else ())
 
     def _gather(self) -> dict[str, Array]:
         plant, flow = self._plant, self._flow
@@ -83,6 +88,8 @@ class Rows:
             (row[recorder.slices[name]], source) for name, source in self._sources.items()
         ]
         self._wall_ns = time.time_ns()
+        if self._rig is not None:
+            self._rig.bind(recorder)
 
     def derive(self, time_ns: int) -> None:
         """Renew what is computed rather than read."""
@@ -103,6 +110,8 @@ class Rows:
         recorder = self._recorder
         if recorder is None:
             return
+        if self._rig is not None:
+            self._rig.write(time_ns, self._wall_ns)
         for place, source in self._copies:
             place[:] = source
         recorder.commit(time_ns, self._wall_ns + time_ns)

@@ -10,9 +10,9 @@ import numpy as np
 
 from tests.benchmarks.timing import paired, ratio, row
 from twin import native
+from twin.assembly import DRAIN_LOCKSTEP_NS
 from twin.clock import Lockstep
 from twin.control import AttitudeController, Hold, control_config, launch_direction
-from twin.experiments import DRAIN_LOCKSTEP_NS
 from twin.loop import Seats, run
 from twin.model import ModelConfig, load
 from twin.plant import Plant

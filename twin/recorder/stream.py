@@ -188,7 +188,9 @@ class Recorder:
         thrust = np.zeros(len(at))
         if THRUST in self.slices and self._n:
             known = self._block[: self._n, self.slices[THRUST].start]
-            thrust = np.nan_to_num(np.interp(at, time, known))
+            rows = np.isfinite(known)  # a sensor frame's row knows nothing of the vehicle
+            if rows.any():
+                thrust = np.interp(at, time[rows], known[rows])
         poses.drain(self._stream, self._wall_at(at, time, wall), thrust)
 
     def _wall_at(self, at: Stamps, time: Stamps, wall: Stamps) -> Stamps:

@@ -5,12 +5,12 @@
 (True, True, False)
 """
 
+from twin.readings import Readings
 from twin.rigs.bench import BenchPlant
 from twin.rigs.devices import Device, drawn, make_device, parameters, switch_angles
-from twin.rigs.names import SIMULATED, check_seat, is_port, is_rig
 from twin.rigs.opening import RigOptions, device, open_rig, opened
-from twin.rigs.readings import Readings
 from twin.rigs.seat import RigGimbal
+from twin.seat_names import SIMULATED, check_seat, is_port, is_rig
 
 __all__ = [
     "SIMULATED",

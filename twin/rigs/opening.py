@@ -16,8 +16,8 @@ from twin.model import ModelConfig, load
 from twin.plant import Plant
 from twin.rigs.bench import BenchPlant
 from twin.rigs.devices import Device, drawn, make_device, parameters
-from twin.rigs.names import SIMULATED, check_seat, is_rig
 from twin.rigs.seat import RigGimbal
+from twin.seat_names import SIMULATED, check_seat, is_rig
 
 OF_THE_MECHANISM = "gimbal_"
 

@@ -7,7 +7,7 @@ from hardware.frames import GimbalCommand, GimbalState, SensorFrame
 from hardware.rig import Phase, Rig, RigError
 from twin.model import AXES
 from twin.plant import Plant
-from twin.rigs.readings import Readings
+from twin.readings import Readings
 
 SETTLE_NS = 200_000_000  # the filters find the gyro's bias in this
 LONGEST_SETTLE_NS = 2_000_000_000

@@ -1,0 +1,165 @@
+"""What every run is put together from: model, clock, rig, recorder."""
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin import native, overrides
+from twin.clock import Clock, Lockstep, Wall
+from twin.configuration import Run, as_properties
+from twin.errors import TwinError
+from twin.loop import Gimbal
+from twin.model import ModelConfig, Seat, TwinModel, load
+from twin.plant import Plant
+from twin.recorder import Recorder
+from twin.rows import Rows
+from twin.seat_names import is_rig
+from twin.seats import SimulatedGimbal
+
+if TYPE_CHECKING:
+    from twin.readings import Readings
+    from twin.rigs import RigOptions
+
+VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
+# Each write costs the same however much it holds; a run in real time may be cut off at any moment.
+DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 8_000_000_000, 200_000_000
+PATIENCE_S = 2.0
+UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
+
+
+@contextmanager
+def compiled() -> Iterator[None]:
+    """Install the native callbacks; tell whoever waits at a terminal why it takes long at first."""
+    timer = threading.Timer(PATIENCE_S, _explain_wait)
+    timer.daemon = True
+    if sys.stderr.isatty():
+        timer.start()
+    try:
+        with native.installed():
+            timer.cancel()
+            yield
+    finally:
+        timer.cancel()
+
+
+def _explain_wait() -> None:
+    print("twin: compiling the native forces, once after an update …", file=sys.stderr)
+
+
+def make_plant(config: Run, motor: Path | None = None) -> Plant:
+    """The simulated side of a run; its gimbal follows where a rig has the gimbal seat.
+
+    Raises
+    ------
+    TwinError : a file, name or number that cannot be used
+    """
+    kind: Seat = "follow"
+    if not is_rig(config.gimbal):
+        kind = "linkage" if config.gimbal == "linkage" else "transfer-function"
+    return Plant(
+        load(
+            ModelConfig(
+                scene=config.scene,
+                gimbal=kind,
+                transfer_function=config.model,
+                vehicle=config.vehicle,
+                mechanism=config.mechanism,
+                motor=motor,
+                overrides=overrides.parse(config.set, config.set_from),
+                dt=config.dt,
+                seed=config.seed,
+            )
+        ),
+        config.integrator,
+    )
+
+
+def gimbal_seat(stack: ExitStack, config: Run, plant: Plant) -> "tuple[Gimbal, Readings | None]":
+    """Who the run's `--gimbal` names, connected; and its readings where it has sensors.
+
+    Raises
+    ------
+    TwinError, HardwareError : a rig that cannot be opened, in one line
+    """
+    if not is_rig(config.gimbal):
+        return SimulatedGimbal(plant), None
+    from twin.rigs import open_rig
+
+    seat = stack.enter_context(open_rig(rig_options(config), plant))
+    return seat, seat.readings
+
+
+def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
+    """How the rig of a run is to be opened."""
+    from twin.rigs import RigOptions
+
+    return RigOptions(
+        seat=config.gimbal,
+        calibration=config.calibration,
+        unit=config.unit,
+        faults=config.fault,
+        seed=config.seed,
+        mechanism=config.mechanism,
+        overrides=overrides.parse(config.set, config.set_from),
+        watch=watch,
+    )
+
+
+def steps_per_tick(control_hz: float, plant: Plant) -> int:
+    """Physics steps between two commands.
+
+    Raises
+    ------
+    TwinError : the control period is no whole number of physics steps
+    """
+    if not 0 < control_hz <= 1e5:
+        raise TwinError(f"--control-hz {control_hz}: must lie in 0 to 100000")
+    steps = 1e9 / control_hz / plant.dt_ns
+    if steps < 0.999 or abs(steps - round(steps)) > 1e-6:
+        raise TwinError(
+            f"--control-hz {control_hz:g} is no whole number of physics steps of"
+            f" {plant.dt_ns * 1e-6:g} ms; {1e9 / plant.dt_ns / max(1, round(steps)):g} Hz would be"
+        )
+    return round(steps)
+
+
+def make_clock(config: Run) -> Clock:
+    """The run's clock."""
+    return Wall() if config.real_time else Lockstep()
+
+
+def make_recorder(
+    config: Run, command: str, twin: TwinModel, rows: Rows, serve: int | None = None
+) -> Recorder:
+    """The run's recorder, its properties complete enough to repeat the run.
+
+    Raises
+    ------
+    TwinError : the file cannot be written, or the port is taken
+    """
+    settings = {k: v for k, v in as_properties(config).items() if k not in UNRECORDED}
+    properties: dict[str, object] = {
+        "command": command,
+        "configuration": settings,
+        "versions": {name: version(name) for name in VERSIONS},
+        "model_sha256": twin.sha256,
+        "seed": config.seed,
+    }
+    if config.real_time:
+        properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")
+    path = config.out or Path("runs")
+    if path.is_dir() or not path.suffix:
+        path /= f"{command}.rrd"
+    return Recorder(
+        path,
+        signals=rows.signals,
+        properties=properties,
+        model=twin.mj,
+        drain_ns=DRAIN_WALL_NS if config.real_time else DRAIN_LOCKSTEP_NS,
+        serve=serve,
+    )

@@ -1,0 +1,100 @@
+"""A rig's readings into the recorder: one row a sensor frame at its own stamp, and its link."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.frames import GimbalState, SensorFrame
+from twin.readings import Readings
+from twin.recorder import Recorder
+
+# One row a frame; the order is that of `_values`.
+FRAME: Final = (
+    "gimbal/measured",
+    "gimbal/sigma",
+    "gimbal/rate/measured",
+    "sensors/potentiometer",
+    "sensors/gyro",
+    "sensors/accelerometer",
+    "sensors/base_gyro",
+    "sensors/base_accelerometer",
+    "sensors/pulse",
+    "sensors/switches",
+    "sensors/joystick",
+    "sensors/device_time",
+    "sensors/flags",
+)
+# One row a tick.
+TICK: Final = ("timing/sensor_age", "timing/round_trip", "link/lost", "link/crc_errors")
+
+
+class RigRows:
+    """Writes what a rig said since the last tick.
+
+    A frame's row carries the time at which the device took it, not the tick that found it: the
+    difference is the sensors' age, which would else go into every delay identified from the file.
+
+    Parameters
+    ----------
+    readings : of the seat, renewed by its poll
+    """
+
+    signals = (*FRAME, *TICK)
+
+    def __init__(self, readings: Readings) -> None:
+        self._readings = readings
+        self._last_ns = -1
+        self._health = ""
+
+    def bind(self, recorder: Recorder) -> None:
+        """Find the places in the recorder's row; the frame's signals lie side by side in it."""
+        at = recorder.slices
+        self._recorder = recorder
+        self._frame: NDArray[np.float64] = recorder.row[at[FRAME[0]].start : at[FRAME[-1]].stop]
+        self._tick: NDArray[np.float64] = recorder.row[at[TICK[0]].start : at[TICK[-1]].stop]
+
+    def write(self, time_ns: int, wall_origin_ns: int) -> None:
+        """Commit a row a frame, then leave the link's state in the row of this tick."""
+        recorder, r = self._recorder, self._readings
+        if r.frames:
+            recorder.row[:] = np.nan
+            for frame, state in zip(r.frames, r.states, strict=True):
+                if frame.time_ns < 0:
+                    continue
+                # a better estimate of the device's clock may move a stamp back by microseconds
+                at = max(frame.time_ns, self._last_ns + 1)
+                self._last_ns = at
+                self._frame[:] = _values(frame, state)
+                recorder.commit(at, wall_origin_ns + at)
+        self._frame[:] = np.nan
+        age, trip = r.age_ns, r.round_trip_ns
+        self._tick[:] = (
+            np.nan if age is None else age * 1e-9,
+            np.nan if trip is None else trip * 1e-9,
+            r.lost,
+            r.crc_errors,
+        )
+        for level, text in r.news:
+            recorder.event(time_ns, text, level)
+        if r.health != self._health:
+            self._health = r.health
+            recorder.health(time_ns, r.health)
+
+
+def _values(f: SensorFrame, s: GimbalState) -> tuple[float, ...]:
+    return (
+        *s.angle,
+        *s.sigma,
+        *s.rate,
+        *f.potentiometer,
+        *f.gyro,
+        *f.accelerometer,
+        *f.base_gyro,
+        *f.base_accelerometer,
+        *f.pulse,
+        *f.switches,
+        *f.joystick,
+        f.device_us * 1e-6,
+        f.flags,
+    )
