@@ -37,14 +37,13 @@ def excitation(config: Step) -> Excitation:
 
 
 def figures(recording: Path) -> "tuple[AxisFigures, ...]":
-    """Figures of a recording, axis by axis; axes that were not commanded are left out."""
+    """Figures of a recording, per axis and of both; axes that were not commanded are left out."""
     from analysis import recording as recordings
-    from analysis.report.figures import axis_figures
+    from analysis.report.figures import run_figures
     from analysis.report.run import run_of
 
     run = run_of(recordings.read(recording))
-    found = [axis_figures(run, axis) for axis in run.axes]
-    return tuple(f for f in found if f.kind != "still")
+    return tuple(f for f in run_figures(run) if f.kind != "still")
 
 
 def lines(figures: "Sequence[AxisFigures]") -> list[tuple[str, str]]:
@@ -65,7 +64,7 @@ def lines(figures: "Sequence[AxisFigures]") -> list[tuple[str, str]]:
                 heads.setdefault(column, axis.axis)
     rows = []
     for directed in (True, False):
-        columns = [c for c in sorted(heads) if bool(c[1]) is directed]
+        columns = [c for c in sorted(heads, key=lambda c: (len(c[0]), c)) if bool(c[1]) is directed]
         told = {n: by for n, by in cells.items() if set(by) & set(columns)}
         table = [
             [heads[c] for c in columns],

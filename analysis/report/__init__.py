@@ -1,1 +1,20 @@
-"""One self-contained HTML page per result."""
+"""One self-contained HTML page per result: sections of plain parts, rendered in one place."""
+
+from analysis.report.build import report
+from analysis.report.numbers import ReportNumbers
+from analysis.report.page import render
+from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table
+from analysis.report.run import ReportError
+
+__all__ = [
+    "Cell",
+    "Line",
+    "Panel",
+    "Plot",
+    "ReportError",
+    "ReportNumbers",
+    "Section",
+    "Table",
+    "render",
+    "report",
+]

@@ -1,7 +1,7 @@
 """The figures a run allows, per axis: what was commanded decides what can be told."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -29,6 +29,7 @@ KINDS: dict[str, Kind] = {
     "multisine": "broadband", "triangle": "ramps", "dog-leg": "ramps",
 }  # fmt: skip
 HELD = 0.15  # s; commands held longer are steps one can watch settle
+PLACES = 20  # stretches of the stroke of a sweep
 SIZES = 4  # different step sizes make a staircase
 
 
@@ -68,6 +69,23 @@ def kind_of(run: Run, axis: AxisRecord) -> Kind:
     return "ramps" if np.mean(np.abs(slopes - usual) < 0.05 * usual) > 0.45 else "broadband"
 
 
+def run_figures(run: Run) -> tuple[AxisFigures, ...]:
+    """Figures of every axis, in the run's order, and then the coupling between them."""
+    found = [axis_figures(run, axis) for axis in run.axes]
+    coupled = [
+        f
+        for driven, told in zip(run.axes, found, strict=True)
+        if told.kind in ("steps", "staircase")
+        for other in run.axes
+        if other is not driven
+        for f in _coupling(driven, other)
+    ]
+    if coupled:
+        names = "/".join(a.name for a in run.axes)
+        found.append(AxisFigures(names, "steps", tuple(coupled)))
+    return tuple(found)
+
+
 def axis_figures(run: Run, axis: AxisRecord) -> AxisFigures:
     """Every figure this axis' command allows; one that fails becomes a note, never a guess."""
     kind = kind_of(run, axis)
@@ -92,9 +110,7 @@ def steps_of(axis: AxisRecord) -> tuple[Step, ...]:
 def at_rest(axis: AxisRecord) -> tuple[Array, Array, Array]:
     """Commands, plateau angles and approach directions (n,) of the steps."""
     steps = steps_of(axis)
-    command = np.array([s.command_after for s in steps])
-    angle = np.array([float(s.response[-max(len(s.response) // 3, 3) :].mean()) for s in steps])
-    return command, angle, np.array([np.sign(s.command_after - s.command_before) for s in steps])
+    return *_plateaus(steps), np.array([np.sign(s.command_after - s.command_before) for s in steps])
 
 
 def in_motion(axis: AxisRecord) -> tuple[Array, Array, Array]:
@@ -107,6 +123,28 @@ def in_motion(axis: AxisRecord) -> tuple[Array, Array, Array]:
     return own.command[held][way != 0], own.angle[way != 0], way[way != 0]
 
 
+def _coupling(driven: AxisRecord, other: AxisRecord) -> tuple[Figure, ...]:
+    """Motion of another axis at rest, of the driven one's own [%]."""
+    own = driven.active()
+    seen = cut_steps(other.angle_time, other.angle, own.time, own.command)
+    try:
+        command, angle = _plateaus(seen)
+        gain = linearity(*at_rest(driven)[:2])[0].value
+        slope = linearity(command, angle)[0]
+    except AnalysisError:
+        return ()
+    low, high = (100.0 * x / gain for x in slope.interval)
+    name = f"coupling {driven.name}→{other.name}"
+    value = 100.0 * slope.value / gain
+    return (Figure(name, value, "%", slope.amplitude, slope.n, (low, high)),)
+
+
+def _plateaus(steps: Sequence[Step]) -> tuple[Array, Array]:
+    command = np.array([s.command_after for s in steps])
+    angle = np.array([float(s.response[-max(len(s.response) // 3, 3) :].mean()) for s in steps])
+    return command, angle
+
+
 def _static(axis: AxisRecord) -> tuple[Figure, ...]:
     u, y, way = at_rest(axis)
     return (hysteresis(u, y, way), *linearity(u, y))
@@ -114,9 +152,20 @@ def _static(axis: AxisRecord) -> tuple[Figure, ...]:
 
 def _moving(axis: AxisRecord) -> tuple[Figure, ...]:
     u, y, way = in_motion(axis)
-    gap, *line = hysteresis(u, y, way), *linearity(u, y)
+    gap, *line = hysteresis(u, y, way), *linearity(*_places(u, y, way))
     named = Figure("hysteresis with lag", gap.value, gap.unit, gap.amplitude, gap.n, gap.interval)
     return (named, *line)
+
+
+def _places(u: Array, y: Array, way: Array) -> tuple[Array, Array]:
+    """Means of stretches of the stroke, each way by itself.
+
+    Neighbouring samples of one sweep share their error; as so many measurements they would make
+    intervals far too narrow.
+    """
+    place = np.digitize(u, np.linspace(u.min(), u.max(), PLACES + 1)[1:-1]) + PLACES * (way > 0)
+    found = [place == k for k in np.unique(place)]
+    return np.array([u[f].mean() for f in found]), np.array([y[f].mean() for f in found])
 
 
 _WHY: dict[Kind, str] = {

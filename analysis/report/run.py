@@ -1,7 +1,7 @@
 """One recording as the report sees it: a label, and per axis what was commanded and what moved."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,12 +62,14 @@ class Run:
     recording : where it comes from
     motion : `measured`, or `simulated` where nothing was measured
     axes : those that were commanded and seen
+    shift : added to the recording's stamps, to lay the run over the first one [s]
     """
 
     label: str
     recording: Recording
     motion: str
     axes: tuple[AxisRecord, ...]
+    shift: float = 0.0
 
     def axis(self, name: str) -> AxisRecord | None:
         """Return the axis of that name, if the run has it."""
@@ -123,6 +125,28 @@ def runs_of(
         for k, name in enumerate(asked)
     ]
     return tuple(run_of(r, name) for r, name in zip(recordings, names, strict=True))
+
+
+def aligned(runs: Sequence[Run]) -> tuple[Run, ...]:
+    """Lay every run over the first one by the first change of its command, never by its answer."""
+    begins = [_begin(run) for run in runs]
+    first = begins[0]
+    return tuple(
+        run if first is None or begin is None else _shifted(run, first - begin)
+        for run, begin in zip(runs, begins, strict=True)
+    )
+
+
+def _begin(run: Run) -> float | None:
+    rows = [(a.time, np.flatnonzero(np.diff(a.command) != 0.0)) for a in run.axes]
+    return min((float(t[r[0] + 1]) for t, r in rows if len(r)), default=None)
+
+
+def _shifted(run: Run, shift: float) -> Run:
+    if abs(shift) < 1e-6:
+        return run
+    axes = tuple(replace(a, time=a.time + shift, angle_time=a.angle_time + shift) for a in run.axes)
+    return replace(run, axes=axes, shift=shift)
 
 
 def setting(recording: Recording, name: str) -> object:

@@ -4,6 +4,7 @@ import math
 
 from analysis.response import Figure
 
+NOTHING = 5e-6  # °, ms, %, Hz: rounding errors of a simulation are no figures
 READ: dict[str, tuple[str, float]] = {
     "rad": ("°", 180.0 / math.pi), "rad/s": ("°/s", 180.0 / math.pi), "s": ("ms", 1e3),
     "deg": ("°", 1.0), "1": ("", 1.0),
@@ -12,7 +13,7 @@ READ: dict[str, tuple[str, float]] = {
 
 def title(name: str) -> str:
     """A figure's name as people write it."""
-    return name.replace("_", " ")
+    return name.replace("_", " ").replace("-90", "−90")
 
 
 def split(name: str) -> tuple[str, str]:
@@ -41,7 +42,7 @@ def value_text(figure: Figure) -> str:
     if not (math.isfinite(low) and math.isfinite(high)):
         return f"{number(value)}{space}{unit}"
     half = 0.5 * (high - low)
-    if abs(value - 0.5 * (low + high)) > 0.1 * half:
+    if abs(value - 0.5 * (low + high)) > max(0.1 * half, NOTHING):
         return f"{number(value)} ({number(low)} to {number(high)}){space}{unit}"
     return f"{_rounded(value, half)} ± {number(half, 2)}{space}{unit}"
 
@@ -55,7 +56,7 @@ def number(value: float, digits: int = 4) -> str:
     """A number of so many significant digits, with a true minus, without an exponent if short."""
     if not math.isfinite(value):
         return "–"
-    if abs(value) < 1e-9:
+    if abs(value) < NOTHING:
         return "0"
     text = f"{value:.{digits}g}"
     if "e" in text and 1e-4 < abs(value) < 1e7:
@@ -65,7 +66,7 @@ def number(value: float, digits: int = 4) -> str:
 
 def _rounded(value: float, half: float) -> str:
     """The value to the second significant place of its half interval, four digits at least."""
-    if half <= 0.0 or abs(value) < 1e-9:
+    if half < NOTHING or abs(value) < NOTHING:
         return number(value)
     places = max(0, 1 - math.floor(math.log10(half)))
     wanted = max(0, 3 - math.floor(math.log10(abs(value))))

@@ -1,0 +1,193 @@
+"""The report's numbers, for machines: the same the page shows."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.compare import AxisComparison, Comparison, Motion, compare
+from analysis.report.figures import AxisFigures, run_figures
+from analysis.report.run import AxisRecord, Run
+from analysis.report.spectrum import FrequencyResponse, frequency_response
+from analysis.response import disagreements
+from analysis.schema import AnalysisError
+
+Array = NDArray[np.float64]
+
+SAME = 0.98  # of the time two commands must agree for their answers to be compared
+CLOSE = 1e-3  # rad; a command within 0.06° is the same command
+MOST_STEPS = 200  # a command of more changes is no sequence of steps
+BROADBAND = ("broadband",)
+
+
+@dataclass(frozen=True, slots=True)
+class RunNumbers:
+    """What is told of one run.
+
+    Attributes
+    ----------
+    label, motion : what it is called, and whether it was `measured` or `simulated`
+    duration : [s]
+    samples : of the angle
+    figures : per axis
+    responses : frequency response by axis, where the command allows one
+    disagree : (axis, figure) outside the interval of the first run, if that was measured
+    """
+
+    label: str
+    motion: str
+    duration: float
+    samples: int
+    figures: tuple[AxisFigures, ...]
+    responses: Mapping[str, FrequencyResponse]
+    disagree: tuple[tuple[str, str], ...] = ()
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON."""
+        return {
+            "label": self.label,
+            "motion": self.motion,
+            "duration": self.duration,
+            "samples": self.samples,
+            "axes": [f.to_dict() for f in self.figures],
+            "frequency_response": {k: r.to_dict() for k, r in self.responses.items()},
+            "disagree": [list(pair) for pair in self.disagree],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ReportNumbers:
+    """Every number of a report.
+
+    Attributes
+    ----------
+    title : of the page
+    page : file written, or empty
+    runs : in the order given; the first is the reference
+    comparisons : every later run against every earlier one
+    notes : what could not be told
+    """
+
+    title: str
+    page: str
+    runs: tuple[RunNumbers, ...]
+    comparisons: tuple[Comparison, ...]
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON; what could not be measured is None."""
+        return {
+            "title": self.title,
+            "page": self.page,
+            "runs": [r.to_dict() for r in self.runs],
+            "comparisons": [c.to_dict() for c in self.comparisons],
+            "notes": list(self.notes),
+        }
+
+
+def numbers_of(runs: Sequence[Run], title: str) -> ReportNumbers:
+    """Compute whatever the runs allow; what they do not allow becomes a note."""
+    notes: list[str] = []
+    first = run_figures(runs[0])
+    told = []
+    for k, run in enumerate(runs):
+        figures = first if k == 0 else run_figures(run)
+        notes += [f"{run.label}, {a.axis}: {note}" for a in figures for note in a.notes]
+        disagree = _disagree(first, figures) if k and runs[0].motion == "measured" else ()
+        told.append(_numbers(run, figures, disagree))
+    comparisons = []
+    for k, other in enumerate(runs):
+        for reference in runs[:k]:
+            try:
+                comparisons.append(_compared(reference, other))
+            except AnalysisError as error:
+                notes.append(f"{reference.label} and {other.label}: {error}")
+    return ReportNumbers(title, "", tuple(told), tuple(comparisons), tuple(notes))
+
+
+def same_command(a: AxisRecord, b: AxisRecord) -> bool:
+    """Whether two records were told the same, but for the edges."""
+    low, high = max(a.time[0], b.time[0]), min(a.time[-1], b.time[-1])
+    t = np.linspace(low, high, 4001)[1:-1]
+    if not high > low:
+        return False
+    told = [r.command[np.searchsorted(r.time, t, side="right") - 1] for r in (a, b)]
+    return float(np.mean(np.abs(told[0] - told[1]) < CLOSE)) > SAME
+
+
+def _numbers(
+    run: Run, figures: Sequence[AxisFigures], disagree: tuple[tuple[str, str], ...]
+) -> RunNumbers:
+    responses = {}
+    kinds = {f.axis: f.kind for f in figures}
+    for axis in run.axes:
+        if kinds[axis.name] not in BROADBAND:
+            continue
+        try:
+            responses[axis.name] = frequency_response(axis)
+        except AnalysisError:
+            continue  # the figures' note says it already
+    time = run.axes[0].angle_time
+    return RunNumbers(
+        run.label,
+        run.motion,
+        float(time[-1] - time[0]),
+        len(time),
+        tuple(figures),
+        responses,
+        disagree,
+    )
+
+
+def _disagree(
+    reference: Sequence[AxisFigures], other: Sequence[AxisFigures]
+) -> tuple[tuple[str, str], ...]:
+    found = []
+    for a in reference:
+        for b in other:
+            if a.axis == b.axis and a.kind == b.kind:
+                found += [(a.axis, name) for name in disagreements(a.figures, b.figures)]
+    return tuple(found)
+
+
+def _compared(reference: Run, other: Run) -> Comparison:
+    pairs = [(a, b) for a in reference.axes if (b := other.axis(a.name)) is not None]
+    if pairs and not all(same_command(a, b) for a, b in pairs):
+        raise AnalysisError("they were commanded differently, so their motions are not compared")
+    axes = [_axis_compared(reference, other, a, b) for a, b in pairs]
+    if not axes:
+        raise AnalysisError("they have no axis in common")
+    return Comparison(reference.label, other.label, tuple(axes))
+
+
+def _axis_compared(reference: Run, other: Run, a: AxisRecord, b: AxisRecord) -> AxisComparison:
+    """One axis over the whole record; repeats only while that axis itself is commanded."""
+    edges = repeats(a)
+    motions = (
+        Motion(*_rising(r.angle_time, r.angle), (r.name,), run.label)
+        for r, run in ((a, reference), (b, other))
+    )
+    found = compare(*motions, repeats=edges).axes[0]
+    # the last edge is the end of the last repeat; what follows it is none
+    return replace(found, repeats=found.repeats[: max(len(edges) - 1, 0)])
+
+
+def _rising(time: Array, angle: Array) -> tuple[Array, Array]:
+    """Without stamps that repeat themselves; the last reading of each is kept."""
+    last = np.append(np.diff(time) > 0.0, True)
+    return time[last], angle[last]
+
+
+def repeats(axis: AxisRecord) -> list[float]:
+    """When repeats of steps begin, departures to the largest angle, and when the last one ends.
+
+    Nothing for a command that is no sequence of steps.
+    """
+    rows = np.flatnonzero(np.diff(axis.command) != 0.0) + 1
+    top = float(axis.command.max())
+    if not 0 < len(rows) <= MOST_STEPS or top <= 0.0:
+        return []
+    begins = [float(axis.time[r]) for r in rows if axis.command[r] >= 0.999 * top]
+    end = float(axis.active().time[-1])
+    return [*begins, end] if begins and end > begins[-1] else []

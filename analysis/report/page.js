@@ -1,0 +1,132 @@
+"use strict";
+// Draws the plots described in #plots with Plotly; colours come from the page's style, so the
+// browser's theme and the printer decide them.
+(() => {
+  const specs = JSON.parse(document.getElementById("plots").textContent);
+  const PRINTED_WIDTH = 680; // CSS pixels between the margins of A4
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+
+  // Plotly reads tags and entities in text; a recording's text must stay text.
+  const plain = (s) => String(s).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  const role = (r) => colour(r === "command" ? r : "run" + (Number(r.slice(3)) % 6));
+  const faint = (hex) => hex + "2e";
+  const suffix = (i) => (i === 0 ? "" : String(i + 1));
+
+  const STYLES = {
+    line: { mode: "lines", line: { width: 1.7 } },
+    thin: { mode: "lines", line: { width: 0.8 }, opacity: 0.5 },
+    dash: { mode: "lines", line: { width: 1.7, dash: "dash" } },
+    dots: { mode: "markers", marker: { size: 7 } },
+    rings: { mode: "markers", marker: { size: 8, symbol: "circle-open", line: { width: 1.5 } } },
+  };
+
+  const BREAKS = (line) => {
+    const runs = [[]];
+    line.x.forEach((_, i) => (line.low[i] === null ? runs.push([]) : runs[runs.length - 1].push(i)));
+    return runs.filter((r) => r.length > 1);
+  };
+
+  function band(line, axes) {
+    return BREAKS(line).map((run) => ({
+      x: run.map((i) => line.x[i]).concat(run.map((i) => line.x[i]).reverse()),
+      y: run.map((i) => line.high[i]).concat(run.map((i) => line.low[i]).reverse()),
+      type: "scatter", mode: "lines", fill: "toself", fillcolor: faint(role(line.role)),
+      line: { width: 0 }, hoverinfo: "skip", showlegend: false, legendgroup: line.name, ...axes,
+    }));
+  }
+
+  function traces(spec) {
+    const seen = new Set();
+    return spec.lines.flatMap((line) => {
+      const axes = { xaxis: "x" + suffix(line.panel), yaxis: "y" + suffix(line.panel) };
+      const style = structuredClone(STYLES[line.style]);
+      const c = role(line.role);
+      if (style.line) style.line.color = c;
+      if (style.marker) style.marker.color = c;
+      if (style.marker && style.marker.line) style.marker.line.color = c;
+      const listed = line.style !== "thin" && !seen.has(line.name);
+      if (listed) seen.add(line.name);
+      const own = {
+        x: line.x, y: line.y, type: "scatter", name: plain(line.name), legendgroup: line.name,
+        showlegend: listed, connectgaps: false, ...axes, ...style,
+      };
+      if (line.style === "thin") own.hoverinfo = "skip";
+      return line.low ? [...band(line, axes), own] : [own];
+    });
+  }
+
+  function layout(spec, place, width) {
+    const ink = colour("ink"), rule = colour("rule"), quiet = colour("quiet");
+    const rows = 1 + Math.max(...spec.panels.map((p) => p.row));
+    const columns = 1 + Math.max(...spec.panels.map((p) => p.column));
+    const gapX = columns > 1 ? 84 / ((width || place.clientWidth) - 80) : 0, gapY = rows > 1 ? 0.1 / rows : 0;
+    const w = (1 - gapX * (columns - 1)) / columns, h = (1 - gapY * (rows - 1)) / rows;
+    const out = {
+      height: rows * spec.panel_height + 110, autosize: true,
+      margin: { l: 66, r: 12, t: 46, b: 52 },
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      font: { family: "system-ui, sans-serif", size: 12.5, color: ink },
+      hovermode: "x", hoverlabel: { bgcolor: colour("shade"), font: { color: ink } },
+      legend: { orientation: "h", x: 0, y: 1, yref: "container", yanchor: "top", xanchor: "left" },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: quiet, activecolor: ink },
+      annotations: [],
+    };
+    if (width) out.width = width;
+    const line = { gridcolor: rule, zerolinecolor: rule, linecolor: quiet, showline: true,
+                   ticks: "outside", tickcolor: quiet, ticklen: 4, automargin: true };
+    spec.panels.forEach((p, i) => {
+      const left = p.column * (w + gapX), top = 1 - p.row * (h + gapY);
+      const below = spec.panels.some((q) => q.column === p.column && q.row > p.row);
+      out["xaxis" + suffix(i)] = {
+        ...line, anchor: "y" + suffix(i), domain: [left, left + w], showticklabels: !below,
+        type: spec.x_log ? "log" : "linear", matches: i ? "x" : undefined,
+        ...(spec.x_range ? { range: spec.x_range } : {}),
+        title: below ? undefined : { text: plain(spec.x_label), standoff: 8, font: { size: 12.5 } },
+        ...(spec.x_log ? { dtick: "D2" } : {}),
+      };
+      out["yaxis" + suffix(i)] = {
+        ...line, anchor: "x" + suffix(i), domain: [top - h, top], type: p.y_log ? "log" : "linear",
+        title: { text: plain(p.y_label), standoff: 6, font: { size: 12.5 } }, zeroline: !p.y_log,
+      };
+      out.annotations.push({
+        text: "<b>" + plain(p.title) + "</b>", x: left, y: top, xref: "paper", yref: "paper",
+        xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 12.5, color: ink },
+      });
+    });
+    return out;
+  }
+
+  const CONFIG = {
+    responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d"],
+    toImageButtonOptions: { format: "svg" },
+  };
+
+  const draw = (width) => Promise.all(specs.map((spec) => {
+    const place = document.getElementById("plot-" + spec.name);
+    return Plotly.react(place, traces(spec), layout(spec, place, width), CONFIG);
+  }));
+
+  dark.addEventListener("change", () => draw());
+  addEventListener("beforeprint", () => {
+    document.documentElement.dataset.printing = "";
+    document.querySelectorAll("details").forEach((d) => { d.dataset.open = d.open; d.open = true; });
+    draw(PRINTED_WIDTH);
+  });
+  addEventListener("afterprint", () => {
+    delete document.documentElement.dataset.printing;
+    document.querySelectorAll("details").forEach((d) => { d.open = d.dataset.open === "true"; });
+    draw();
+  });
+
+  document.getElementById("save").addEventListener("click", () => {
+    const blob = new Blob([document.getElementById("numbers").textContent], { type: "application/json" });
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(blob);
+    link.download = "numbers.json";
+    link.click();
+    URL.revokeObjectURL(link.href);
+  });
+
+  draw().then(() => { document.documentElement.dataset.drawn = specs.length; });
+})();

@@ -1,0 +1,35 @@
+"""One file a section, each from runs and numbers to plain parts, or to nothing."""
+
+from collections.abc import Callable, Sequence
+
+from analysis.report.numbers import ReportNumbers
+from analysis.report.parts import Section
+from analysis.report.run import Run
+from analysis.report.sections.comparison import comparison
+from analysis.report.sections.events import events
+from analysis.report.sections.figures import figures
+from analysis.report.sections.frequency import frequency
+from analysis.report.sections.histories import histories
+from analysis.report.sections.hysteresis import hysteresis
+from analysis.report.sections.provenance import provenance, settings
+from analysis.report.sections.staircase import staircase
+from analysis.report.sections.steps import steps
+from analysis.report.sections.three_way import three_way
+
+Compose = Callable[[Sequence[Run], ReportNumbers], Section | None]
+
+SECTIONS: tuple[Compose, ...] = (
+    provenance,
+    three_way,
+    figures,
+    steps,
+    staircase,
+    frequency,
+    hysteresis,
+    comparison,
+    histories,
+    events,
+    settings,
+)
+
+__all__ = ["SECTIONS", "Compose"]

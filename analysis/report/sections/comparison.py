@@ -1,0 +1,74 @@
+"""Each run against the reference: errors, delay, residuals over time."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.compare import AxisComparison
+from analysis.report.numbers import ReportNumbers
+from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table, thinned
+from analysis.report.run import Run
+from analysis.report.words import number
+
+
+def comparison(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+    """Table of errors and plot of residuals against the first run; nothing for one run alone."""
+    reference = runs[0]
+    found = [c for c in numbers.comparisons if c.reference == reference.label]
+    if not found:
+        return None
+    rows: list[tuple[Cell | str, ...]] = [
+        (c.other, a.axis, *_cells(a)) for c in found for a in c.axes
+    ]
+    table = Table(
+        ("run", "axis", "delay", "rms", "mean", "worst", "fit", "VAF", "rms, aligned",
+         "fit, aligned", "fit of repeats"),
+        tuple(rows),
+        "Angle minus that of the reference, as recorded; fit is 100 (1 − |difference| / "
+        "|reference − mean|) %, VAF the variance accounted for. Delay is behind the reference, "
+        "found where the difference varies least; only the aligned columns have it taken out.",
+    )  # fmt: skip
+    text = f"Every run against {reference.label}."
+    return Section(
+        "comparison", "Comparison", (text,), (table, _residuals(runs, {c.other for c in found}))
+    )
+
+
+def _cells(axis: AxisComparison) -> tuple[Cell, ...]:
+    e, aligned = axis.as_is, axis.aligned
+    fits = [r.fit for r in axis.repeats if math.isfinite(r.fit)]
+    spread = f"{number(min(fits), 3)} to {number(max(fits), 3)} %" if fits else "–"
+    texts = (
+        f"{number(axis.delay * 1e3, 3)} ms",
+        *(f"{number(math.degrees(v), 3)}°" for v in (e.rmse, e.mae, e.worst)),
+        *(f"{number(v, 4)} %" for v in (e.fit, e.vaf)),
+        f"{number(math.degrees(aligned.rmse), 3)}°",
+        f"{number(aligned.fit, 4)} %",
+        spread,
+    )
+    return tuple(Cell(text, "number") for text in texts)
+
+
+def _residuals(runs: Sequence[Run], others: set[str]) -> Plot:
+    panels, lines = [], []
+    for row, axis in enumerate(runs[0].axes):
+        panels.append(Panel(f"axis {axis.name}", "difference [°]", row))
+        for k, run in enumerate(runs[1:], start=1):
+            other = run.axis(axis.name)
+            if other is None or run.label not in others:
+                continue
+            low, high = other.angle_time[0], other.angle_time[-1]
+            both = (axis.angle_time >= low) & (axis.angle_time <= high)
+            t = axis.angle_time[both]
+            difference = np.interp(t, other.angle_time, other.angle) - axis.angle[both]
+            x, y = thinned(t, np.degrees(difference))
+            lines.append(Line(f"{run.label} − {runs[0].label}", x, y, f"run{k}", row))
+    return Plot(
+        "residuals",
+        "Difference of the angles over time, without alignment.",
+        "time [s]",
+        tuple(panels),
+        tuple(lines),
+        panel_height=180,
+    )

@@ -1,0 +1,29 @@
+"""What the runs noted about themselves."""
+
+from collections.abc import Sequence
+
+from analysis.report.numbers import ReportNumbers
+from analysis.report.parts import Cell, Section, Table
+from analysis.report.run import Run
+from analysis.report.words import number
+
+MOST = 200  # lines
+
+
+def events(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
+    """Events and health in the order they came; nothing if nothing was noted."""
+    found = [(run.label, e) for run in runs for e in (*run.recording.events, *run.recording.health)]
+    if not found:
+        return None
+    rows = [
+        (
+            label,
+            f"{number(e.time, 6)} s",
+            Cell(e.level, "" if e.level == "INFO" else "warn"),
+            e.text,
+        )
+        for label, e in found[:MOST]
+    ]
+    more = f"The first {MOST} of {len(found)}." if len(found) > MOST else ""
+    table = Table(("run", "time", "level", "what"), tuple(rows), more)
+    return Section("events", "Events", (), (table,))

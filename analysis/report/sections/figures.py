@@ -1,0 +1,61 @@
+"""The figures a TVC engineer quotes, one column a run."""
+
+import math
+from collections.abc import Sequence
+
+from analysis.report.numbers import ReportNumbers, RunNumbers
+from analysis.report.parts import Cell, Section, Table
+from analysis.report.run import Run
+from analysis.report.words import amplitude_text, split, value_text
+from analysis.response import Figure
+
+Key = tuple[str, str, str]  # axis, figure, amplitude
+
+
+def figures(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+    """Value ± half of its 95 % interval, number of repeats, amplitude; disagreement is marked."""
+    told = [_by_key(n) for n in numbers.runs]
+    found = dict.fromkeys(key for by in told for key in by)
+    axes = list(dict.fromkeys(a.axis for n in numbers.runs for a in n.figures))
+    order = list(dict.fromkeys(split(name)[0] for _, name, _ in found))
+    keys = sorted(
+        found,
+        key=lambda k: (axes.index(k[0]), order.index(split(k[1])[0]), split(k[1])[1] == "down"),
+    )
+    if not keys:
+        return None
+    rows: list[tuple[Cell | str, ...]] = []
+    for key in keys:
+        axis, name, amplitude = key
+        words, direction = split(name)
+        cells = [
+            _cell(by.get(key), (axis, name) in n.disagree)
+            for by, n in zip(told, numbers.runs, strict=True)
+        ]
+        rows.append((axis, words, direction, amplitude, *cells))
+    head = ("axis", "figure", "direction", "at", *(r.label for r in runs))
+    marked = any(n.disagree for n in numbers.runs)
+    caption = "Value ± half of the 95 % interval; n is the number of repeats or averages. "
+    if marked:
+        caption += f"≠: outside the interval of {runs[0].label}. "
+    caption += "Times count from the command; settling to 2 %, rise from 10 to 90 %, dead to 5 %."
+    parts = [Table(head, tuple(rows), caption)]
+    if numbers.notes:
+        notes = tuple((Cell(note, "warn"),) for note in numbers.notes)
+        parts.append(Table(("what could not be told",), notes))
+    return Section("figures", "Figures", (), tuple(parts))
+
+
+def _by_key(run: RunNumbers) -> dict[Key, Figure]:
+    return {
+        (a.axis, f.name, amplitude_text(f) if math.isfinite(f.amplitude) else "–"): f
+        for a in run.figures
+        for f in a.figures
+    }
+
+
+def _cell(figure: Figure | None, disagrees: bool) -> Cell:
+    if figure is None:
+        return Cell("–")
+    n = f"  (n {figure.n})" if figure.n else ""
+    return Cell(value_text(figure) + n, "off" if disagrees else "number")

@@ -1,0 +1,82 @@
+"""Where the numbers come from: runs, configuration, versions, hashes."""
+
+import json
+from collections.abc import Mapping, Sequence
+
+from analysis.report.numbers import ReportNumbers
+from analysis.report.parts import Cell, Section, Table
+from analysis.report.run import Run
+from analysis.report.words import number
+
+LONGEST = 200  # characters of one value
+MOST_SETTINGS = 500
+
+
+def provenance(runs: Sequence[Run], numbers: ReportNumbers) -> Section:
+    """One column a run; configuration, versions and hash."""
+    rows = [
+        ("command", [_said(r, "command") for r in runs]),
+        ("gimbal", [_said(r, "configuration", "gimbal") for r in runs]),
+        ("signal", [_said(r, "configuration", "signal") for r in runs]),
+        ("scene", [_said(r, "configuration", "scene") for r in runs]),
+        ("angle", [n.motion for n in numbers.runs]),
+        ("duration", [f"{number(n.duration, 5)} s" for n in numbers.runs]),
+        ("samples", [str(n.samples) for n in numbers.runs]),
+        ("seed", [_said(r, "seed") for r in runs]),
+        ("model", [_said(r, "model_sha256")[:16] for r in runs]),
+        ("twin", [_said(r, "versions", "tvc-twin") for r in runs]),
+        ("MuJoCo", [_said(r, "versions", "mujoco") for r in runs]),
+    ]
+    kept = [(name, values) for name, values in rows if any(v != "–" for v in values)]
+    head = ("run", *(r.label for r in runs))
+    table = Table(head, tuple((name, *values) for name, values in kept))
+    return Section("runs", "Runs", _text(runs), (table,))
+
+
+def _text(runs: Sequence[Run]) -> tuple[str, ...]:
+    reference = runs[0]
+    told = [f"The first run, {reference.label}, is the reference."] if len(runs) > 1 else []
+    told += [
+        f"{run.label} was shifted by {number(run.shift * 1e3)} ms, so that its first command falls "
+        f"on that of {reference.label}."
+        for run in runs
+        if run.shift
+    ]
+    return (" ".join(told),) if told else ()
+
+
+def settings(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
+    """Everything the recordings carry about themselves, one column a run, folded on the screen."""
+    told = [dict(_leaves(run.recording.properties)) for run in runs]
+    names = list(dict.fromkeys(name for by in told for name in by))
+    if not names:
+        return None
+    rows: list[tuple[Cell | str, ...]] = [
+        (name, *(Cell(_short(by[name]) if name in by else "–") for by in told)) for name in names
+    ]
+    head = ("setting", *(r.label for r in runs))
+    table = Table(head, tuple(rows[:MOST_SETTINGS]), folded="Every setting of every run")
+    return Section("settings", "Settings", (), (table,))
+
+
+def _leaves(properties: Mapping[str, object], above: str = "") -> list[tuple[str, object]]:
+    found: list[tuple[str, object]] = []
+    for name, value in properties.items():
+        path = f"{above}{name}"
+        if isinstance(value, Mapping) and len(path) < LONGEST:
+            found += _leaves(value, f"{path}.")
+        else:
+            found.append((path, value))
+    return found
+
+
+def _said(run: Run, *path: str) -> str:
+    value: object = run.recording.properties
+    for name in path:
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return "–" if value is None or value == "" else _short(value)
+
+
+def _short(value: object) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"

@@ -1,0 +1,41 @@
+"""Hardware, model and linkage at a glance: how well each tells the other."""
+
+import math
+from collections.abc import Sequence
+
+from analysis.compare import Comparison
+from analysis.report.numbers import ReportNumbers
+from analysis.report.parts import Section, Table
+from analysis.report.run import Run
+from analysis.report.words import number
+
+
+def three_way(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+    """Every run against every other, for three or more; nothing for fewer."""
+    if len(runs) < 3 or not numbers.comparisons:
+        return None
+    by = {(c.reference, c.other): c for c in numbers.comparisons}
+    rows = [
+        (row.label, *(_cell(by.get((row.label, column.label))) for column in runs[1:]))
+        for row in runs[:-1]
+    ]
+    table = Table(
+        ("reference", *(r.label for r in runs[1:])),
+        tuple(rows),
+        "Smallest fit over the axes, largest rms difference, and mean delay behind the reference; "
+        "all as recorded, nothing aligned.",
+    )
+    return Section("overview", f"{_count(len(runs))} ways to the same motion", (), (table,))
+
+
+def _cell(found: Comparison | None) -> str:
+    if found is None:
+        return ""
+    worst = max(a.as_is.rmse for a in found.axes)
+    delay = sum(a.delay for a in found.axes) / len(found.axes)
+    fit = f"{number(found.fit, 3)} %" if math.isfinite(found.fit) else "no fit"
+    return f"{fit}, {number(math.degrees(worst), 2)}° rms, {number(delay * 1e3, 2)} ms"
+
+
+def _count(n: int) -> str:
+    return {3: "Three", 4: "Four", 5: "Five"}.get(n, str(n))
