@@ -49,6 +49,9 @@ class Stepper(Protocol):
     def fresh(self) -> "Stepper":
         """Return the same method without any memory of past steps."""
 
+    def restart(self) -> None:
+        """Forget past steps, as after a jump of the command; costs nothing."""
+
 
 def make(name: str) -> Stepper:
     """Stepper by name.
@@ -88,6 +91,9 @@ class Native:
     def fresh(self) -> "Native":
         """Return itself: it remembers nothing."""
         return self
+
+    def restart(self) -> None:
+        """Do nothing: there is no memory."""
 
 
 @njit(cache=True, nogil=True)
@@ -194,6 +200,10 @@ class AdamsBashforth:
     def fresh(self) -> "AdamsBashforth":
         """Return the same method without any memory of past steps."""
         return AdamsBashforth(self.order, self.variable)
+
+    def restart(self) -> None:
+        """Forget past steps; the next one starts up anew."""
+        self._known = 0
 
     def step(
         self, model: mujoco.MjModel, data: mujoco.MjData, n: int = 1, dt: float | None = None
