@@ -7,7 +7,7 @@
 
 from twin.readings import Readings
 from twin.rigs.bench import BenchPlant
-from twin.rigs.devices import Device, drawn, make_device, parameters, switch_angles
+from twin.rigs.devices import Device, drawing, drawn, make_device, parameters, switch_angles
 from twin.rigs.opening import RigOptions, device, open_rig, opened
 from twin.rigs.seat import RigGimbal
 from twin.seat_names import SIMULATED, check_seat, is_port, is_rig
@@ -21,6 +21,7 @@ __all__ = [
     "RigOptions",
     "check_seat",
     "device",
+    "drawing",
     "drawn",
     "is_port",
     "is_rig",

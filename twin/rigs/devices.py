@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import radians
 
 import mujoco
 import numpy as np
@@ -22,10 +21,9 @@ from hardware.frames import Pair
 from twin.errors import TwinError
 from twin.mechanism import Kinematics
 from twin.rigs.bench import BenchPlant
+from twin.rigs.drawing import Drawing
 
 Device = Emulator | FirmwareRig
-REACH = radians(8.0)  # commanded at most, either way
-_GRID = 9
 _SWITCHES = 4
 
 
@@ -85,36 +83,32 @@ def make_device(
     return make(rig, plant=plant, injections=tuple(faults), seed=seed)
 
 
-def drawn(model: mujoco.MjModel, rig: RigParameters | None = None) -> Calibration:
-    """What the drawings say of a rig of this mechanism, for one that was never calibrated.
+def drawing(model: mujoco.MjModel) -> Drawing:
+    """The exact kinematics of a bench scene's mechanism, for a calibration made on its switches."""
+    return Drawing(Kinematics(model), switch_angles(model))
 
-    Angle per pulse is the straight line closest to the exact kinematics within ±8° on both axes.
+
+def drawn(model: mujoco.MjModel, rig: RigParameters | None = None) -> Calibration:
+    """What a calibration would give for a rig exactly as drawn, for one that never had one.
 
     Parameters
     ----------
-    model : with the mechanism
+    model : bench scene
     rig : its servos and sensors where they are known, as in a simulation; else those of the shelf
     """
+    plan = drawing(model)
     servos = rig.plant.servos if rig else (ServoParameters(),) * 2
     skew = 1.0 + (rig.skew if rig else 0.0)
-    side = np.linspace(-REACH, REACH, _GRID)
-    angles = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    shafts = Kinematics(model).servo_from_gimbal(angles)
-    travel = np.array([s.travel for s in servos[:2]])
-    centre = np.array([1.5e-3 + s.trim for s in servos[:2]])
-    pulses = (centre + shafts / travel) * skew
-    middle = pulses.mean(axis=0)
-    design = np.column_stack([pulses - middle, np.ones(len(pulses))])
-    solution = np.linalg.lstsq(design, angles, rcond=None)[0]
-    matrix = solution[:2].T
-    zero = middle - np.linalg.solve(matrix, solution[2])
+    travel = np.array([s.travel for s in servos[:2]]) / skew
+    zero = np.array([1.5e-3 + s.trim for s in servos[:2]]) * skew + plan.shaft / travel
+    matrix = plan.matrix * travel
     known = exact_calibration(rig) if rig else nominal()
     return replace(
         known,
         rig=0,
         zero=_pair(zero),
         matrix=(_pair(matrix[0]), _pair(matrix[1])),
-        switch_angle=switch_angles(model) if rig else known.switch_angle,
+        switch_angle=switch_angles(model),
     )
 
 

@@ -15,7 +15,7 @@ from twin.errors import TwinError
 from twin.model import ModelConfig, load
 from twin.plant import Plant
 from twin.rigs.bench import BenchPlant
-from twin.rigs.devices import Device, drawn, make_device, parameters
+from twin.rigs.devices import Device, drawing, drawn, make_device, parameters
 from twin.rigs.seat import RigGimbal
 from twin.seat_names import SIMULATED, check_seat, is_rig
 
@@ -92,7 +92,8 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
     if options.seat in SIMULATED:
         return _simulated(options, plant)
     _refuse_simulation(options)
-    calibration = _calibration(options) or drawn(_bench(options).model)
+    bench = _bench(options).model
+    calibration = _calibration(options) or drawn(bench)
     link = Link(options.seat)
     rig = Rig(link, calibration, arm=not options.watch, fuse=options.fuse)
     return RigGimbal(
@@ -102,6 +103,7 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
         wait=lambda ns: time.sleep(ns * 1e-9),
         lockstep=False,
         watch=options.watch,
+        drawing=drawing(bench),
     )
 
 
@@ -120,6 +122,7 @@ def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
         wait=lambda ns: simulated.advance_us(max(1, ns // 1000)),
         lockstep=True,
         watch=options.watch,
+        drawing=drawing(bench.model),
     )
 
 

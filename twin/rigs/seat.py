@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from hardware.frames import GimbalCommand, GimbalState, SensorFrame
+from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from hardware.rig import Phase, Rig, RigError
 from twin.model import AXES
 from twin.plant import Plant
 from twin.readings import Readings
+from twin.rigs.drawing import Drawing
 
 SETTLE_NS = 200_000_000  # the filters find the gyro's bias in this
 LONGEST_SETTLE_NS = 2_000_000_000
@@ -30,6 +31,7 @@ class RigGimbal:
     wait : lets time pass on it [ns]; in lockstep this is what moves the simulated device
     lockstep : the device lives on the plant's time
     watch : send nothing; the rig must not be armed then
+    drawing : exact kinematics behind the straight lines of a calibration; None trusts the lines
 
     Attributes
     ----------
@@ -46,11 +48,12 @@ class RigGimbal:
         wait: Callable[[int], None],
         lockstep: bool,
         watch: bool = False,
+        drawing: Drawing | None = None,
     ) -> None:
         self.rig = rig
         self.readings = Readings()
         self._plant, self._clock, self._wait = plant, clock, wait
-        self._lockstep, self._watch = lockstep, watch
+        self._lockstep, self._watch, self._drawing = lockstep, watch, drawing
         self._origin = 0
         self._started = False
         self._next_command = 0
@@ -70,7 +73,7 @@ class RigGimbal:
         """
         self.rig.connect()
         began = self._clock()
-        while self._clock() - began < SETTLE_NS or self.rig.state is None:
+        while self._clock() - began < SETTLE_NS or self.rig.statistics.frames == 0:
             if self._clock() - began > LONGEST_SETTLE_NS:
                 raise RigError("the rig answers but sends no readings; is its cable sound?")
             self.rig.poll()
@@ -86,7 +89,14 @@ class RigGimbal:
         if self._watch or command.time_ns < self._next_command:
             return
         self._next_command = command.time_ns + COMMAND_NS
+        if self._drawing is not None:
+            command = replace(command, angle=self._drawing.straightened(command.angle))
         self.rig.send(command)
+
+    def asked(self, frame: SensorFrame) -> Pair:
+        """Gimbal angle that the pulses in force ask for [rad]."""
+        angle = self.rig.calibration.angles(frame.pulse[:2])
+        return angle if self._drawing is None else self._drawing.bent(angle)
 
     def poll(self) -> GimbalState:
         """The latest estimate, in experiment time; frames and states are in `readings`."""
