@@ -9,7 +9,8 @@
   // Plotly reads tags and entities in text; a recording's text must stay text.
   const plain = (s) => String(s).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
-  const role = (r) => colour(r === "command" ? r : "run" + (Number(r.slice(3)) % 6));
+  // a study of steps shades its lines itself, all others leave the colour to the theme
+  const role = (r) => r.startsWith("#") ? r : colour(r === "command" ? r : "run" + (Number(r.slice(3)) % 6));
   const faint = (hex) => hex + "2e";
   const suffix = (i) => (i === 0 ? "" : String(i + 1));
 

@@ -1,6 +1,7 @@
 """Sections to one HTML page that asks no network for anything."""
 
 import base64
+import contextlib
 import hashlib
 import json
 from collections.abc import Sequence
@@ -133,5 +134,6 @@ def _write(out: Path, text: str) -> None:
         beside.write_text(text, encoding="utf-8", newline="\n")
         beside.replace(out)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            beside.unlink()
         raise ReportError(f"cannot write {out}: {error.strerror or error}") from None

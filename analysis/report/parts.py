@@ -24,7 +24,8 @@ class Line:
     ----------
     name : in the legend; lines of one name share an entry and a colour
     x, y : (n,); NaN in y breaks the line
-    role : decides the colour: `command`, or `run0`, `run1` … in the order of the runs
+    role : decides the colour: `command`, or `run0`, `run1` … in the order of the runs,
+        or itself a colour, `#rrggbb`
     panel : index of the panel
     low, high : band around the line (n,), or nothing
     """

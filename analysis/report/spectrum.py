@@ -53,6 +53,8 @@ class FrequencyResponse:
 def frequency_response(axis: AxisRecord) -> FrequencyResponse:
     """Welch averages of cross over input power, half-overlapping Hann stretches.
 
+    From the command as it is held to the angle: the hold's half period is none of the gimbal's.
+
     The interval is that of Bendat and Piersol, Random Data (2010), eq. 9.90: standard deviation
     over value = √(1 − γ²)/(|γ|·√(2n)).
 
@@ -77,7 +79,10 @@ def frequency_response(axis: AxisRecord) -> FrequencyResponse:
     _, answer = welch(y, **options)
     _, cross = csd(u, y, **options)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = cross / power
+        # the command is held between samples, which a spectrum of samples takes for half a
+        # period of the gimbal's delay: divide by the hold's own response
+        hold = np.sinc(frequency / rate) * np.exp(-1j * np.pi * frequency / rate)
+        ratio = cross / (power * hold)
         coherence = np.clip(np.abs(cross) ** 2 / (power * answer), 0.0, 1.0)
     good = (power > EXCITED * power.max()) & (coherence >= COHERENT) & (frequency > 0.0)
     if good.sum() < 3:
