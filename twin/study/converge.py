@@ -10,9 +10,9 @@ import mujoco
 
 from analysis.convergence import Flight, Study, distance, richardson, study
 from analysis.report import render
+from twin.assembly import compiled
 from twin.configuration import Converge
 from twin.errors import TwinError
-from twin.assembly import compiled
 from twin.study.budget import budget
 from twin.study.flights import JITTERED, flight, jittered, load_for
 from twin.study.page import sections

@@ -60,7 +60,7 @@ class StudyPlant(Plant):
         self.steps += len(steps)
 
     def jitter(self, *, variable: bool) -> None:
-        """Put Adams–Bashforth 2 in the integrator's place, with variable or printed coefficients."""
+        """Put Adams–Bashforth 2 in place, with variable or printed coefficients."""
         self._stepper = AdamsBashforth(2, variable=variable)
 
     def place(self, start: "Start") -> None:

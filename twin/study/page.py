@@ -25,13 +25,16 @@ def shade(share: float) -> str:
 def _verdict(result: ConvergenceResult) -> Section:
     chosen = result.chosen
     word = "has converged" if result.converged else "has not converged"
+    told = (
+        f"With {result.integrator} the flight {word}: at the finest step this machine keeps up"
+        f" with, {chosen.budget.step * 1e3:.4g} ms, the path errs by {chosen.error:.1e} m;"
+        f" {result.tolerance:g} m was tolerated."
+    )
     return Section(
         "verdict",
         "Does real time spoil the solution?",
         (
-            f"With {result.integrator} the flight {word}: at the finest step this machine keeps up"
-            f" with, {chosen.budget.step * 1e3:.4g} ms, the path errs by {chosen.error:.1e} m;"
-            f" {result.tolerance:g} m was tolerated.",
+            told,
             "Flight: " + _FLIGHTS[result.flight],
         ),
     )
@@ -109,8 +112,8 @@ def _numbers(result: ConvergenceResult) -> Section:
         tables.append(
             _table(
                 result.jitter,
-                "Steps jittered by ± 80 %, on a vehicle without gimbal: coefficients that follow the"
-                " actual steps keep the order, fixed ones fall to the first.",
+                "Steps jittered by ± 80 %, on a vehicle without gimbal: coefficients that follow"
+                " the actual steps keep the order, fixed ones fall to the first.",
             )
         )
     rows = tuple(
@@ -131,7 +134,7 @@ def _numbers(result: ConvergenceResult) -> Section:
 
 def _table(study: Study, caption: str) -> Table:
     head = ("integrator", *(f"{h * 1e3:g} ms" for h in study.series[0].steps), "order", "attitude")
-    rows = tuple(
+    rows: tuple[tuple[Cell | str, ...], ...] = tuple(
         (
             s.integrator,
             *(_cell(e.position, "{:.1e}") for e in s.errors),

@@ -105,14 +105,17 @@ class ConvergenceResult:
             lines.append(
                 f"{r.budget.integrator:<24}{step:>12}{error:>12}{r.budget.step_cost * 1e6:>9.1f} µs"
             )
+        return "\n".join([*lines, "", self._verdict(), f"{'report':<18}{self.page}"])
+
+    def _verdict(self) -> str:
+        step = self.chosen.budget.step
+        if math.isnan(step):
+            return f"{'verdict':<18}this machine keeps up with {self.integrator} at no step"
         word = "converged" if self.converged else "NOT converged"
-        lines += [
-            "",
-            f"{'verdict':<18}{word} with {self.integrator} at {_ms(self.chosen.budget.step)}:"
-            f" {self.chosen.error:.1e} m, tolerance {self.tolerance:g} m",
-            f"{'report':<18}{self.page}",
-        ]
-        return "\n".join(lines)
+        return (
+            f"{'verdict':<18}{word} with {self.integrator} at {_ms(step)}:"
+            f" {self.chosen.error:.1e} m, tolerance {self.tolerance:g} m"
+        )
 
 
 def _table(study: Study) -> list[str]:
