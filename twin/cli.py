@@ -14,14 +14,18 @@ import tyro
 
 from analysis.schema import AnalysisError
 from hardware.frames import HardwareError
-from twin.configuration import Doctor, Fly, Step, View
+from twin.configuration import Calibrate, Converge, Doctor, Fly, Mirror, Rig, Step, View
 from twin.errors import DivergenceError, TwinError
 
 MISTAKE, FAILED = 2, 1
-COMMANDS = ("fly", "step", "view", "doctor")
+COMMANDS = ("fly", "step", "mirror", "calibrate", "rig", "converge", "view", "doctor")
 Command = (
     Annotated[Fly, tyro.conf.subcommand("fly")]
     | Annotated[Step, tyro.conf.subcommand("step")]
+    | Annotated[Mirror, tyro.conf.subcommand("mirror")]
+    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
+    | Annotated[Rig, tyro.conf.subcommand("rig")]
+    | Annotated[Converge, tyro.conf.subcommand("converge")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
@@ -95,6 +99,29 @@ def _dispatch(command: object) -> int:
 
             response = step(command)
             _report(response.as_dict(), response.text(), as_json=command.json)
+            return 0
+        case Mirror():
+            from twin.desk import mirror
+
+            mirrored = mirror(command)
+            _report(mirrored.as_dict(), mirrored.text(), as_json=command.json)
+            return 0
+        case Calibrate():
+            from twin.desk import calibrate
+
+            calibrated = calibrate(command)
+            _report(calibrated.as_dict(), calibrated.text(), as_json=command.json)
+            return 0
+        case Rig():
+            from twin.desk import rig
+
+            rig(command)
+            return 0
+        case Converge():
+            from twin.study import converge
+
+            study = converge(command)
+            _report(study.as_dict(), study.text(), as_json=command.json)
             return 0
         case View():
             from twin import viewer
