@@ -50,7 +50,7 @@ class CalibrationRig:
     fine: float = 2e-6
     dwell: float = 0.04
     backoff: float = 24e-6
-    offsets: tuple[float, ...] = (0.0, 40e-6, -40e-6)
+    offsets: tuple[float, ...] = (0.0, 70e-6, -70e-6)  # 3°: the lever for the coupling
     repeats: int = 3
     seed: int = 0
 
