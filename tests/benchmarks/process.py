@@ -9,8 +9,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import psutil
-
 from tests.benchmarks.timing import row
 
 TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
@@ -42,17 +40,9 @@ def _timed(command: list[str]) -> tuple[float, str]:
 
 
 def _growth() -> float:
-    """Resident memory gained between the second and the last of ten simulated minutes [MB]."""
+    """Resident memory gained between the first and the tenth simulated minute [MB]."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [*TWIN, "step", "--repeats", "93", "--out", str(Path(folder, "long.rrd"))]
-        process = psutil.Popen(command, stdout=subprocess.DEVNULL)
-        sizes = []
-        while process.poll() is None:
-            try:
-                sizes.append((time.monotonic(), process.memory_info().rss))
-            except psutil.NoSuchProcess:
-                break
-            time.sleep(0.05)
-    start, end = sizes[0][0], sizes[-1][0]
-    later = [rss for at, rss in sizes if at > start + 0.35 * (end - start)]
-    return (max(later[-10:]) - max(later[:10])) / 1e6
+        module = [sys.executable, "-m", "tests.benchmarks.long_run"]
+        _, told = _timed([*module, str(Path(folder, "long.rrd")), "10"])
+    sizes = [int(line) for line in told.split()]
+    return (sizes[10] - sizes[1]) / 1e6
