@@ -199,7 +199,8 @@ class IdentifiedModel:
         """The model file's content: what a flight with `--model` flies.
 
         A delay below zero becomes zero: the command was only sampled. One file has one servo block,
-        so that of several axes holds their means.
+        so that of several axes holds their means, and the structure most of them have (`speed`, the
+        common one, at a tie).
         """
         channels = tuple(
             tuple(Channel(c.num, c.den, max(c.delay, 0.0)) for c in row) for row in self.channels
@@ -210,6 +211,7 @@ class IdentifiedModel:
                 float(np.mean([b.rate_limit.value for b in self.servo])),
                 float(np.mean([b.dead_band.value for b in self.servo])),
                 float(np.mean([b.backlash.value for b in self.servo])),
+                _structure(self.servo),
             )
         return TransferFunctionModel(
             channels,
@@ -220,7 +222,7 @@ class IdentifiedModel:
             fit={a.name: _plain(a.fit_angle or a.fit_rate) for a in self.axes},
             source={
                 "warnings": list(self.warnings),
-                "servo_structure": self.servo[0].structure if self.servo else None,
+                "servo_structure": [b.structure for b in self.servo] if self.servo else None,
             },
         )
 
@@ -233,6 +235,11 @@ class IdentifiedModel:
             "fit": _plain(self.fit),
             "warnings": list(self.warnings),
         }
+
+
+def _structure(bounds: Sequence[ServoBounds]) -> Structure:
+    speed = sum(b.structure == "speed" for b in bounds)
+    return "speed" if 2 * speed >= len(bounds) else "command"
 
 
 def _plain(value: object) -> object:
