@@ -1,5 +1,7 @@
 """The moving part of the 3D scene: decimated body poses, trail and thrust arrow."""
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 import rerun as rr
@@ -101,8 +103,8 @@ class Poses:
         """Experiment times of the poses kept and not yet drained (n,) [ns]."""
         return self._time[: self._n]
 
-    def drain(self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats) -> None:
-        """Send the kept poses and empty the ring.
+    def drain(self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats) -> Iterator[None]:
+        """Take the kept poses out of the ring at the first `next`; send them piece by piece.
 
         Parameters
         ----------
@@ -111,20 +113,28 @@ class Poses:
         thrust : thrust at each pose (n,) [N]
         """
         n = self._n
-        stamps = columns.times(self.times, wall)
-        for k, body in enumerate(self.moving):
-            pose = columns.transforms(self._position[:n, k], self._attitude[:n, k])
-            stream.send_columns(f"{schema.WORLD}/{body.name}", stamps, pose)
-            if k in self.focus:
-                middle = _middles(self._position[:n, k], self._attitude[:n, k], body.centre)
-                stream.send_columns(focus_path(body.name), stamps, columns.translations(middle))
-            if body.name == VEHICLE:
-                self._drain_trail(stream, wall, self._position[:n, k])
-        if self._nozzle >= 0:
-            vectors = (METRES_PER_NEWTON * thrust)[:, None] * self._jet[:n, 1]
-            arrows = columns.arrows(self._jet[:n, 0] - vectors, vectors)
-            stream.send_columns(f"{schema.WORLD}/thrust", stamps, arrows)
+        time = self.times.copy()
+        position, attitude, jet = (
+            a[:n].copy() for a in (self._position, self._attitude, self._jet)
+        )
         self._n, self.full = 0, False
+        yield
+        stamps = columns.times(time, wall)
+        for k, body in enumerate(self.moving):
+            pose = columns.transforms(position[:, k], attitude[:, k])
+            stream.send_columns(f"{schema.WORLD}/{body.name}", stamps, pose)
+            yield
+            if k in self.focus:
+                middle = _middles(position[:, k], attitude[:, k], body.centre)
+                stream.send_columns(focus_path(body.name), stamps, columns.translations(middle))
+                yield
+            if body.name == VEHICLE:
+                self._drain_trail(stream, time, wall, position[:, k])
+                yield
+        if self._nozzle >= 0:
+            vectors = (METRES_PER_NEWTON * thrust)[:, None] * jet[:, 1]
+            arrows = columns.arrows(jet[:, 0] - vectors, vectors)
+            stream.send_columns(f"{schema.WORLD}/thrust", stamps, arrows)
 
     def finish(self, stream: rr.RecordingStream) -> None:
         """Write the whole path as one thin line, visible at any time."""
@@ -134,14 +144,16 @@ class Poses:
             )
             stream.log(f"{schema.WORLD}/path", line, static=True)
 
-    def _drain_trail(self, stream: rr.RecordingStream, wall: Stamps, position: Floats) -> None:
+    def _drain_trail(
+        self, stream: rr.RecordingStream, time: Stamps, wall: Stamps, position: Floats
+    ) -> None:
         pick = slice(self._skip, None, TRAIL_EVERY)
         self._skip = (self._skip - len(position)) % TRAIL_EVERY
         points = position[pick]
         chain = np.vstack([self._trail, points])
         pieces = len(chain) - 1
         if pieces > 0:
-            stamps = columns.times(self.times[pick][-pieces:], wall[pick][-pieces:])
+            stamps = columns.times(time[pick][-pieces:], wall[pick][-pieces:])
             piece = columns.segments(chain[:-1], chain[1:])
             stream.send_columns(f"{schema.WORLD}/trail", stamps, piece)
         self._trail = chain[-1:].copy()

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -46,6 +46,8 @@ class Recorder:
     capacity : rows kept at most before they are written
     drain_ns : experiment time between two writes [ns]; what a killed process loses at most.
         Shorter costs size: every write of a signal takes about 1.5 kB besides its values.
+    spread : write one signal or body a commit instead of all at once, so that no commit of a loop
+        in real time takes long; what a killed process loses grows by as many commits
     serve : port on the loopback interface where a viewer may watch, besides the file
 
     Raises
@@ -65,6 +67,7 @@ class Recorder:
         pose_period_ns: int = 20_000_000,
         capacity: int = 4096,
         drain_ns: int = 1_000_000_000,
+        spread: bool = False,
         serve: int | None = None,
     ) -> None:
         self.path = Path(path)
@@ -77,6 +80,8 @@ class Recorder:
         self._layout(capacity, drain_ns)
         self._poses = None if model is None else Poses(model, pose_period_ns)
         self._texts: list[tuple[str, int, str, str]] = []
+        self._spread = spread
+        self._writing: Iterator[None] = iter(())
         self._last_wall = 0
         self._open = True
         self._stream = self._start(text, serve)
@@ -136,7 +141,14 @@ class Recorder:
         self._n = n
         if n == self._capacity or time_ns >= self._due:
             self._due = time_ns - time_ns % self._drain_every + self._drain_every
-            self.drain()
+            if self._spread:
+                self._finish()
+                self._writing = self._pieces()
+                next(self._writing)
+            else:
+                self.drain()
+        elif self._spread:
+            next(self._writing, None)
 
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
         """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
@@ -156,20 +168,35 @@ class Recorder:
 
     def drain(self) -> None:
         """Write what is kept; called by `commit` in time, so seldom of use elsewhere."""
+        self._finish()
+        self._writing = self._pieces()
+        self._finish()
+
+    def _finish(self) -> None:
+        for _ in self._writing:
+            pass
+
+    def _pieces(self) -> Iterator[None]:
+        """Take what is kept out of the way at the first `next`, then write it piece by piece."""
         n = self._n
         time, wall = self._time[:n].copy(), self._wall[:n].copy()
-        if self._poses and self._poses.times.size:
-            self._drain_poses(self._poses, time, wall)
-        for entity, at, text, level in self._texts:
+        stored = self._block[:n] * self._scale
+        texts, self._texts = self._texts, []
+        poses = self._take_poses(time, wall)
+        self._n = 0
+        if n:
+            self._last_wall = int(wall[-1])
+        yield
+        yield from poses
+        for entity, at, text, level in texts:
             stamps = np.array([at], dtype=np.int64)
             when = columns.times(stamps, self._wall_at(stamps, time, wall))
             self._stream.send_columns(entity, when, columns.texts([text], [level]))
-        self._texts.clear()
+            yield
         if n:
-            self._drain_rows(time, wall)
+            yield from self._send_rows(stored, time, wall)
 
-    def _drain_rows(self, time: Stamps, wall: Stamps) -> None:
-        stored = self._block[: self._n] * self._scale
+    def _send_rows(self, stored: NDArray[np.float64], time: Stamps, wall: Stamps) -> Iterator[None]:
         when = columns.times(time, wall)
         for signal in self._signals:
             values, stamps = stored[:, self.slices[signal.name]], when
@@ -180,18 +207,22 @@ class Recorder:
                 values, stamps = values[there], columns.times(time[there], wall[there])
             if len(values):
                 self._stream.send_columns(signal.entity, stamps, columns.scalars(values))
-        self._last_wall = int(wall[-1])
-        self._n = 0
+            yield
 
-    def _drain_poses(self, poses: Poses, time: Stamps, wall: Stamps) -> None:
-        at = poses.times
+    def _take_poses(self, time: Stamps, wall: Stamps) -> Iterator[None]:
+        """Pieces of the poses kept, which are out of their ring when this returns."""
+        if not self._poses or not self._poses.times.size:
+            return iter(())
+        at = self._poses.times
         thrust = np.zeros(len(at))
         if THRUST in self.slices and self._n:
             known = self._block[: self._n, self.slices[THRUST].start]
             rows = np.isfinite(known)  # a sensor frame's row knows nothing of the vehicle
             if rows.any():
                 thrust = np.interp(at, time[rows], known[rows])
-        poses.drain(self._stream, self._wall_at(at, time, wall), thrust)
+        pieces = self._poses.drain(self._stream, self._wall_at(at, time, wall), thrust)
+        next(pieces)
+        return pieces
 
     def _wall_at(self, at: Stamps, time: Stamps, wall: Stamps) -> Stamps:
         """Time since 1970 of the rows nearest after `at` (k,); the last known one without rows."""
