@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from twin.aerodynamics import gust, mean_wind
 from twin.aerodynamics.atmosphere import MODE
+from twin.clock import Ledger
 from twin.model import AXES
 from twin.plant import Plant
 from twin.readings import Readings
@@ -43,9 +44,13 @@ class Rows:
     """
 
     def __init__(
-        self, plant: Plant, pilot: Pilot | None = None, readings: Readings | None = None
+        self,
+        plant: Plant,
+        pilot: Pilot | None = None,
+        readings: Readings | None = None,
+        ledger: Ledger | None = None,
     ) -> None:
-        self._plant, self._pilot = plant, pilot
+        self._plant, self._pilot, self._ledger = plant, pilot, ledger
         self._rig = None if readings is None else RigRows(readings)
         self.command: Array = np.zeros(2)
         self.closure: Array = np.zeros(2)
@@ -78,6 +83,8 @@ class Rows:
             sources |= dict(zip(FLOW, parts, strict=True))
             sources |= dict(zip(CONTROL, (flow[5:7], flow[7:9]), strict=True))
             self._tables = _tables(plant.model)
+        if self._ledger is not None:
+            sources["timing/lateness"] = self._ledger.latest
         return sources
 
     def bind(self, recorder: Recorder) -> None:
