@@ -55,9 +55,7 @@ def requested() -> Iterator[Rights]:
 
 def _fifo() -> str:
     try:
-        os.sched_setscheduler(
-            0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY)
-        )
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
     except OSError as error:
         return f"{error.strerror}; `ulimit -r {PRIORITY}` or rtprio in limits.conf allows it"
     return GRANTED
@@ -69,7 +67,9 @@ def _lock() -> str:
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     # with a limit in force, a later allocation would fail where locking it does
     if os.geteuid() != 0 and limit != resource.RLIM_INFINITY:
-        return f"{limit >> 10} KiB at most; `ulimit -l unlimited` or memlock in limits.conf allows it"
+        return (
+            f"{limit >> 10} KiB at most; `ulimit -l unlimited` or memlock in limits.conf allows it"
+        )
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(_CURRENT | _FUTURE | _ON_FAULT):
         return os.strerror(ctypes.get_errno())
