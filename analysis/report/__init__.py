@@ -4,7 +4,7 @@ from analysis.report.build import report
 from analysis.report.numbers import ReportNumbers
 from analysis.report.page import render
 from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table
-from analysis.report.run import ReportError
+from analysis.report.run import ReportError, recording_of
 
 __all__ = [
     "Cell",
@@ -15,6 +15,7 @@ __all__ = [
     "ReportNumbers",
     "Section",
     "Table",
+    "recording_of",
     "render",
     "report",
 ]

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.report.run import AxisRecord, Run, setting
+from analysis.report.run import AxisRecord, Run, in_flight, setting
 from analysis.report.spectrum import frequency_response, measured_figures
 from analysis.response import (
     Figure,
@@ -22,7 +22,7 @@ from analysis.response import (
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
-Kind = Literal["steps", "staircase", "broadband", "ramps", "still"]
+Kind = Literal["steps", "staircase", "broadband", "ramps", "still", "closed loop"]
 
 KINDS: dict[str, Kind] = {
     "steps": "steps", "staircase": "staircase", "chirp": "broadband", "prbs": "broadband",
@@ -57,6 +57,8 @@ def kind_of(run: Run, axis: AxisRecord) -> Kind:
     changes = np.flatnonzero(np.diff(axis.command) != 0.0) + 1
     if len(changes) == 0:
         return "still"
+    if in_flight(run):
+        return "closed loop"
     said = setting(run.recording, "signal")
     if isinstance(said, str) and said in KINDS and not setting(run.recording, "rate_limit_deg_s"):
         return KINDS[said]
@@ -97,7 +99,9 @@ def axis_figures(run: Run, axis: AxisRecord) -> AxisFigures:
         except AnalysisError as error:
             notes.append(f"{title}: {error}")
     why = _WHY.get(kind, "the record does not show it")
-    notes += [f"{f.name}: not measurable, {why}" for f in figures if not math.isfinite(f.value)]
+    missing = [f.name for f in figures if not math.isfinite(f.value)]
+    if missing:
+        notes.append(f"{', '.join(missing)}: not measurable, {why}")
     return AxisFigures(axis.name, kind, tuple(figures), tuple(notes))
 
 
@@ -184,4 +188,5 @@ _COMPUTED: dict[Kind, tuple[tuple[str, Callable[[AxisRecord], tuple[Figure, ...]
     "broadband": (("frequency response", lambda a: measured_figures(frequency_response(a))),),
     "ramps": (("slow sweep", _moving),),
     "still": (),
+    "closed loop": (),
 }

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Recording
+from analysis.identify import Record
+from analysis.recording import Recording, TimeSeries
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
@@ -45,7 +46,9 @@ class AxisRecord:
             return self
         rest = float(np.diff(self.time[rows]).max(initial=0.2))
         low, high = self.time[rows[0]] - min(rest, 1.0), self.time[rows[-1]] + min(rest, 1.0)
-        a = (self.time >= low) & (self.time <= high)
+        # the command in force at the beginning may have been given long before
+        first = max(int(np.searchsorted(self.time, low, side="right")) - 1, 0)
+        a = (self.time >= self.time[first]) & (self.time <= high)
         b = (self.angle_time >= low) & (self.angle_time <= high)
         return AxisRecord(
             self.name, self.time[a], self.command[a], self.angle_time[b], self.angle[b]
@@ -105,6 +108,33 @@ def run_of(recording: Recording, label: str | None = None) -> Run:
     return Run(label or _label(recording), recording, motion, tuple(axes))
 
 
+def recording_of(record: Record) -> Recording:
+    """A table's measurement as a recording, so that anybody's CSV makes a report.
+
+    Raises
+    ------
+    ReportError
+        if it has no angles, or not one command for every angle.
+    """
+    if record.angle is None or record.angle.shape[1] != record.input.shape[1]:
+        seen = 0 if record.angle is None else record.angle.shape[1]
+        raise ReportError(
+            f"{record.name}: {seen} angles for {record.input.shape[1]} commands; a report needs one"
+            " angle for every command"
+        )
+    # the last command holds to the end of the record
+    last = record.input_time[-1:] < record.time[-1]
+    time = np.append(record.input_time, record.time[-1:][last])
+    command = np.concatenate([record.input, record.input[-1:][last]])
+    series = {
+        "gimbal/command": TimeSeries("gimbal/command", time, command, "rad", record.outputs),
+        "gimbal/measured": TimeSeries(
+            "gimbal/measured", record.time, record.angle, "rad", record.outputs
+        ),
+    }
+    return Recording({"configuration": {"gimbal": record.name}}, series)
+
+
 def runs_of(
     recordings: Sequence[Recording], labels: Sequence[str] | None = None
 ) -> tuple[Run, ...]:
@@ -128,7 +158,10 @@ def runs_of(
 
 
 def aligned(runs: Sequence[Run]) -> tuple[Run, ...]:
-    """Lay every run over the first one by the first change of its command, never by its answer."""
+    """Lay every run over the first one by the first change of its command, never by its answer.
+
+    Flights stay as they are: they begin with the ignition, and their commands are answers too.
+    """
     begins = [_begin(run) for run in runs]
     first = begins[0]
     return tuple(
@@ -138,6 +171,8 @@ def aligned(runs: Sequence[Run]) -> tuple[Run, ...]:
 
 
 def _begin(run: Run) -> float | None:
+    if in_flight(run):
+        return None
     rows = [(a.time, np.flatnonzero(np.diff(a.command) != 0.0)) for a in run.axes]
     return min((float(t[r[0] + 1]) for t, r in rows if len(r)), default=None)
 
@@ -147,6 +182,11 @@ def _shifted(run: Run, shift: float) -> Run:
         return run
     axes = tuple(replace(a, time=a.time + shift, angle_time=a.angle_time + shift) for a in run.axes)
     return replace(run, axes=axes, shift=shift)
+
+
+def in_flight(run: Run) -> bool:
+    """Whether a controller that saw the gimbal's answers gave the commands."""
+    return run.recording.properties.get("command") == "fly"
 
 
 def setting(recording: Recording, name: str) -> object:

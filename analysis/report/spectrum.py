@@ -12,7 +12,7 @@ from analysis.response import Figure
 Array = NDArray[np.float64]
 
 STRETCHES = 8  # of the record; half overlapping, they make 15 averages
-EXCITED = 1e-4  # of the strongest line's power: less is leakage, not excitation
+EXCITED = 1e-3  # of the strongest line's power: less is leakage, not excitation
 COHERENT = 0.5  # below, gain and phase say nothing
 SURE = 1.96  # standard deviations of a 95 % interval
 

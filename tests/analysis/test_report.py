@@ -13,11 +13,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from analysis.identify import Record
 from analysis.recording import Event, Recording, TimeSeries
 from analysis.report import Line, Panel, Plot, ReportError, Section, Table, render, report
 from analysis.report.figures import axis_figures, kind_of
 from analysis.report.parts import thinned
-from analysis.report.run import run_of, runs_of
+from analysis.report.run import recording_of, run_of, runs_of
 from analysis.report.spectrum import frequency_response
 from analysis.report.words import number, value_text
 from analysis.response import Figure
@@ -164,6 +165,39 @@ def test_the_page_and_the_json_hold_the_same_numbers(three, tmp_path):
     assert json.loads(inside[1]) == json.loads(json.dumps(numbers.to_dict(), allow_nan=False))
     figure = next(f for f in numbers.runs[0].figures[0].figures if f.name == "rise_time up")
     assert value_text(figure) in text
+
+
+def test_a_table_of_anybodys_rig_makes_the_same_figures():
+    """A record with stamps and names of its own, commands only where they change."""
+    commands = stepped()
+    angles = answered(commands)
+    rows = np.append(0, np.flatnonzero(np.diff(commands, axis=0).any(axis=1)) + 1)
+    t = DT * np.arange(len(commands))
+    table = Record(t, t[rows], commands[rows], angles, name="bench.csv", outputs=("pot1", "pot2"))
+    own, other = run_of(recording_of(table)), run_of(recorded(commands, angles))
+    assert own.label == "bench.csv"
+    for a, b in zip(own.axes, other.axes, strict=True):
+        assert a.name.startswith("pot")
+        pairs = zip(axis_figures(own, a).figures, axis_figures(other, b).figures, strict=True)
+        assert all(x.value == pytest.approx(y.value, rel=1e-9, abs=1e-12) for x, y in pairs)
+
+
+def test_flights_are_shown_without_figures_their_commands_cannot_give(tmp_path):
+    commands = stepped(1)
+    runs = []
+    for gain, late in ((1.0, 0.0), (0.9, 0.3)):
+        base = recorded(commands, answered(commands), late=late, gimbal=f"g{gain}")
+        t = base["gimbal/command"].time
+        path = TimeSeries(
+            "vehicle/position", t, gain * np.stack([t, t, t], 1), "m", ("x", "y", "z")
+        )
+        series = {**base.series, "vehicle/position": path}
+        runs.append(Recording({**base.properties, "command": "fly"}, series))
+    numbers = report(runs, tmp_path / "a.html")
+    assert all(not a.figures for r in numbers.runs for a in r.figures)
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert 'id="flight"' in text
+    assert "was shifted by" not in text  # ignition is their common time
 
 
 def test_thinning_keeps_every_peak():

@@ -8,6 +8,7 @@ from analysis.report.run import Run
 from analysis.report.sections.comparison import comparison
 from analysis.report.sections.events import events
 from analysis.report.sections.figures import figures
+from analysis.report.sections.flight import flight
 from analysis.report.sections.frequency import frequency
 from analysis.report.sections.histories import histories
 from analysis.report.sections.hysteresis import hysteresis
@@ -22,6 +23,7 @@ SECTIONS: tuple[Compose, ...] = (
     provenance,
     three_way,
     figures,
+    flight,
     steps,
     staircase,
     frequency,

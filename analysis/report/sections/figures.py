@@ -23,7 +23,7 @@ def figures(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
         key=lambda k: (axes.index(k[0]), order.index(split(k[1])[0]), split(k[1])[1] == "down"),
     )
     if not keys:
-        return None
+        return _nothing(numbers)
     rows: list[tuple[Cell | str, ...]] = []
     for key in keys:
         axis, name, amplitude = key
@@ -41,9 +41,16 @@ def figures(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
     caption += "Times count from the command; settling to 2 %, rise from 10 to 90 %, dead to 5 %."
     parts = [Table(head, tuple(rows), caption)]
     if numbers.notes:
-        notes = tuple((Cell(note, "warn"),) for note in numbers.notes)
-        parts.append(Table(("what could not be told",), notes))
+        parts.append(_notes(numbers))
     return Section("figures", "Figures", (), tuple(parts))
+
+
+def _nothing(numbers: ReportNumbers) -> Section | None:
+    return Section("figures", "Figures", (), (_notes(numbers),)) if numbers.notes else None
+
+
+def _notes(numbers: ReportNumbers) -> Table:
+    return Table(("what could not be told",), tuple((Cell(n, "warn"),) for n in numbers.notes))
 
 
 def _by_key(run: RunNumbers) -> dict[Key, Figure]:
