@@ -18,7 +18,7 @@ from twin.model import ModelConfig, Seat, TwinModel, load
 from twin.plant import Plant
 from twin.recorder import Recorder
 from twin.rows import Rows
-from twin.seat_names import is_rig
+from twin.seat_names import MODELS, is_rig
 from twin.seats import SimulatedGimbal
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
     TwinError : a file, name or number that cannot be used
     """
     kind: Seat = "follow"
-    if not is_rig(config.gimbal):
+    if config.gimbal in MODELS:
         kind = "linkage" if config.gimbal == "linkage" else "transfer-function"
     return Plant(
         load(
@@ -134,7 +134,13 @@ def make_clock(config: Run) -> Clock:
 
 
 def make_recorder(
-    config: Run, command: str, twin: TwinModel, rows: Rows, serve: int | None = None
+    config: Run,
+    command: str,
+    twin: TwinModel,
+    rows: Rows,
+    *,
+    serve: int | None = None,
+    drain_ns: int | None = None,
 ) -> Recorder:
     """The run's recorder, its properties complete enough to repeat the run.
 
@@ -160,6 +166,7 @@ def make_recorder(
         signals=rows.signals,
         properties=properties,
         model=twin.mj,
-        drain_ns=DRAIN_WALL_NS if config.real_time else DRAIN_LOCKSTEP_NS,
+        drain_ns=drain_ns or (DRAIN_WALL_NS if config.real_time else DRAIN_LOCKSTEP_NS),
+        spread=config.real_time,
         serve=serve,
     )

@@ -60,14 +60,15 @@ def _standing(
     kinematics: Kinematics, switches: tuple[float, float, float, float]
 ) -> tuple[Array, Array]:
     """Gimbal angles and shafts (12, 2) at each switch, the other servo at its three places."""
-    angles, held = np.zeros((12, 2)), np.tile([0.0, BESIDE, -BESIDE], 4)
+    angles: Array = np.zeros((12, 2))
+    held = np.tile([0.0, BESIDE, -BESIDE], 4)
     own = np.repeat([0, 0, 1, 1], 3)
     rows = np.arange(12)
     angles[rows, own] = np.repeat(switches, 3)
     for _ in range(_ROUNDS):
-        shafts = kinematics.servo_from_gimbal(angles)
-        angles[rows, 1 - own] += _RATIO * (held - shafts[rows, 1 - own])
-    return angles, np.asarray(kinematics.servo_from_gimbal(angles), np.float64)
+        held_apart = held - kinematics.servo_from_gimbal(angles)[rows, 1 - own]
+        angles[rows, 1 - own] += _RATIO * held_apart
+    return angles, np.array(kinematics.servo_from_gimbal(angles), np.float64)
 
 
 def _lines(angles: Array, shafts: Array) -> tuple[Array, Array]:

@@ -35,7 +35,7 @@ class RigGimbal:
 
     Attributes
     ----------
-    rig : as given
+    rig, wait : as given
     readings : what the latest poll brought
     """
 
@@ -52,7 +52,8 @@ class RigGimbal:
     ) -> None:
         self.rig = rig
         self.readings = Readings()
-        self._plant, self._clock, self._wait = plant, clock, wait
+        self.wait = wait
+        self._plant, self._clock = plant, clock
         self._lockstep, self._watch, self._drawing = lockstep, watch, drawing
         self._origin = 0
         self._started = False
@@ -77,7 +78,7 @@ class RigGimbal:
             if self._clock() - began > LONGEST_SETTLE_NS:
                 raise RigError("the rig answers but sends no readings; is its cable sound?")
             self.rig.poll()
-            self._wait(_STEP_NS)
+            self.wait(_STEP_NS)
         self._ready = True
 
     def now_ns(self) -> int:
@@ -106,7 +107,7 @@ class RigGimbal:
         if self._lockstep and self._plant is not None:
             behind = self._plant.time_ns - self.now_ns()
             if behind > 0:
-                self._wait(behind)
+                self.wait(behind)
         frames = self.rig.poll()
         self._read(frames)
         state = self.readings.states[-1] if self.readings.states else self._stale

@@ -1,0 +1,47 @@
+"""`twin rig`: a simulated rig behind a port of this machine."""
+
+import gc
+import json
+import math
+import time
+
+from hardware.emulator import serve
+from twin import overrides
+from twin.assembly import compiled
+from twin.configuration import Rig
+from twin.desk.ending import until_signal
+from twin.errors import TwinError
+from twin.rigs import RigOptions, device
+
+
+def rig(config: Rig) -> None:
+    """Serve a simulated rig until SIGINT, SIGTERM or its time is over; prints its port first.
+
+    Raises
+    ------
+    TwinError, HardwareError : it cannot be made or served, in one line
+    """
+    if config.port is not None and config.link is not None:
+        raise TwinError("--link names a pseudo-terminal; with --port the rig is served over TCP")
+    life = math.inf if config.duration_s is None else config.duration_s
+    if not life > 0:
+        raise TwinError(f"--duration-s {life}: must be greater than zero")
+    options = RigOptions(
+        seat=config.kind,
+        unit=config.unit,
+        faults=config.fault,
+        seed=config.seed,
+        overrides=overrides.parse(config.set),
+    )
+    with compiled(), until_signal() as ended:
+        simulated = device(options)
+        with serve(simulated, tcp=config.port, link=config.link) as server:
+            url = server.port.url
+            told = json.dumps({"port": url, "kind": config.kind}) if config.json else url
+            print(told, flush=True)
+            end = time.monotonic() + life
+            # a collection in the middle would hold the telemetry back for milliseconds
+            gc.collect()
+            gc.freeze()
+            server.run(until=lambda: ended() is not None or time.monotonic() >= end)
+        simulated.close()
