@@ -26,7 +26,7 @@ from analysis.transfer_function import TransferFunctionModel
 
 DT = 0.002
 OMEGA, ZETA, DELAY = 40.0, 0.5, 0.012
-HOSTILE = "</script><img src=x onerror=alert(1)><script>alert(2)</script>&lt;b&gt;{{title}}"
+HOSTILE = "&lt;b&gt;</script><img src=x onerror=alert(1)><script>alert(2)</script><!--{{title}}"
 
 
 def recorded(
@@ -250,7 +250,7 @@ def hostile() -> Recording:
 
 
 def test_text_from_a_recording_stays_text(tmp_path):
-    report([hostile()], tmp_path / "a.html", title=HOSTILE)
+    report([hostile(), hostile()], tmp_path / "a.html", title=HOSTILE)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     tags = Tags()
     tags.feed(text)
@@ -259,6 +259,9 @@ def test_text_from_a_recording_stays_text(tmp_path):
     assert names.count("script") == 4  # plots, numbers, library, own
     assert not [a for _, a in tags.found if any(k.startswith("on") for k in a)]
     assert not [a for t, a in tags.found if a.get("src")]
+    data = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', text, re.S)
+    assert len(data) == 2
+    assert not any(c in content for content in data for c in "<>")
 
 
 @pytest.mark.parametrize(
@@ -367,7 +370,7 @@ def test_a_browser_draws_every_plot_asks_for_nothing_and_complains_about_nothing
 
 def test_a_browser_runs_nothing_and_links_nothing_from_a_hostile_recording(tmp_path, watch):
     file = tmp_path / "a.html"
-    report([hostile()], file, title=HOSTILE)
+    report([hostile(), hostile()], file, title=HOSTILE)
     # one that slips past the escaping: the policy stops it
     text = file.read_text(encoding="utf-8").replace("</main>", "<script>alert(3)</script></main>")
     (tmp_path / "b.html").write_text(text, encoding="utf-8")
