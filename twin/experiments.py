@@ -2,6 +2,9 @@
 
 import time
 from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from twin.assembly import (
     compiled,
@@ -11,6 +14,7 @@ from twin.assembly import (
     make_recorder,
     steps_per_tick,
 )
+from twin.clock import Clock, Ledger, Wall
 from twin.configuration import Fly, Step
 from twin.control import AttitudeController, control_config
 from twin.errors import TwinError
@@ -20,6 +24,9 @@ from twin.results import FlightResult, StepResult
 from twin.rows import Rows
 from twin.seats import Pilot, Sequence
 from twin.steps import excitation, figures
+
+if TYPE_CHECKING:
+    from analysis.timing import Verdict
 
 __all__ = ["compiled", "fly", "step", "steps_per_tick"]
 
@@ -43,7 +50,8 @@ def fly(config: Fly) -> FlightResult:
         controller = AttitudeController(control_config(plant.model))
         pilot = Pilot(plant, controller, programme, steps * plant.dt_ns * 1e-9)
         gimbal, readings = gimbal_seat(stack, config, plant)
-        rows = Rows(plant, pilot, readings)
+        ledger = Ledger() if config.real_time else None
+        rows = Rows(plant, pilot, readings, ledger)
         flight = Flight(plant, rows, pilot.error, target)
         recorder = stack.enter_context(make_recorder(config, "fly", plant.twin, rows))
         rows.bind(recorder)
@@ -56,9 +64,11 @@ def fly(config: Fly) -> FlightResult:
             command=rows.command,
             each_tick=(rows.write, flight.watch),
             stop=flight.over,
+            ledger=ledger,
         )
         recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
-    return flight.result(recorder.path, outcome, time.perf_counter() - began)
+    result = flight.result(recorder.path, outcome, time.perf_counter() - began)
+    return replace(result, timing=judged(recorder.path, clock))
 
 
 def step(config: Step) -> StepResult:
@@ -79,7 +89,8 @@ def step(config: Step) -> StepResult:
         steps = steps_per_tick(config.control_hz, plant)
         plan = asked.plan(steps * plant.dt_ns * 1e-9)
         gimbal, readings = gimbal_seat(stack, config, plant)
-        rows = Rows(plant, readings=readings)
+        ledger = Ledger() if config.real_time else None
+        rows = Rows(plant, readings=readings, ledger=ledger)
         recorder = stack.enter_context(make_recorder(config, "step", plant.twin, rows))
         rows.bind(recorder)
         clock = stack.enter_context(make_clock(config))
@@ -89,6 +100,7 @@ def step(config: Step) -> StepResult:
             duration_ns=round(plan.duration * 1e9),
             command=rows.command,
             each_tick=(rows.write,),
+            ledger=ledger,
         )
     return StepResult(
         recording=str(recorder.path),
@@ -100,4 +112,17 @@ def step(config: Step) -> StepResult:
         physics_s=plant.computing_s,
         wall_s=time.perf_counter() - began,
         warnings=plant.warnings(),
+        timing=judged(recorder.path, clock),
     )
+
+
+def judged(recording: Path, clock: Clock) -> "Verdict | None":
+    """Whether real time left a run what it was meant to be; None where it was not in real time."""
+    if not isinstance(clock, Wall):
+        return None
+    from analysis.recording import read
+    from twin.rerun import verdict
+
+    rights = {"SCHED_FIFO": clock.rights.scheduling, "locked memory": clock.rights.memory}
+    with compiled():
+        return verdict(read(recording), overruns=clock.overruns, rights=rights)

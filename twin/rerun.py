@@ -145,9 +145,7 @@ def _flown(config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Traje
     steps = steps_per_tick(config.control_hz, plant)
     tick_ns = steps * plant.dt_ns
     programme, _ = setpoint(config, plant.model)
-    pilot = Pilot(
-        plant, AttitudeController(control_config(plant.model)), programme, tick_ns * 1e-9
-    )
+    pilot = Pilot(plant, AttitudeController(control_config(plant.model)), programme, tick_ns * 1e-9)
     gimbal: Gimbal = SimulatedGimbal(plant)
     if delays is not None:
         gimbal = DelayedGimbal(gimbal, delays, tick_ns)

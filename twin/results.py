@@ -1,10 +1,11 @@
 """What a run amounts to: numbers for machines, one screen for people."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analysis.report.figures import AxisFigures
+    from analysis.timing import Verdict
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class FlightResult:
     physics_steps, physics_s : steps taken, and the time they took
     wall_s : time of the whole command
     warnings : MuJoCo's warnings with their counts
+    timing : whether real time left the flight what it was meant to be; None in lockstep
     """
 
     recording: str
@@ -43,10 +45,12 @@ class FlightResult:
     physics_s: float
     wall_s: float
     warnings: dict[str, int]
+    timing: "Verdict | None" = None
 
     def as_dict(self) -> dict[str, object]:
         """JSON values, in SI but where the name says otherwise."""
-        return asdict(self)
+        timing = None if self.timing is None else self.timing.as_dict()
+        return {**asdict(replace(self, timing=None)), "timing": timing}
 
     def text(self) -> str:
         """One screen."""
@@ -67,6 +71,7 @@ class FlightResult:
             rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
         steps = f"{self.wall_s:.2f} s for {self.physics_steps} steps"
         rows.append(("computing", f"{steps} ({self.physics_s:.2f} s of physics)"))
+        rows += timing_rows(self.timing)
         rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
         return _lines(rows, self.recording)
 
@@ -80,6 +85,7 @@ class StepResult:
     signal : what that was
     figures : per axis, what the signal allows to tell, and notes on what could not be told
     excitation_s : experiment time commanded
+    timing : whether real time left the run what it was meant to be; None in lockstep
     """
 
     recording: str
@@ -91,12 +97,14 @@ class StepResult:
     physics_s: float
     wall_s: float
     warnings: dict[str, int]
+    timing: "Verdict | None" = None
 
     def as_dict(self) -> dict[str, object]:
         """JSON values; `figures` has one row per axis and figure, null where not measurable."""
         rows = [{"axis": a.axis, **f.to_dict()} for a in self.figures for f in a.figures]
         notes = [f"{a.axis}: {note}" for a in self.figures for note in a.notes]
-        others = {k: v for k, v in vars(self).items() if k != "figures"}
+        others = {k: v for k, v in vars(self).items() if k not in ("figures", "timing")}
+        others["timing"] = None if self.timing is None else self.timing.as_dict()
         return {**others, "figures": rows, "notes": notes}
 
     def text(self) -> str:
@@ -107,8 +115,30 @@ class StepResult:
         rows += lines(self.figures)
         steps = f"{self.wall_s:.2f} s for {self.physics_steps} steps"
         rows.append(("computing", f"{steps} ({self.physics_s:.2f} s of physics)"))
+        rows += timing_rows(self.timing)
         rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
         return _lines(rows, self.recording)
+
+
+def timing_rows(timing: "Verdict | None") -> list[tuple[str, str]]:
+    """Lines of a summary about a run in real time."""
+    if timing is None:
+        return []
+    rows = [("timing", timing.text())]
+    for name, found in (
+        ("lateness", timing.lateness),
+        ("sensor age", timing.sensor_age),
+        ("round trip", timing.round_trip),
+    ):
+        if found is not None:
+            median, rare, worst = (t * 1e3 for t in (found.p50, found.p99, found.worst))
+            rows.append((name, f"{median:.3f} ms median, {rare:.3f} ms 99 %, {worst:.3f} ms worst"))
+    if timing.lateness is not None:
+        rows.append(("overruns", f"{timing.overruns} of {timing.ticks} ticks"))
+    if timing.moved is not None:
+        by, step = timing.moved.timing.position, timing.moved.step.position
+        rows.append(("path moved", f"{by:.3g} m by timing, {step:.3g} m by the time step"))
+    return rows + [("", f"without {k}: {v}") for k, v in timing.rights.items() if v != "granted"]
 
 
 def _lines(rows: list[tuple[str, str]], recording: str) -> str:
