@@ -60,7 +60,7 @@ def _standing(
     kinematics: Kinematics, switches: tuple[float, float, float, float]
 ) -> tuple[Array, Array]:
     """Gimbal angles and shafts (12, 2) at each switch, the other servo at its three places."""
-    angles: Array = np.zeros((12, 2))
+    angles = np.zeros((12, 2))
     held = np.tile([0.0, BESIDE, -BESIDE], 4)
     own = np.repeat([0, 0, 1, 1], 3)
     rows = np.arange(12)
@@ -68,7 +68,7 @@ def _standing(
     for _ in range(_ROUNDS):
         held_apart = held - kinematics.servo_from_gimbal(angles)[rows, 1 - own]
         angles[rows, 1 - own] += _RATIO * held_apart
-    return angles, np.array(kinematics.servo_from_gimbal(angles), np.float64)
+    return angles, kinematics.servo_from_gimbal(angles)
 
 
 def _lines(angles: Array, shafts: Array) -> tuple[Array, Array]:
@@ -79,4 +79,5 @@ def _lines(angles: Array, shafts: Array) -> tuple[Array, Array]:
         design = np.column_stack([shafts[own], np.ones(half)])
         *slope, constant = np.linalg.lstsq(design, angles[own, axis], rcond=None)[0].tolist()
         rows[axis], offsets[axis] = slope, constant
-    return rows, -np.linalg.solve(rows, offsets)
+    middle: Array = -np.linalg.solve(rows, offsets).astype(np.float64)
+    return rows, middle

@@ -1,0 +1,215 @@
+"""Rigs in the gimbal seat, held against the true angles of the bench they stand on."""
+
+from contextlib import contextmanager
+from math import radians
+
+import mujoco
+import numpy as np
+import pytest
+
+from analysis.recording import read
+from hardware.avr import missing
+from hardware.frames import GimbalCommand
+from twin import native
+from twin.configuration import Step
+from twin.errors import TwinError
+from twin.experiments import step
+from twin.model import ModelConfig, load
+from twin.plant import Plant
+from twin.rigs import BenchPlant, RigOptions, drawing, open_rig
+from twin.seat_names import check_seat, is_port, is_rig
+
+TICK_S = 2e-3
+needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
+
+
+@pytest.fixture(autouse=True)
+def callbacks():
+    """Dead bands are native forces."""
+    with native.installed():
+        yield
+
+
+@pytest.fixture(scope="module")
+def bench_twin():
+    with native.installed():
+        yield load(ModelConfig(scene="bench"))
+
+
+@contextmanager
+def seated(**options):
+    """A simulated rig in the seat of a bench whose gimbal follows it."""
+    plant = Plant(load(ModelConfig(scene="bench", gimbal="follow")))
+    with open_rig(RigOptions(**{"seat": "emulator", **options}), plant) as seat:
+        yield seat, plant
+
+
+def drive(seat, plant, command, seconds, each=lambda state: None):
+    """The loop of `twin.loop`, in four lines."""
+    end = plant.time_ns + round(seconds * 1e9)
+    while plant.time_ns < end:
+        each(seat.poll())
+        seat.send(GimbalCommand(plant.time_ns, command(plant.time_ns * 1e-9)))
+        plant.advance(round(TICK_S * 1e9) // plant.dt_ns)
+
+
+def swing(time):
+    """A new place every 0.25 s, reaching 6°."""
+    k = int(time / 0.25)
+    return radians(6.0) * np.sin(2.4 * k), radians(6.0) * np.cos(1.7 * k)
+
+
+def truths(seat):
+    """What the emulator's device stamps really were: device time [µs] → angles and rates."""
+    found = {}
+    device = seat.rig.line.device
+    device.observer = lambda us, angle, rate: found.__setitem__(us, (angle, rate))
+    return found
+
+
+class TestBenchPlant:
+    def test_its_gyro_is_mujocos_own(self, bench_twin):
+        bench = BenchPlant(bench_twin)
+        for k in range(150):
+            bench.advance(1e-3, (0.2 * np.sin(0.05 * k), 0.15 * np.cos(0.04 * k), 0.0))
+        told = bench.holder_imu()[0]
+        mujoco.mj_forward(bench.model, bench.data)  # brings MuJoCo's sensor to this instant
+        assert abs(np.array(told)).max() > 0.5  # it moves
+        # the same formula in other words: rounding of a rotation matrix
+        np.testing.assert_allclose(told, bench.data.sensor("gyro").data, atol=1e-9)
+
+    def test_at_rest_it_feels_gravity_along_the_tilted_holder(self, bench_twin):
+        bench = BenchPlant(bench_twin)
+        for _ in range(900):
+            bench.advance(1e-3, (0.2, -0.3, 0.0))
+        (x, y), force = bench.angles(), np.array(bench.holder_imu()[1])
+        assert abs(x) > 0.05
+        assert abs(y) > 0.05
+        # nozzle up: the holder's z points down; rotation about x, then y
+        rx = np.array([[1, 0, 0], [0, np.cos(x), -np.sin(x)], [0, np.sin(x), np.cos(x)]])
+        ry = np.array([[np.cos(y), 0, np.sin(y)], [0, 1, 0], [-np.sin(y), 0, np.cos(y)]])
+        up = (rx @ ry).T @ [0.0, 0.0, -9.80665]
+        # a hundredth of g: it still swings a little on its dead band
+        np.testing.assert_allclose(force, up, atol=0.1)
+        np.testing.assert_allclose(bench.base_imu()[1], [0, 0, -9.81], atol=0.01)
+
+    def test_another_gimbal_than_servos_is_refused(self):
+        with pytest.raises(TwinError, match="needs servos"):
+            BenchPlant(load(ModelConfig(scene="bench", gimbal="follow")))
+
+
+class TestRigGimbal:
+    def test_the_fused_angle_is_the_benchs_true_angle(self):
+        with seated(unit=2, seed=5) as (seat, plant):
+            true, errors, sigmas = truths(seat), [], []
+
+            def look(state):
+                frames, states = seat.rig.states and seat.readings.frames, seat.readings.states
+                for frame, seen in zip(frames, states, strict=True):
+                    if frame.device_us in true:
+                        errors.append(np.array(seen.angle) - true[frame.device_us][0])
+                        sigmas.append(seen.sigma)
+
+            drive(seat, plant, swing, 3.0, look)
+        assert len(errors) > 1400
+        rms = np.degrees(np.sqrt(np.mean(np.square(errors), axis=0)))
+        # half an ADC step is 0.12°; the track's waviness alone is 0.035° rms
+        assert rms.max() < 0.08, rms
+
+    def test_the_joints_follow_what_was_measured(self):
+        with seated() as (seat, plant):
+            worst = []
+
+            def look(state):
+                worst.append(abs(plant.gimbal_angle - before).max())
+                before[:] = state.angle
+
+            before = np.zeros(2)
+            drive(seat, plant, swing, 1.0, look)
+        # two physics steps lie between telling and looking; joint feedback leaves 1e-4 rad
+        assert max(worst[2:]) < radians(0.01)
+
+    @pytest.mark.parametrize("angle", [(5.0, -3.0), (-6.0, 6.0), (0.0, 0.0)])
+    def test_a_command_arrives_as_that_angle_although_the_linkage_bends_it(self, angle):
+        wanted = radians(angle[0]), radians(angle[1])
+        with seated() as (seat, plant):
+            drive(seat, plant, lambda time: wanted, 0.8)
+            bench = seat.rig.line.device.bench.plant
+            off = np.degrees(np.array(bench.angles()) - wanted)
+        # backlash (±0.1° at the gimbal), dead band (±0.11°) and friction; lines alone are 0.7° off
+        assert abs(off).max() < 0.4, off
+
+    def test_straightening_is_undone_by_bending(self, bench_twin):
+        plan = drawing(bench_twin.mj)
+        for angle in ((0.1, -0.05), (-0.13, 0.13), (0.0, 0.0)):
+            np.testing.assert_allclose(plan.bent(plan.straightened(angle)), angle, atol=1e-9)
+
+    def test_a_pulled_cable_is_a_gap_and_not_the_end(self):
+        told, pulses, healthy = [], [], []
+        with seated(faults=("link:unplug:0.4@1.0",)) as (seat, plant):
+            device = seat.rig.line.device
+
+            def look(state):
+                told.extend(text for _, text in seat.readings.news)
+                healthy.append(state.healthy)
+                pulses.append((device.time_us * 1e-6, device.device.pulse))
+
+            drive(seat, plant, lambda time: (radians(5), 0.0), 2.0, look)
+        assert [t.split()[1] for t in told] == ["lost:", "back"]
+        assert healthy[0]
+        assert not all(healthy)
+        assert healthy[-1]
+        neutral = (3000, 3000, 3000)
+        # the command's own timeout is 0.1 s
+        assert {p[:2] for t, p in pulses if 1.12 < t < 1.38} == {neutral[:2]}
+        assert pulses[-1][1][0] != neutral[0]  # it steers again
+
+
+class TestStep:
+    def run(self, path, gimbal, **more):
+        asked = {"repeats": 1, "hold_s": 0.5, "axis": "x", **more}
+        step(Step(gimbal=gimbal, out=path, **asked))
+        return read(path)
+
+    @needs_avr
+    def test_emulator_and_firmware_answer_alike(self, tmp_path):
+        a = self.run(tmp_path / "emulator.rrd", "emulator")["gimbal/measured"]
+        b = self.run(tmp_path / "firmware.rrd", "firmware")["gimbal/measured"]
+        time = np.arange(0.05, a.time[-1] - 0.05, 1e-3)
+        for k in range(2):
+            ours = np.interp(time, a.time, a.values[:, k])
+            theirs = np.interp(time, b.time, b.values[:, k])
+            rms = np.degrees(np.sqrt(np.mean((ours - theirs) ** 2)))
+            assert rms < 0.3, rms  # issue's figure
+
+    def test_two_runs_of_one_seed_are_equal(self, tmp_path):
+        a, b = (self.run(tmp_path / f"{k}.rrd", "emulator", seed=4) for k in range(2))
+        assert a.series.keys() == b.series.keys()
+        for name in a.series:
+            np.testing.assert_array_equal(a[name].time, b[name].time)
+            np.testing.assert_array_equal(a[name].values, b[name].values)
+
+    def test_a_frame_is_recorded_at_the_time_the_device_took_it(self, tmp_path):
+        run = self.run(tmp_path / "a.rrd", "emulator", unit=7)
+        device, measured = run["sensors/device_time"], run["gimbal/measured"]
+        np.testing.assert_array_equal(device.time, measured.time)
+        clock = device.values[:, 0]
+        line = np.polyfit(device.time, clock, 1)
+        skew, rest = line[0], clock - np.polyval(line, device.time)
+        # drawn within ±0.3 %; what matters is that neither tick nor wire shows in the stamps
+        assert abs(skew - 1) < 4e-3
+        assert abs(rest).max() < 2e-4
+        assert np.nanmax(run["timing/sensor_age"].values) < 6e-3
+
+
+class TestSeatNames:
+    @pytest.mark.parametrize("name", ["/dev/ttyUSB0", "COM3", "com12", "socket://127.0.0.1:1"])
+    def test_ports_are_told_from_names(self, name):
+        assert is_port(name)
+        assert is_rig(name)
+        check_seat(name)
+
+    @pytest.mark.parametrize("name", ["", "rope", "emulater", "com", "linkage2"])
+    def test_what_is_neither_is_refused_with_the_valid_names(self, name):
+        with pytest.raises(TwinError, match=r"linkage, transfer-function, emulator, firmware"):
+            check_seat(name)
