@@ -183,7 +183,8 @@ _COMPUTED: dict[Kind, tuple[tuple[str, Callable[[AxisRecord], tuple[Figure, ...]
     "steps": (_STEPS, _REST),
     "staircase": (
         ("staircase", lambda a: staircase_figures(steps_of(a))),
-        _REST,
+        # no hysteresis: the smallest steps never leave the play whose width it would be
+        ("at rest", lambda a: linearity(*at_rest(a)[:2])),
     ),
     "broadband": (("frequency response", lambda a: measured_figures(frequency_response(a))),),
     "ramps": (("slow sweep", _moving),),
