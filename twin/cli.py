@@ -14,11 +14,11 @@ import tyro
 
 from analysis.schema import AnalysisError
 from hardware.frames import HardwareError
-from twin.configuration import Calibrate, Converge, Doctor, Fly, Mirror, Rig, Step, View
+from twin.configuration import Calibrate, Converge, Doctor, Fly, Mirror, Replay, Rig, Step, View
 from twin.errors import DivergenceError, TwinError
 
 MISTAKE, FAILED = 2, 1
-COMMANDS = ("fly", "step", "mirror", "calibrate", "rig", "converge", "view", "doctor")
+COMMANDS = ("fly", "step", "mirror", "calibrate", "rig", "converge", "replay", "view", "doctor")
 Command = (
     Annotated[Fly, tyro.conf.subcommand("fly")]
     | Annotated[Step, tyro.conf.subcommand("step")]
@@ -26,6 +26,7 @@ Command = (
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Rig, tyro.conf.subcommand("rig")]
     | Annotated[Converge, tyro.conf.subcommand("converge")]
+    | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
@@ -123,6 +124,12 @@ def _dispatch(command: object) -> int:
             study = converge(command)
             _report(study.as_dict(), study.text(), as_json=command.json)
             return 0
+        case Replay():
+            from twin.replay import replay
+
+            repeated = replay(command)
+            _report(repeated.as_dict(), repeated.text(), as_json=command.json)
+            return 0 if repeated.passed else FAILED
         case View():
             from twin import viewer
 

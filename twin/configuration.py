@@ -272,6 +272,41 @@ class Mirror(Run):
 
 
 @dataclass(frozen=True)
+class Replay:
+    """Fly a recorded run again: bit for bit, or with something changed to see what it would do."""
+
+    recording: Annotated[Path, tyro.conf.Positional]
+    """A recording (.rrd) of `twin fly` or `twin step`."""
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """NAME=VALUE on top of what was set then, for example a gain of the controller. Repeatable."""
+    integrator: Integrator | None = None
+    """Another integrator."""
+    dt: float | None = None
+    """Another physics step [s]."""
+    gimbal: Literal["linkage", "transfer-function"] | None = None
+    """Another model in the gimbal seat."""
+    control_hz: float | None = None
+    """Another rate of the controller."""
+    seed: int | None = None
+    """Another seed."""
+    force: Flag = False
+    """Also where versions or the model are others than they were."""
+    out: Path | None = None
+    """Recording to write; beside the old one, .replay.rrd, without it."""
+    json: Flag = False
+    """Print the numbers as one JSON object instead of a summary."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        _refuse_no_number(self)
+
+
+@dataclass(frozen=True)
 class View:
     """Open a recording in the Rerun viewer."""
 
@@ -306,7 +341,7 @@ def _check_rig_flags(config: Run) -> None:
             )
 
 
-def _refuse_no_number(config: Run | Converge) -> None:
+def _refuse_no_number(config: Run | Converge | Replay) -> None:
     for name, value in asdict(config).items():
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, float) and not math.isfinite(number):
