@@ -1,0 +1,245 @@
+"""`twin replay`: fly a recorded run again, bit for bit, or with something changed.
+
+The recording's properties are the configuration; nothing else is taken from it but the arrays that
+the new run is compared with.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from analysis.recording import Recording, read
+from twin.assembly import VERSIONS, compiled, make_plant
+from twin.configuration import Fly, Replay, Run, Step
+from twin.errors import TwinError
+from twin.experiments import fly, step
+from twin.recalled import configuration_of
+from twin.results import FlightResult, StepResult
+from twin.seat_names import is_port
+
+CLOCKED = "timing/"  # what the wall clock alone decides
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One signal of both recordings.
+
+    Attributes
+    ----------
+    equal : every stamp and value the same, to the last bit
+    largest : difference at common stamps, in `unit`; None where there are none
+    at : when [s]
+    """
+
+    signal: str
+    unit: str
+    equal: bool
+    largest: float | None
+    at: float | None
+
+
+@dataclass(frozen=True)
+class ReplayResult:
+    """A run flown again, compared with what was recorded.
+
+    Attributes
+    ----------
+    recording, replayed : the old file and the new one
+    changed : settings that differ, with old and new value
+    differences : by signal
+    missing : signals only one of the two has
+    """
+
+    recording: str
+    replayed: str
+    changed: Mapping[str, tuple[str, str]]
+    differences: tuple[Difference, ...]
+    missing: tuple[str, ...]
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+
+    @property
+    def identical(self) -> bool:
+        """Whether nothing that the wall clock does not decide differs in a single bit."""
+        return not self.missing and all(d.equal for d in self.differences)
+
+    @property
+    def passed(self) -> bool:
+        """False where a run that should have repeated itself did not."""
+        return self.identical or bool(self.changed)
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values in SI."""
+        return {
+            "recording": self.recording,
+            "replayed": self.replayed,
+            "identical": self.identical,
+            "changed": {k: list(v) for k, v in self.changed.items()},
+            "differences": [asdict(d) for d in self.differences],
+            "missing": list(self.missing),
+            "before": dict(self.before),
+            "after": dict(self.after),
+        }
+
+    def text(self) -> str:
+        """One screen."""
+        lines = [f"{'replayed':<24}{self.recording}"]
+        lines += [f"{k:<24}{a} → {b}" for k, (a, b) in self.changed.items()]
+        if self.identical:
+            count = len(self.differences)
+            lines.append(f"{'result':<24}identical, every bit of {count} signals")
+        else:
+            word = "differs" if self.changed else "NOT repeated, though nothing was changed"
+            lines.append(f"{'result':<24}{word}")
+            lines += [_line(d) for d in self.differences if not d.equal]
+            lines += [f"{name:<24}only in one of the two" for name in self.missing]
+            lines += [
+                f"{k:<24}{self.before[k]:.4g} → {self.after[k]:.4g}"
+                for k in self.before
+                if k in self.after and self.before[k] != self.after[k]
+            ]
+        return "\n".join([*lines, f"{'recording':<24}{self.replayed}"])
+
+
+def replay(config: Replay) -> ReplayResult:
+    """Fly a recorded run again and compare.
+
+    Raises
+    ------
+    TwinError : the recording cannot be flown again here, or not without `--force`
+    AnalysisError : it is no sound recording
+    """
+    old = read(config.recording)
+    recorded = configuration_of(old)
+    if is_port(recorded.gimbal):
+        raise TwinError(
+            f"{config.recording} was flown with a rig at {recorded.gimbal}; only simulated seats"
+            " can be flown again without it"
+        )
+    asked = _changed(recorded, config)
+    if not config.force:
+        _check(old, recorded, config.recording)
+    out = config.out or config.recording.with_suffix(".replay.rrd")
+    if out.resolve() == config.recording.resolve():
+        raise TwinError(f"--out {out}: the replay must not overwrite what it repeats")
+    result = _flown(replace(asked, out=out))
+    new = read(result.recording)
+    return ReplayResult(
+        recording=str(config.recording),
+        replayed=result.recording,
+        changed=_settings(recorded, asked),
+        differences=differences(old, new),
+        missing=tuple(sorted(n for n in set(old.series) ^ set(new.series) if _counts(n))),
+        before=_figures(old),
+        after=_figures(new),
+    )
+
+
+def differences(old: Recording, new: Recording) -> tuple[Difference, ...]:
+    """Compare every signal that both hold and the wall clock does not decide."""
+    return tuple(
+        _difference(name, old, new)
+        for name in sorted(set(old.series) & set(new.series))
+        if _counts(name)
+    )
+
+
+def _difference(name: str, old: Recording, new: Recording) -> Difference:
+    a, b = old[name], new[name]
+    # bits, not values: NaN is to equal itself, and 0 is not to equal -0
+    same = a.values.shape == b.values.shape and (
+        a.time.tobytes() == b.time.tobytes() and a.values.tobytes() == b.values.tobytes()
+    )
+    if same:
+        return Difference(name, a.unit, True, 0.0, None)
+    _, left, right = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
+    gap = np.linalg.norm(a.values[left] - b.values[right], axis=1)
+    if not len(gap) or np.isnan(gap).all():
+        return Difference(name, a.unit, False, None, None)
+    k = int(np.nanargmax(gap))
+    return Difference(name, a.unit, False, float(gap[k]), float(a.time[left[k]]))
+
+
+def _counts(name: str) -> bool:
+    return not name.startswith(CLOCKED)
+
+
+def _check(old: Recording, recorded: Run, path: Path) -> None:
+    """Refuse what would not be the same run: other libraries, or another model."""
+    versions = old.properties.get("versions")
+    versions = versions if isinstance(versions, dict) else {}
+    other = [
+        f"{name} {versions.get(name, 'unknown')} (here {version(name)})"
+        for name in VERSIONS
+        if versions.get(name) != version(name)
+    ]
+    if other:
+        raise TwinError(
+            f"{path} was flown with {', '.join(other)}; --force replays it all the same"
+        )
+    with compiled():
+        digest = make_plant(recorded, getattr(recorded, "motor", None)).twin.sha256
+    if digest != old.properties.get("model_sha256"):
+        raise TwinError(
+            f"{path} was flown with another model than its files make today (SHA-256"
+            f" {str(old.properties.get('model_sha256'))[:12]}…, here {digest[:12]}…);"
+            " --force replays it all the same"
+        )
+
+
+def _changed(recorded: Run, config: Replay) -> Run:
+    """The recorded configuration with what the command line changes."""
+    changes: dict[str, object] = {"clock": "lockstep", "json": False}
+    for name in ("integrator", "dt", "gimbal", "control_hz", "seed"):
+        value = getattr(config, name)
+        if value is None:
+            continue
+        if name not in {f.name for f in fields(recorded)}:
+            raise TwinError(f"--{name.replace('_', '-')}: this recording has no such setting")
+        changes[name] = value
+    if config.set:
+        changes["set"] = (*recorded.set, *config.set)  # the later of two wins
+    return replace(recorded, **changes)  # type: ignore[arg-type]
+
+
+def _settings(recorded: Run, asked: Run) -> dict[str, tuple[str, str]]:
+    silent = ("out", "json", "clock")
+    pairs = ((f.name, getattr(recorded, f.name), getattr(asked, f.name)) for f in fields(recorded))
+    return {n: (_told(a), _told(b)) for n, a, b in pairs if n not in silent and a != b}
+
+
+def _told(value: object) -> str:
+    if isinstance(value, tuple):
+        return " ".join(map(str, value)) or "nothing"
+    return "default" if value is None else str(value)
+
+
+def _flown(config: Run) -> FlightResult | StepResult:
+    if isinstance(config, Fly):
+        return fly(config)
+    assert isinstance(config, Step)
+    return step(config)
+
+
+def _figures(recording: Recording) -> dict[str, float]:
+    """What a person asks of a flight first."""
+    found: dict[str, float] = {}
+    series = recording.series
+    if "vehicle/position" in series:
+        position = series["vehicle/position"]
+        found["flight time [s]"] = float(position.time[-1])
+        found["height [m]"] = float(position.values[:, 2].max())
+        found["end east [m]"], found["end north [m]"] = map(float, position.values[-1, :2])
+    if "control/error" in series:
+        error = np.linalg.norm(series["control/error"].values, axis=1)
+        found["attitude error rms [°]"] = float(np.degrees(np.sqrt(np.nanmean(error**2))))
+    return found
+
+
+def _line(d: Difference) -> str:
+    if d.largest is None:
+        return f"{d.signal:<24}differs"
+    return f"{d.signal:<24}up to {d.largest:.3g} {d.unit} at {d.at:.3f} s"
