@@ -95,6 +95,10 @@ _TABLE = (
     _signal("gimbal/sigma", "x y", "rad", "deg", "sampled"),
     _signal("gimbal/rate/simulated", "x y", "rad/s", "deg/s"),
     _signal("gimbal/rate/measured", "x y", "rad/s", "deg/s", "sampled"),
+    # two motions laid over each other by `twin compare`, and other minus reference
+    _signal("gimbal/reference", "x y", "rad", "deg", "sampled"),
+    _signal("gimbal/other", "x y", "rad", "deg", "sampled"),
+    _signal("gimbal/difference", "x y", "rad", "deg", "sampled"),
     # motion of the body frame (origin on the gimbal pivot) in the world, east-north-up
     _signal("vehicle/position", "x y z", "m"),
     _signal("vehicle/velocity", "x y z", "m/s"),

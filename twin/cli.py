@@ -14,11 +14,35 @@ import tyro
 
 from analysis.schema import AnalysisError
 from hardware.frames import HardwareError
-from twin.configuration import Calibrate, Converge, Doctor, Fly, Mirror, Replay, Rig, Step, View
+from twin.configuration import (
+    Calibrate,
+    Compare,
+    Converge,
+    Doctor,
+    Fly,
+    Identify,
+    Mirror,
+    Replay,
+    Rig,
+    Step,
+    View,
+)
 from twin.errors import DivergenceError, TwinError
 
 MISTAKE, FAILED = 2, 1
-COMMANDS = ("fly", "step", "mirror", "calibrate", "rig", "converge", "replay", "view", "doctor")
+COMMANDS = (
+    "fly",
+    "step",
+    "mirror",
+    "calibrate",
+    "rig",
+    "converge",
+    "replay",
+    "identify",
+    "compare",
+    "view",
+    "doctor",
+)
 Command = (
     Annotated[Fly, tyro.conf.subcommand("fly")]
     | Annotated[Step, tyro.conf.subcommand("step")]
@@ -26,6 +50,8 @@ Command = (
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Rig, tyro.conf.subcommand("rig")]
     | Annotated[Converge, tyro.conf.subcommand("converge")]
+    | Annotated[Identify, tyro.conf.subcommand("identify")]
+    | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
@@ -124,6 +150,18 @@ def _dispatch(command: object) -> int:
             study = converge(command)
             _report(study.as_dict(), study.text(), as_json=command.json)
             return 0
+        case Identify():
+            from twin.knowledge import identify
+
+            model = identify(command)
+            _report(model.as_dict(), model.text(), as_json=command.json)
+            return 0
+        case Compare():
+            from twin.knowledge import compare
+
+            comparison = compare(command)
+            _report(comparison.as_dict(), comparison.text(), as_json=command.json)
+            return 0 if comparison.passed else FAILED
         case Replay():
             from twin.replay import replay
 

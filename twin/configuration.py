@@ -272,6 +272,104 @@ class Mirror(Run):
 
 
 @dataclass(frozen=True)
+class Identify:
+    """Make a model of a gimbal from what it was told and what was measured of it."""
+
+    sources: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Recordings (.rrd) or tables (.csv, .tsv, .txt, .mat), fitted together."""
+    linkage: Flag = False
+    """Fit the servo and mechanism parameters of the MJCF instead, for `--set-from`."""
+    poles: int = 2
+    """Of every transfer function."""
+    zeros: int = 0
+    """Of every transfer function, fewer than poles."""
+    delay: str = "free"
+    """`free`, or the known transport delay [s]."""
+    max_delay_ms: float | None = None
+    """Longest delay searched; 100 ms or ten samples without it."""
+    select_order: Flag = False
+    """Choose poles and zeros on steps held out; `--poles` and `--zeros` are then ignored."""
+    servo: Flag = False
+    """Fit servos with bounded speed, dead band and backlash."""
+    structure: Literal["best", "speed", "command"] = "best"
+    """Of such a servo: its own loop saturates (speed), or its command is made ramps (command)."""
+    coupling: Literal["auto", "none", "full"] = "auto"
+    """Cross channels: where an axis follows the other's command by 2 %, never, or always."""
+    time: str | None = None
+    """Column of time stamps of a table."""
+    input: str | None = None
+    """Columns of commands, separated by commas."""
+    angle: str | None = None
+    """Columns of measured angles; of a recording the signal, gimbal/measured without it."""
+    rate: str | None = None
+    """Columns of gyro rates, per second; of a recording the signal, for example sensors/gyro."""
+    unit: str | None = None
+    """Of the columns: rad, deg, mrad or turn."""
+    input_unit: str | None = None
+    """Of the commands, where it is another."""
+    time_scale: float | None = None
+    """Seconds per unit of the time column, for example 1e-3."""
+    commands: Path | None = None
+    """Table of the commands with time stamps of their own."""
+    gyro_delay_ms: float = 0.0
+    """Delay of the gyro's own filter, taken out."""
+    initial: Literal["rest", "free"] = "rest"
+    """Whether the gimbal stood still when a record starts, or may have moved."""
+    check: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
+    """Another recording or table, only to be predicted. Repeatable."""
+    both: Flag = False
+    """Write the model of a single axis for x and y alike, so that it can be flown."""
+    parameters: tuple[str, ...] = ()
+    """Which parameters `--linkage` fits; the servo's and the joints' without it."""
+    mechanism: Path | None = None
+    """MJCF file in place of the reference mechanism, for `--linkage`."""
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    """NAME=VALUE, where `--linkage` starts or what it takes as known. Repeatable."""
+    set_from: Path | None = None
+    """JSON file of such names and values."""
+    out: Path | None = None
+    """File to write (.json); runs/model.json, or runs/set.json with `--linkage`, without it."""
+    json: Flag = False
+    """Print the numbers as one JSON object instead of a summary."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        _refuse_no_number(self)
+        if self.out is not None and self.out.suffix.lower() != ".json":
+            raise TwinError(f"--out {self.out}: what is identified is a .json file")
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Put two motions of a gimbal side by side: simulated and measured, rig and model."""
+
+    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """The reference and the other recording; or one that holds measured and simulated angles."""
+    fail_below: float | None = None
+    """End with 1 if the fit of an axis is below this many percent."""
+    longest_delay_ms: float = 250.0
+    """Longest delay of one motion behind the other that is looked for."""
+    out: Path | None = None
+    """Recording of both and their difference; runs/compare.rrd without it."""
+    json: Flag = False
+    """Print the numbers as one JSON object instead of a summary."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        _refuse_no_number(self)
+
+
+@dataclass(frozen=True)
 class Replay:
     """Fly a recorded run again: bit for bit, or with something changed to see what it would do."""
 
@@ -341,7 +439,7 @@ def _check_rig_flags(config: Run) -> None:
             )
 
 
-def _refuse_no_number(config: Run | Converge | Replay) -> None:
+def _refuse_no_number(config: Run | Converge | Identify | Compare) -> None:
     for name, value in asdict(config).items():
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, float) and not math.isfinite(number):

@@ -1,6 +1,7 @@
 """From commands, gyro and potentiometer to a continuous-time model with honest uncertainty."""
 
 from analysis.identify.errors import IdentificationError
+from analysis.identify.gimbal import cross_gains, identify_gimbal, own_records
 from analysis.identify.identification import identify
 from analysis.identify.model import (
     AxisEvidence,
@@ -22,9 +23,12 @@ __all__ = [
     "OrderScore",
     "Record",
     "ServoBounds",
+    "cross_gains",
     "from_recording",
     "identify",
+    "identify_gimbal",
     "merge_stamps",
+    "own_records",
     "record",
     "select_order",
 ]

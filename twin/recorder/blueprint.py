@@ -24,6 +24,8 @@ _MEANING = {
     "gimbal/command": COMMAND,
     "gimbal/simulated": SIMULATED,
     "gimbal/measured": MEASURED,
+    "gimbal/reference": MEASURED,
+    "gimbal/other": SIMULATED,
     "gimbal/rate/simulated": SIMULATED,
     "gimbal/rate/measured": MEASURED,
     "control/setpoint": COMMAND,
@@ -34,12 +36,22 @@ _CYCLE = (X, Y, Z, W, (200, 180, 60), (80, 190, 200))
 
 # Overlays drawn once per axis: title, unit, signals.
 _PER_AXIS = (
-    ("Gimbal", ("gimbal/command", "gimbal/simulated", "gimbal/measured")),
+    (
+        "Gimbal",
+        (
+            "gimbal/command",
+            "gimbal/simulated",
+            "gimbal/measured",
+            "gimbal/other",
+            "gimbal/reference",
+        ),
+    ),
     ("Attitude", ("control/setpoint", "vehicle/tilt")),
     ("Gimbal rate", ("gimbal/rate/simulated", "gimbal/rate/measured")),
 )
 _GROUPS = (
     ("Control error", ("control/error",)),
+    ("Difference", ("gimbal/difference",)),
     ("Angle of attack", ("vehicle/angle_of_attack",)),
     ("Airspeed", ("vehicle/airspeed",)),
     ("Position", ("vehicle/position",)),
@@ -95,8 +107,7 @@ def build(names: Sequence[str], poses: Poses | None, *, live: bool = False) -> r
         for title, members in _present(_PER_AXIS[:1], recorded)
         for axis in (0, 1)
     ]
-    if "Control error" in plots:
-        main.append(plots["Control error"])
+    main += [plots[title] for title in ("Control error", "Difference") if title in plots]
     tabs = [rrb.Vertical(*main, name="Gimbal")] if main else []
     attitude = [
         _axis(title, members, axis)

@@ -1,0 +1,121 @@
+"""A whole gimbal: each axis by its own command, and the cross channels only where there are any."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.channels import nothing
+from analysis.identify.identification import identify
+from analysis.identify.model import ChannelFit, IdentifiedModel
+from analysis.identify.records import Record
+from analysis.identify.servo_response import Structure
+
+Array = NDArray[np.float64]
+Coupling = Literal["auto", "none", "full"]
+
+# Motion of an axis with the other's command, over its own. Below, a cross channel's poles and delay
+# are fitted to what friction leaves; the MPU6050's cross-axis sensitivity alone is 2 %.
+_WORTH_A_CHANNEL = 0.02
+_REST = 1.0  # s kept before and after an axis' own commands
+
+
+def identify_gimbal(
+    records: Sequence[Record],
+    poles: int = 2,
+    zeros: int = 0,
+    delay: Literal["free"] | float = "free",
+    *,
+    servo: bool | Structure = False,
+    coupling: Coupling = "auto",
+    max_delay: float | None = None,
+) -> IdentifiedModel:
+    """Identify every axis of a gimbal; as `identify`, but without channels that nothing passes.
+
+    Parameters
+    ----------
+    coupling : `full` fits all channels together, `none` each axis from its own command,
+        `auto` the former where an axis follows another's command by more than 2 %; with a servo
+        `none` is all there is
+
+    Raises
+    ------
+    IdentificationError
+        for records no model can come from, and orders that are not possible.
+    """
+    inputs, outputs = (records[0].inputs, records[0].outputs) if records else ((), ())
+    square = len(inputs) == len(outputs)
+    if not square or len(inputs) < 2 or (coupling == "full" and not servo):
+        return identify(records, poles, zeros, delay, servo=servo, max_delay=max_delay)
+    alone = [
+        identify(own_records(records, k), poles, zeros, delay, servo=servo, max_delay=max_delay)
+        for k in range(len(inputs))
+    ]
+    model = IdentifiedModel(
+        inputs,
+        outputs,
+        tuple(_row(m.channels[0][0], k, len(inputs)) for k, m in enumerate(alone)),
+        tuple(b for m in alone for b in m.servo or ()) or None,
+        tuple(m.axes[0] for m in alone),
+        tuple(w for m in alone for w in m.warnings),
+    )
+    if (
+        coupling == "auto"
+        and not servo
+        and np.abs(cross_gains(model, records)).max() > _WORTH_A_CHANNEL
+    ):
+        return identify(records, poles, zeros, delay, max_delay=max_delay)
+    return model
+
+
+def cross_gains(model: IdentifiedModel, records: Sequence[Record]) -> Array:
+    """How far each axis (rows) moves with each other command, over that axis' own (q, q).
+
+    Least squares of what the model leaves of an axis on the motions of all axes; the diagonal is 0.
+    """
+    size = len(model.outputs)
+    parts = []
+    for r in records:
+        angle, rate = model.predict(r)
+        for measured, said in ((r.angle, angle), (r.rate, rate)):
+            if measured is not None:
+                parts.append((measured - said, said))
+                break
+    found = np.zeros((size, size))
+    for i in range(size):
+        left = np.concatenate([e[:, i] for e, _ in parts])
+        there = np.concatenate([y - y.mean(axis=0) for _, y in parts])
+        good = np.isfinite(left)
+        regressors = np.column_stack([there[good], np.ones(good.sum())])
+        found[i] = np.linalg.lstsq(regressors, left[good], rcond=None)[0][:size]
+    np.fill_diagonal(found, 0.0)
+    return found
+
+
+def own_records(records: Sequence[Record], k: int) -> list[Record]:
+    """Each record's axis k with its own command, around the time in which that changes."""
+    return [_own(r, k) for r in records]
+
+
+def _row(channel: ChannelFit, place: int, size: int) -> tuple[ChannelFit, ...]:
+    return tuple(channel if j == place else nothing(channel) for j in range(size))
+
+
+def _own(r: Record, k: int) -> Record:
+    rows = r.changes(k)
+    keep = np.ones(r.size, dtype=bool)
+    if len(rows) and r.initial == "rest":
+        low, high = r.input_time[rows[0]] - _REST, r.input_time[rows[-1]] + _REST
+        near = (r.time >= low) & (r.time <= high)
+        keep = near if near.sum() > 2 else keep
+    return replace(
+        r,
+        time=r.time[keep],
+        input=r.input[:, [k]],
+        angle=None if r.angle is None else r.angle[keep][:, [k]],
+        rate=None if r.rate is None else r.rate[keep][:, [k]],
+        inputs=(r.inputs[k],),
+        outputs=(r.outputs[k],),
+    )

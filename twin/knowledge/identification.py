@@ -1,0 +1,163 @@
+"""The assembly of `twin identify`: records in, a model file and one screen out."""
+
+import time
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from analysis.identify import IdentifiedModel, OrderScore, Record, identify_gimbal
+from twin.configuration import Identify
+from twin.errors import TwinError
+from twin.knowledge.screen import quantity, screen, writable
+from twin.knowledge.sources import Given, given
+
+if TYPE_CHECKING:
+    from twin.knowledge.physics import PhysicsResult
+
+
+@dataclass(frozen=True)
+class IdentifyResult:
+    """An identified model, the file it went to, and how well it predicts what it was not fitted to.
+
+    Attributes
+    ----------
+    checks : file → NRMSE fit of each axis [%] of a record that was held back
+    orders : scores on held-out steps, where the order was chosen
+    """
+
+    model: IdentifiedModel
+    file: Path
+    sources: tuple[str, ...]
+    checks: dict[str, tuple[float, ...]]
+    orders: tuple[OrderScore, ...]
+    warnings: tuple[str, ...]
+    wall_s: float
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values in SI."""
+        return {
+            **self.model.to_dict(),
+            "file": str(self.file),
+            "sources": list(self.sources),
+            "checks": {k: list(v) for k, v in self.checks.items()},
+            "orders": [s.to_dict() for s in self.orders],
+            "warnings": list(self.warnings),
+            "wall_s": self.wall_s,
+        }
+
+    def text(self) -> str:
+        """One screen."""
+        rows = [("identified from", ", ".join(self.sources))]
+        rows += [
+            (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
+            for s in self.orders
+        ]
+        rows += [(e.name, quantity(e.value, 1.96 * e.std, e.unit)) for e in self.model.estimates]
+        for a in self.model.axes:
+            fits = [f for f in (a.fit_angle or a.fit_rate) if np.isfinite(f)]
+            told = ", ".join(f"{f:.2f}" for f in fits) or "unknown"
+            rows.append((f"{a.name} fit", f"{told} %, {a.samples} readings"))
+        rows += [
+            (f"predicts {Path(k).name}", ", ".join(f"{f:.2f}" for f in v) + " %")
+            for k, v in self.checks.items()
+        ]
+        rows += [("WARNING", w) for w in self.warnings]
+        rows.append(("computing", f"{self.wall_s:.1f} s"))
+        rows.append(("model", str(self.file)))
+        if len(self.model.inputs) == 2:
+            rows.append(("", f"twin fly --gimbal transfer-function --model {self.file}"))
+        return screen(rows)
+
+
+def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
+    """Identify a gimbal from recordings or tables and write what was found.
+
+    Raises
+    ------
+    TwinError, AnalysisError : something the user asked for cannot be done, in one line
+    """
+    if not config.sources:
+        raise TwinError("identify: name a recording (.rrd) or a table (.csv, .mat)")
+    if config.linkage:
+        from twin.knowledge.physics import identify_linkage
+
+        return identify_linkage(config)
+    began = time.perf_counter()
+    out = writable(config.out or Path("runs/model.json"))
+    source = given(config, config.sources)
+    runs = source.records
+    held_back = given(config, config.check).records if config.check else []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are then told as unknown
+        poles, zeros, scores = _order(config, runs)
+        model = identify_gimbal(
+            runs, poles, zeros, _delay(config.delay),
+            servo=(config.structure == "best" or config.structure) if config.servo else False,
+            coupling=config.coupling,
+            max_delay=None if config.max_delay_ms is None else 1e-3 * config.max_delay_ms,
+        )  # fmt: skip
+        fits = [model.fit_to([r])[0] for r in held_back]
+    notes = (*model.warnings, *_notes(config, source))
+    _write(config, model, notes, out)
+    return IdentifyResult(
+        model,
+        out,
+        tuple(r.name for r in runs),
+        {r.name: tuple(f.tolist()) for r, f in zip(held_back, fits, strict=True)},
+        scores,
+        notes,
+        time.perf_counter() - began,
+    )
+
+
+def _delay(text: str) -> Literal["free"] | float:
+    if text == "free":
+        return "free"
+    try:
+        return float(text)
+    except ValueError:
+        raise TwinError(f"--delay {text}: 'free', or seconds") from None
+
+
+def _order(config: Identify, runs: list[Record]) -> tuple[int, int, tuple[OrderScore, ...]]:
+    """Order asked for, or the largest that any axis needs, with the scores of that axis."""
+    if not config.select_order:
+        return config.poles, config.zeros, ()
+    from analysis.identify import own_records, select_order
+
+    chosen = [select_order(own_records(runs, k)) for k in range(len(runs[0].outputs))]
+    (poles, zeros), scores = max(chosen, key=lambda c: (sum(c[0]), c[0]))
+    return poles, zeros, scores
+
+
+def _notes(config: Identify, source: Given) -> list[str]:
+    notes = []
+    if source.simulated:
+        notes.append("simulated angles are exact; they were read as by a sensor of 0.01° noise")
+    inputs = source.records[0].inputs
+    if len(inputs) == 1 and not config.both:
+        notes.append(
+            f"only {inputs[0]} was commanded; a flight needs both axes (--both takes it for both)"
+        )
+    return notes
+
+
+def _write(config: Identify, model: IdentifiedModel, notes: tuple[str, ...], out: Path) -> None:
+    flown = model.to_transfer_function()
+    source: dict[str, object] = {
+        "made_by": "twin identify",
+        "files": [p.name for p in config.sources],
+        "warnings": list(notes),
+        "servo_structure": [b.structure for b in model.servo] if model.servo else None,
+    }
+    if config.both and len(model.inputs) == len(model.outputs) == 1:
+        one = flown.channels[0][0]
+        none = type(one)((0.0,), (1.0,))
+        flown = replace(
+            flown, channels=((one, none), (none, one)), inputs=("x", "y"), outputs=("x", "y")
+        )
+        source["both"] = f"axis {model.inputs[0]} stands for x and y"
+    replace(flown, source=source).write(out)
