@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 STRETCHES = 8  # of the record; half overlapping, they make 15 averages
 EXCITED = 1e-3  # of the strongest line's power: less is leakage, not excitation
+FASTEST = 0.15  # of the sampling rate: above, what the hold folds back is taken for response
 COHERENT = 0.5  # below, gain and phase say nothing
 SURE = 1.96  # standard deviations of a 95 % interval
 
@@ -84,7 +85,8 @@ def frequency_response(axis: AxisRecord) -> FrequencyResponse:
         hold = np.sinc(frequency / rate) * np.exp(-1j * np.pi * frequency / rate)
         ratio = cross / (power * hold)
         coherence = np.clip(np.abs(cross) ** 2 / (power * answer), 0.0, 1.0)
-    good = (power > EXCITED * power.max()) & (coherence >= COHERENT) & (frequency > 0.0)
+    slow = (frequency > 0.0) & (frequency <= FASTEST * rate)
+    good = slow & (power > EXCITED * power.max()) & (coherence >= COHERENT)
     if good.sum() < 3:
         raise ReportError(f"axis {axis.name}: the command excites too few frequencies")
     ratio, coherence = ratio[good], coherence[good]
