@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -149,16 +149,12 @@ def _plateaus(steps: Sequence[Step]) -> tuple[Array, Array]:
     return command, angle
 
 
-def _static(axis: AxisRecord) -> tuple[Figure, ...]:
-    u, y, way = at_rest(axis)
-    return (hysteresis(u, y, way), *linearity(u, y))
+def _sweep_gap(axis: AxisRecord) -> tuple[Figure, ...]:
+    return (replace(hysteresis(*in_motion(axis)), name="hysteresis with lag"),)
 
 
-def _moving(axis: AxisRecord) -> tuple[Figure, ...]:
-    u, y, way = in_motion(axis)
-    gap, *line = hysteresis(u, y, way), *linearity(*_places(u, y, way))
-    named = Figure("hysteresis with lag", gap.value, gap.unit, gap.amplitude, gap.n, gap.interval)
-    return (named, *line)
+def _sweep_line(axis: AxisRecord) -> tuple[Figure, ...]:
+    return linearity(*_places(*in_motion(axis)))
 
 
 def _places(u: Array, y: Array, way: Array) -> tuple[Array, Array]:
@@ -177,17 +173,17 @@ _WHY: dict[Kind, str] = {
     "staircase": "no step was small enough, or all were too small",
     "steps": "the response does not come that far before the next step",
 }
-_STEPS = ("step response", lambda a: step_figures(steps_of(a)))
-_REST = ("at rest", _static)
+_LINE = ("linearity", lambda a: linearity(*at_rest(a)[:2]))
 _COMPUTED: dict[Kind, tuple[tuple[str, Callable[[AxisRecord], tuple[Figure, ...]]], ...]] = {
-    "steps": (_STEPS, _REST),
-    "staircase": (
-        ("staircase", lambda a: staircase_figures(steps_of(a))),
-        # no hysteresis: the smallest steps never leave the play whose width it would be
-        ("at rest", lambda a: linearity(*at_rest(a)[:2])),
+    "steps": (
+        ("step response", lambda a: step_figures(steps_of(a))),
+        ("hysteresis", lambda a: (hysteresis(*at_rest(a)),)),
+        _LINE,
     ),
+    # no hysteresis: the smallest steps never leave the play whose width it would be
+    "staircase": (("staircase", lambda a: staircase_figures(steps_of(a))), _LINE),
     "broadband": (("frequency response", lambda a: measured_figures(frequency_response(a))),),
-    "ramps": (("slow sweep", _moving),),
+    "ramps": (("hysteresis", _sweep_gap), ("linearity", _sweep_line)),
     "still": (),
     "closed loop": (),
 }
