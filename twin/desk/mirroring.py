@@ -142,7 +142,8 @@ def mirror(config: Mirror) -> MirrorResult:
             tape = _tape(config, plant)
             gimbal, readings, controller = tape, tape.readings, tape
             witness = _Witness(readings, None)
-            length, name = tape.duration_ns, f"tape {config.tape}"
+            length = tape.duration_ns + steps * plant.dt_ns  # the last reading belongs to a tick
+            name = f"tape {config.tape}"
         if config.duration_s is not None:
             length = min(length, round(config.duration_s * 1e9))
         rows = Rows(plant, readings=readings)

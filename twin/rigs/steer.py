@@ -61,6 +61,14 @@ def _stick(deflection: float) -> float:
     return REACH * (beyond if deflection > 0 else -beyond)
 
 
+def _standard_input() -> int:
+    """Descriptor of standard input; −1 where it was closed or exchanged for something else."""
+    try:
+        return sys.stdin.fileno()
+    except (AttributeError, OSError, ValueError):
+        return -1
+
+
 class Keys:
     """Arrow keys: up and down turn x, right and left turn y, by half a degree; space is zero.
 
@@ -76,11 +84,11 @@ class Keys:
     """
 
     def __init__(self, terminal: int | None = None) -> None:
-        self._fd = sys.stdin.fileno() if terminal is None else terminal
+        self._fd = _standard_input() if terminal is None else terminal
         self.ended = False
         self._angle = [0.0, 0.0]
         self._rest = ""
-        if not os.isatty(self._fd):
+        if self._fd < 0 or not os.isatty(self._fd):
             raise TwinError("--steer keys needs a terminal to read arrow keys from")
         try:
             import termios

@@ -1,0 +1,296 @@
+"""The desk's commands: serve, calibrate, mirror; and the one line each mistake is worth."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+from contextlib import contextmanager
+from dataclasses import replace
+from math import radians
+
+import numpy as np
+import pytest
+
+from analysis.recording import read
+from hardware.calibration import CalibrationError
+from hardware.calibration import read as read_calibration
+from hardware.emulator import serve
+from hardware.frames import GimbalCommand, GimbalState
+from hardware.protocol import PROTOCOL, Board, Encoder, default_config, hello
+from tests.twin.test_cli import run as command
+from twin import native
+from twin.configuration import Calibrate, Mirror, Step
+from twin.desk import calibrate, mirror
+from twin.experiments import step
+from twin.model import ModelConfig, load
+from twin.plant import Plant
+from twin.readings import Readings
+from twin.rigs import RigOptions, device, open_rig
+from twin.rigs.steer import Keys, Stick
+
+TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
+UNIT = 3
+
+
+@contextmanager
+def served(*faults: str, tcp: int | None = None):
+    """A simulated rig in real time on a thread of this process; gives its device and port."""
+    with native.installed():
+        simulated = device(RigOptions("emulator", faults=faults))
+        with serve(simulated, tcp=tcp) as server:
+            thread = threading.Thread(target=server.run)
+            thread.start()
+            try:
+                yield simulated, server.port.url
+            finally:
+                server.stop()
+                thread.join()
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """A calibration of a rig with every tolerance drawn."""
+    path = tmp_path_factory.mktemp("desk") / "calibration.json"
+    result = calibrate(Calibrate(unit=UNIT, repeats=1, out=path))
+    return path, result
+
+
+class TestRig:
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    def test_it_prints_its_loopback_port_and_ends_well(self, number):
+        arguments = [*TWIN, "rig", "--port", "0", "--json"]
+        with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            told = json.loads(process.stdout.readline())
+            process.send_signal(number)
+            _, errors = process.communicate(timeout=20)
+        assert told["port"].startswith("socket://127.0.0.1:")
+        assert (process.returncode, errors) == (0, b"")
+
+
+class TestCalibrate:
+    def test_a_calibrated_rig_goes_where_it_is_told(self, calibrated):
+        path, _ = calibrated
+        off = []
+        with native.installed():
+            plant = Plant(load(ModelConfig(scene="bench", gimbal="follow")))
+            options = RigOptions("emulator", unit=UNIT, calibration=path)
+            with open_rig(options, plant) as seat:
+                bench = seat.rig.line.device.bench.plant
+                for angle in ((5, 0), (-5, 0), (0, 5), (0, -5), (3, -6)):
+                    wanted = radians(angle[0]), radians(angle[1])
+                    for _ in range(250):
+                        state = seat.poll()
+                        seat.send(GimbalCommand(plant.time_ns, wanted))
+                        plant.advance(2)
+                    off.append(
+                        (
+                            *(np.array(bench.angles()) - wanted),
+                            *np.subtract(state.angle, bench.angles()),
+                        )
+                    )
+        told = np.degrees(np.array(off))
+        # backlash and dead band of ±0.1° each, the calibration's 1 % and what lines leave open
+        assert abs(told[:, :2]).max() < 0.6, told
+        # switches held to 0.03°, waviness of the tracks 0.05°, a quarter ADC step
+        assert abs(told[:, 2:]).max() < 0.2, told
+
+    def test_the_file_says_what_the_rig_is(self, calibrated):
+        path, result = calibrated
+        back, ours = read_calibration(path), result.calibration
+        assert back.rig == ours.rig
+        np.testing.assert_allclose(back.matrix, ours.matrix, rtol=1e-12)
+        np.testing.assert_allclose(back.zero, ours.zero, rtol=1e-12)
+        assert "°/ms" in result.text()
+        assert json.loads(json.dumps(result.as_dict()))["rig"] == f"{result.calibration.rig:08x}"
+
+    def test_a_misplaced_switch_is_named_and_nothing_written(self, tmp_path):
+        out = tmp_path / "c.json"
+        asked = Calibrate(repeats=1, switch_deg=(13.0, -9.0, 9.0, -9.0), out=out)
+        with pytest.raises(CalibrationError, match=r"switches \+x and -x are .* apart by the gyro"):
+            calibrate(asked)
+        assert list(tmp_path.iterdir()) == []
+
+    def test_a_rig_that_dies_midway_is_told(self, tmp_path):
+        asked = Calibrate(fault=("link:unplug:3600@3",), out=tmp_path / "c.json")
+        with pytest.raises(CalibrationError, match="fell silent"):
+            calibrate(asked)
+
+
+class TestMirror:
+    def test_the_simulated_gimbal_shows_what_was_measured(self, tmp_path):
+        result = mirror(Mirror(duration_s=0.6, out=tmp_path / "m.rrd"))
+        run = read(tmp_path / "m.rrd")
+        assert result.frames > 250
+        seen = run["gimbal/measured"]
+        shown = run["gimbal/simulated"]
+        later = np.interp(seen.time + 6e-3, shown.time, shown.values[:, 0])
+        # it rests, so that 6 ms later only the filter's noise of 0.02° is between them
+        assert abs(np.degrees(later - seen.values[:, 0])[5:-5]).max() < 0.1
+        assert run["sensors/gyro"].values.shape == (len(seen.time), 3)
+
+    def test_a_tape_is_followed_without_the_rig(self, tmp_path):
+        live = tmp_path / "live.rrd"
+        step(Step(gimbal="emulator", repeats=1, hold_s=0.3, axis="x", out=live))
+        result = mirror(Mirror(tape=live, out=tmp_path / "again.rrd"))
+        a, b = read(live), read(tmp_path / "again.rrd")
+        assert result.frames == len(a["gimbal/measured"].time)
+        # the tape is cut into ticks of 1 ms, a frame belongs to the tick after its stamp
+        for name in ("gimbal/measured", "sensors/potentiometer", "sensors/gyro"):
+            n = len(b[name].time)
+            assert n >= len(a[name].time) - 1
+            np.testing.assert_allclose(b[name].values, a[name].values[:n], atol=1e-12)
+        at = np.arange(0.1, 1.0, 0.01)
+        moved = [
+            np.interp(at, r["gimbal/simulated"].time, r["gimbal/simulated"].values[:, 0])
+            for r in (a, b)
+        ]
+        # live it was late by the wire and the tick, 4 ms at up to 200 °/s
+        assert np.degrees(np.sqrt(np.mean((moved[0] - moved[1]) ** 2))) < 0.5
+
+    @pytest.mark.parametrize("tcp", [None, 0], ids=["pty", "tcp"])
+    def test_pulled_and_put_back_three_times_it_goes_on(self, tmp_path, tcp):
+        if tcp is None and os.name != "posix":
+            pytest.skip("no pseudo-terminals here")
+        at = [1.2, 2.0, 2.8]
+        faults = [f"link:unplug:0.3@{t}" for t in at]
+        with served(*faults, tcp=tcp) as (simulated, url):
+            asked = Mirror(
+                gimbal=url, steer="joystick", duration_s=3.6 - simulated.time_us * 1e-6,
+                out=tmp_path / "m.rrd",
+            )  # fmt: skip
+            result = mirror(asked)
+        assert result.ended == "time"
+        assert len(result.gaps_s) == 3, result
+        run = read(tmp_path / "m.rrd")
+        stamps = run["gimbal/measured"].time
+        assert (np.diff(stamps) > 0.25).sum() == 3
+        assert len(run["gimbal/simulated"].time) == round(result.duration_s * 1000)
+        assert [e.level for e in run.events].count("WARN") == 3
+        assert any(e.text == "rig away" for e in run.health)
+
+
+class TestSteering:
+    def test_arrows_turn_and_space_returns(self):
+        ours, theirs = pty.openpty()
+        still = GimbalState(0, (0.0, 0.0))
+        with Keys(theirs) as keys:
+            os.write(ours, b"\x1b[A\x1b[A\x1b[C\x1b")
+            first = keys.update(0.0, still)
+            os.write(ours, b"[D")  # an arrow torn apart on its way
+            second = keys.update(0.0, still)
+            os.write(ours, b" q")
+            third = keys.update(0.0, still)
+        np.testing.assert_allclose(np.degrees([first, second, third]), [[1, 0.5], [1, 0], [0, 0]])
+        assert keys.ended
+        os.close(ours)
+        os.close(theirs)
+
+    def test_a_stick_reaches_eight_degrees_and_rests_at_zero(self):
+        readings = Readings()
+        stick = Stick(readings)
+        with native.installed(), open_rig(RigOptions("emulator"), None) as seat:
+            seat.rig.line.device.bench.joystick = (1.0, 0.02)
+            seat.wait(20_000_000)
+            readings.frames = seat.rig.poll()
+        x, y = stick.update(0.0, GimbalState(0, (0.0, 0.0)))
+        assert np.degrees(x) == pytest.approx(8.0, abs=0.03)  # one ADC step
+        assert y == 0.0
+
+
+MISTAKES = [
+    ("mirror --gimbal linkage", "follows a rig"),
+    ("mirror --gimbal /dev/nosuchport", "there is no port"),
+    ("mirror --gimbal socket://127.0.0.1:9", "nothing listens"),
+    ("mirror --gimbal socket://127.0.0.1:99999", "1 to 65535"),
+    ("mirror --gimbal {file}", "no serial port"),
+    ("mirror --gimbal emulator --fault gyro:melted", "valid are"),
+    ("mirror --gimbal emulator --fault link:drop:7", "0…1"),
+    ("mirror --gimbal emulator --calibration {file}", "not JSON"),
+    ("mirror --gimbal emulator --calibration {calibration}", "is of rig"),
+    ("mirror --gimbal emulator --steer keys", "terminal"),
+    ("mirror --tape {file}", "{file}"),
+    ("mirror --tape {file} --steer keys", "cannot be steered"),
+    ("mirror --duration-s -1", "greater than zero"),
+    ("step --gimbal /dev/ttyUSB9 --clock lockstep", "real time"),
+    ("step --gimbal emulater", "emulator"),
+    ("step --gimbal linkage --fault gyro:bias", "about a rig"),
+    ("step --gimbal linkage --calibration {file}", "about a rig"),
+    ("step --gimbal socket://127.0.0.1:9 --unit 3", "simulated rigs"),
+    ("calibrate --out /proc/nowhere/c.json", "cannot write"),
+    ("calibrate --switch-deg 9 9 9 9", "+x, -x, +y, -y"),
+    ("calibrate --repeats 0", "at least 1"),
+    ("calibrate --gimbal linkage", "is no rig"),
+    ("rig --kind arduino", "emulator"),
+    ("rig --fault supply:sag:2", "0…0.9"),
+    ("rig --fault nonsense", "potentiometer_x_a:glitch"),
+    ("rig --port 99999", "65535"),
+    ("rig --port 5000 --link /tmp/x", "--link"),
+]
+
+
+@pytest.mark.parametrize(("line", "told"), MISTAKES, ids=[line for line, _ in MISTAKES])
+def test_a_mistake_is_one_line_and_exit_2(capsys, tmp_path, monkeypatch, calibrated, line, told):
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "text.txt"
+    file.write_text("text")
+    names = {"file": file, "calibration": calibrated[0]}
+    code, out, err = command(capsys, *line.format(**names).split())
+    assert code == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    assert told.format(**names) in err
+
+
+class Chatter:
+    """Something that is no rig, at the end of a pseudo-terminal."""
+
+    def __init__(self, say: bytes) -> None:
+        self.say = say
+
+    def write(self, data: bytes) -> None: ...
+
+    def read(self) -> bytes:
+        return self.say
+
+    def advance_us(self, duration: int) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("say", "told"), [(b"", "nothing answered"), (b"Marlin 1.0 ok\r\n", "another baud rate")]
+)
+def test_another_device_is_told_from_a_rig(capsys, tmp_path, monkeypatch, say, told):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("hardware.rig.Rig.connect.__defaults__", (300_000_000,))
+    with serve(Chatter(say)) as server:
+        thread = threading.Thread(target=server.run)
+        thread.start()
+        code, _, err = command(capsys, "mirror", "--gimbal", server.port.url)
+        server.stop()
+        thread.join()
+    assert code == 2
+    assert told in err
+    assert not (tmp_path / "runs").exists()
+
+
+def test_old_firmware_is_told_and_what_to_do(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    old = replace(hello(Board.NANO, 1, default_config()), protocol=PROTOCOL + 1)
+    with serve(Chatter(Encoder().encode(old))) as server:
+        thread = threading.Thread(target=server.run)
+        thread.start()
+        code, _, err = command(capsys, "step", "--gimbal", server.port.url)
+        server.stop()
+        thread.join()
+    assert code == 2
+    assert "flash the firmware" in err
+
+
+def test_a_busy_port_is_told(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with served() as (_, url), native.installed(), open_rig(RigOptions(url), None):
+        code, _, err = command(capsys, "mirror", "--gimbal", url)
+    assert code == 2
+    assert "in use" in err
