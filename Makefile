@@ -50,7 +50,7 @@ docs-check: env
 # Renews the pinned lock; needs uv. The lock carries no registry address.
 lock:
 	uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
-	  --no-header --no-annotate --no-emit-index-url --extra dev --extra sysid pyproject.toml -o .ci/lock.txt
+	  --no-header --no-annotate --no-emit-index-url --extra dev --extra report --extra sysid pyproject.toml -o .ci/lock.txt
 
 clean:
 	rm -rf $(VENV) build dist
