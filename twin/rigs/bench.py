@@ -33,11 +33,15 @@ class BenchPlant:
         self.data = mujoco.MjData(model)
         # Runge–Kutta would call the dead band four times a step; the shipped scenes use this one.
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        self._ctrl = [model.actuator(f"gimbal_servo_{a}").id for a in AXES]
+        # views of the state; MuJoCo's arrays stay where they are for life
+        self._ctrl, self._qpos, self._qvel = self.data.ctrl, self.data.qpos, self.data.qvel
+        self._dt = model.opt.timestep
+        self._servos = [int(model.actuator(f"gimbal_servo_{a}").id) for a in AXES]
         joints = [model.joint(f"gimbal_{a}") for a in AXES]
         self._q = [int(joint.qposadr[0]) for joint in joints]
         self._v = [int(joint.dofadr[0]) for joint in joints]
-        self._force = self._sensor("accelerometer")
+        force = self._sensor("accelerometer")
+        self._force = self.data.sensordata[force : force + 3]
         mujoco.mj_forward(model, self.data)
         up = -model.opt.gravity
         mount = self.data.body("gimbal_mount").xmat.reshape(3, 3)
@@ -56,21 +60,23 @@ class BenchPlant:
         ------
         DivergenceError : the state left the finite numbers
         """
-        self.model.opt.timestep = dt
-        self.data.ctrl[self._ctrl] = shaft[:2]
+        if dt != self._dt:
+            self.model.opt.timestep = self._dt = dt
+        ctrl, (x, y) = self._ctrl, self._servos
+        ctrl[x], ctrl[y] = shaft[0], shaft[1]
         mujoco.mj_step(self.model, self.data)
-        speed = self.data.qvel
+        speed = self._qvel
         if not speed @ speed < _LARGEST_SPEED**2:
             raise DivergenceError(f"the simulated rig diverged at {self.data.time:.3f} s")
 
     def angles(self) -> Pair:
         """Gimbal angles as they are [rad]."""
-        q = self.data.qpos
+        q = self._qpos
         return float(q[self._q[0]]), float(q[self._q[1]])
 
     def rates(self) -> Pair:
         """Their time derivatives [rad/s]."""
-        v = self.data.qvel
+        v = self._qvel
         return float(v[self._v[0]]), float(v[self._v[1]])
 
     def holder_imu(self) -> tuple[Triple, Triple]:
@@ -79,8 +85,8 @@ class BenchPlant:
         The rate follows from the joints, because MuJoCo's sensors are of the instant before the
         last step; the force, which nothing here depends on closely, is that sensor's.
         """
-        (dx, dy), y = self.rates(), float(self.data.qpos[self._q[1]])
-        a, b, c = self.data.sensordata[self._force : self._force + 3].tolist()
+        (dx, dy), y = self.rates(), float(self._qpos[self._q[1]])
+        a, b, c = self._force.tolist()
         return (dx * cos(y), dy, dx * sin(y)), (a, b, c)
 
     def base_imu(self) -> tuple[Triple, Triple]:

@@ -1,0 +1,70 @@
+"""The other end of the line for the desk's benchmarks: an echo, or a rig without any delay.
+
+The rig's stamp is the moment its frame's last byte enters the pseudo-terminal, where the reader
+has it at once; whatever a mirror adds to that stamp is the mirror's own.
+"""
+
+import json
+import select
+import sys
+import time
+
+from hardware.emulator import Device, Sample
+from hardware.emulator.server import PtyPort
+from hardware.protocol import Board
+
+PERIOD_S = 0.002
+
+
+def main() -> None:
+    """Serve until terminated."""
+    port = PtyPort()
+    print(json.dumps({"port": port.url}), flush=True)
+    {"echo": _echo, "rig": _rig}[sys.argv[1]](port)
+
+
+def _echo(port: PtyPort) -> None:
+    while True:
+        select.select([port._ours], [], [])
+        port.write(port.read())
+
+
+def _rig(port: PtyPort) -> None:
+    rig = Device(Board.EMULATOR, 1)
+    begin = time.monotonic()
+    due = begin
+    while True:
+        now = round((time.monotonic() - begin) * 1e6)
+        if data := port.read():
+            rig.receive(data, now, now)
+        rig.update(now)
+        _flush(rig, port)  # answers go first, so that nothing stands before the frame
+        now = round((time.monotonic() - begin) * 1e6)
+        rig.report(_sample(now))
+        _flush(rig, port)
+        due += PERIOD_S
+        time.sleep(max(0.0, due - time.monotonic()))
+
+
+def _flush(rig: Device, port: PtyPort) -> None:
+    port.write(bytes(rig.transmit))
+    rig.transmit.clear()
+
+
+def _sample(now: int) -> Sample:
+    k = now // 2000 % 7  # a frozen gyro would be found out
+    return Sample(
+        device_us=now,
+        frame_us=0,
+        potentiometer=(512, 511, 512, 511),
+        imu=[k - 3, 3 - k, k, 0, 0, -8192, k, 0, 0, 0, 0, -8192],
+        imu_age_us=(0, 0),
+        imu_fresh=(True, True),
+        pulse=(3000, 3000, 3000),
+        switches=0,
+        joystick=(512, 512),
+    )
+
+
+if __name__ == "__main__":
+    main()
