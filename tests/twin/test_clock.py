@@ -1,11 +1,16 @@
 """The wall clock keeps absolute deadlines; the ledger remembers lateness in order."""
 
+import gc
+import os
+import sys
 import time
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from twin import realtime
 from twin.clock import Ledger, Lockstep, Wall
 
 MS = 1_000_000
@@ -44,3 +49,63 @@ def test_the_ledger_holds_the_latest_entries_oldest_first(entries):
     for late in entries:
         ledger.enter(late)
     np.testing.assert_array_equal(ledger.lateness(), entries[-16:])
+
+
+def test_the_ledger_tells_the_latest_lateness_in_seconds():
+    ledger = Ledger(capacity=4)
+    view = ledger.latest
+    ledger.enter(2_500_000)
+    assert view[0] == 0.0025
+
+
+def test_only_ticks_that_the_loop_came_late_to_count_as_overruns():
+    with Wall(privileged=False) as clock:
+        clock.wait(0)  # passed while the loop was entered
+        clock.wait(2 * MS)  # slept
+        time.sleep(0.009)  # the deadlines at 4 and 8 ms pass
+        clock.wait(4 * MS)
+        clock.wait(8 * MS)
+        clock.wait(40 * MS)
+    assert clock.overruns == 2
+
+
+def test_after_an_overrun_the_loop_catches_up_with_the_deadlines_of_old():
+    with Wall(privileged=False) as clock:
+        time.sleep(0.011)
+        late = [clock.wait(k * 4 * MS) for k in (1, 2, 5)]
+        elapsed = time.monotonic_ns() - clock._origin
+    assert late[0] > late[1] > 0
+    assert 20 * MS <= elapsed < 30 * MS  # the fifth deadline, not five periods after the overrun
+
+
+def test_a_spinning_wait_ends_within_microseconds_of_its_deadline():
+    with Wall(spin_ns=300_000, privileged=False) as clock:
+        late = [clock.wait(k * 2 * MS) for k in range(1, 51)]
+    assert np.median(late) < 20_000  # one look at the clock; other processes may take the tail
+
+
+def test_the_collector_rests_in_the_loop_and_works_again_after_it():
+    with Wall(privileged=False):
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux only")
+def test_the_scheduling_is_given_back_after_the_block():
+    before = os.sched_getscheduler(0)
+    with realtime.requested() as rights:
+        if rights.scheduling == realtime.GRANTED:
+            assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
+    assert os.sched_getscheduler(0) == before
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux only")
+def test_a_refused_right_is_told_with_what_would_allow_it(monkeypatch):
+    def refuse(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    with Wall() as clock:
+        pass
+    assert any("ulimit -r" in line for line in clock.rights.missing())

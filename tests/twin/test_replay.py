@@ -1,0 +1,139 @@
+"""A recorded run flown again: equal to the last bit, or refused, or changed as asked."""
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import get_type_hints
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.recording import Recording, TimeSeries, read
+from twin.configuration import Fly, Replay, Step, as_properties
+from twin.errors import TwinError
+from twin.experiments import fly, step
+from twin.recalled import configuration_of, typed
+from twin.replay import differences, replay
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    out = tmp_path_factory.mktemp("replay") / "flight.rrd"
+    fly(
+        Fly(
+            out=out, duration_s=1.0, programme="doublet", at_s=0.3, seed=5,
+            set=("wind_speed=4", "wind_turbulence=0.2"),
+        )
+    )  # fmt: skip
+    return out
+
+
+def test_a_flight_with_gusts_repeats_itself_to_the_last_bit(flight):
+    found = replay(Replay(flight))
+    assert found.identical
+    assert found.passed
+    assert {d.signal for d in found.differences} >= {"vehicle/position", "gimbal/simulated"}
+    # not by the comparison alone: the arrays themselves
+    old, new = read(flight), read(found.replayed)
+    for name, series in old.series.items():
+        np.testing.assert_array_equal(series.values, new[name].values)
+
+
+def test_a_bench_run_repeats_itself_to_the_last_bit(tmp_path):
+    out = tmp_path / "step.rrd"
+    step(Step(out=out, repeats=1, axis="x", hold_s=0.3))
+    assert replay(Replay(out)).identical
+
+
+def test_another_gain_shows_what_it_would_have_changed(flight, tmp_path):
+    config = Replay(flight, set=("control_kp=50",), force=True, out=tmp_path / "gain.rrd")
+    found = replay(config)
+    assert not found.identical
+    assert found.passed
+    assert "control_kp=50" in found.changed["set"][1]
+    position = next(d for d in found.differences if d.signal == "vehicle/position")
+    assert 0.0 < position.largest < 10.0
+    assert "attitude error" in found.text()
+    assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["identical"] is False
+
+
+def test_another_integrator_changes_the_path_by_its_error_only(flight, tmp_path):
+    found = replay(Replay(flight, integrator="rk4", out=tmp_path / "rk4.rrd"))
+    position = next(d for d in found.differences if d.signal == "vehicle/position")
+    # docs/convergence.md: implicitfast at 1 ms errs by centimetres in seconds
+    assert 0.0 < position.largest < 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda p: p["versions"].update(mujoco="3.0.0"), "flown with mujoco 3.0.0"),
+        (lambda p: p.update(model_sha256="0" * 64), "another model"),
+        (lambda p: p["configuration"].update(gimbal="/dev/ttyUSB0"), "/dev/ttyUSB0"),
+        (lambda p: p["configuration"].update(colour="red"), "'colour'"),
+        (lambda p: p["configuration"].update(dt="fast"), "dt = 'fast'"),
+        (lambda p: p.update(command="rm"), "'rm'"),
+        (lambda p: p.pop("configuration"), "no configuration"),
+    ],
+)
+def test_a_recording_that_cannot_be_the_same_run_is_refused(flight, monkeypatch, change, told):
+    old = read(flight)
+    properties = json.loads(json.dumps(old.properties))
+    change(properties)
+    monkeypatch.setattr("twin.replay.read", lambda _: replace(old, properties=properties))
+    with pytest.raises(TwinError, match=told) as caught:
+        replay(Replay(flight))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_replay_never_overwrites_what_it_repeats(flight):
+    with pytest.raises(TwinError, match="must not overwrite"):
+        replay(Replay(flight, out=flight))
+
+
+def test_one_changed_bit_is_found():
+    values = np.zeros((3, 1))
+
+    def recording(last):
+        changed = values.copy()
+        changed[2] = last
+        series = TimeSeries("vehicle/mass", np.arange(3.0), changed, "kg", ("mass",))
+        return Recording({}, MappingProxyType({"vehicle/mass": series}))
+
+    (same,) = differences(recording(1.0), recording(1.0))
+    (other,) = differences(recording(1.0), recording(np.nextafter(1.0, 2.0)))
+    assert same.equal
+    assert not other.equal
+    assert (other.largest, other.at) == (2.0**-52, 2.0)
+
+
+@given(
+    dt=st.none() | st.floats(1e-4, 0.02),
+    seed=st.integers(0, 2**31),
+    overrides=st.lists(st.text("abc_=.1", max_size=12), max_size=3).map(tuple),
+    out=st.none() | st.just(Path("a/b.rrd")),
+    target=st.none() | st.tuples(*[st.floats(-1e3, 1e3)] * 3),
+)
+def test_a_configuration_comes_back_from_json_as_it_was(dt, seed, overrides, out, target):
+    config = Fly(dt=dt, seed=seed, set=overrides, out=out, target=target)
+    properties = {"command": "fly", "configuration": json.loads(json.dumps(as_properties(config)))}
+    assert configuration_of(Recording(properties, MappingProxyType({}))) == config
+
+
+_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=60)
+@given(value=_JSON, field=st.sampled_from([f.name for f in fields(Fly)]))
+def test_a_hostile_setting_is_refused_in_one_line_or_taken_as_its_type(value, field):
+    try:
+        typed(field, value, get_type_hints(Fly)[field])
+    except TwinError as error:
+        assert "\n" not in str(error).replace("\\n", "")
