@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 ENDLESS_NS = 1 << 62
 # A write of the recorder holds the loop up for milliseconds: seldom, but for a watching viewer.
-DRAIN_NS, DRAIN_LIVE_NS = 1_000_000_000, 100_000_000
+DRAIN_NS, DRAIN_LIVE_NS = 2_000_000_000, 100_000_000
 
 
 @dataclass(frozen=True)
