@@ -20,7 +20,7 @@ from twin.configuration import Fly, Step
 from twin.control import AttitudeController, control_config
 from twin.errors import TwinError
 from twin.flight import Flight, setpoint
-from twin.loop import Seats, run
+from twin.loop import Controller, Seats, run
 from twin.plant import Plant
 from twin.results import FlightResult, StepResult
 from twin.rows import Rows
@@ -98,9 +98,12 @@ def step(config: Step) -> StepResult:
         rows = Rows(plant, readings=readings, ledger=ledger)
         recorder = stack.enter_context(make_recorder(config, "step", plant.twin, rows))
         rows.bind(recorder)
+        sequence = Sequence(plan.times, plan.angles)
+        if config.real_time:
+            warm_up(plant, rows, sequence, steps)
         clock = stack.enter_context(make_clock(config))
         run(
-            Seats(plant, gimbal, Sequence(plan.times, plan.angles), clock),
+            Seats(plant, gimbal, sequence, clock),
             steps_per_tick=steps,
             duration_ns=round(plan.duration * 1e9),
             command=rows.command,
@@ -121,17 +124,17 @@ def step(config: Step) -> StepResult:
     )
 
 
-def warm_up(plant: Plant, rows: Rows, pilot: Pilot, steps: int) -> None:
+def warm_up(plant: Plant, rows: Rows, controller: Controller, steps: int) -> None:
     """Go once through what a tick does and back to the start: the first time takes 15 ms.
 
     Parameters
     ----------
-    pilot : one that nobody else uses, for its controller remembers
+    controller : one that nobody else uses, for it may remember
     steps : physics steps to a tick
     """
     for _ in range(3):
         time_ns = plant.time_ns
-        pilot.update(time_ns * 1e-9, GimbalState(time_ns, (0.0, 0.0)))
+        controller.update(time_ns * 1e-9, GimbalState(time_ns, (0.0, 0.0)))
         rows.derive(time_ns)
         plant.advance(steps)
     plant.reset()

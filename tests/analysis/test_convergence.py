@@ -1,4 +1,4 @@
-"""Observed orders and references against methods and motions whose errors are known in closed form."""
+"""Observed orders and references against methods whose errors are known in closed form."""
 
 import math
 

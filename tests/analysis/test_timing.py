@@ -1,4 +1,4 @@
-"""The verdict on made-up recordings whose delays are known, with a flight whose path is a formula."""
+"""The verdict on made-up recordings of known delays, with a flight whose path is a formula."""
 
 from types import MappingProxyType
 

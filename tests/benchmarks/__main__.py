@@ -2,12 +2,17 @@
 
 import sys
 
-from tests.benchmarks import desk, flight, process
+from tests.benchmarks import desk, flight, process, realtime
 
 
 def main() -> int:
     """Print the table of the sections asked for; all without arguments."""
-    sections = {"flight": flight.table, "process": process.table, "desk": desk.table}
+    sections = {
+        "flight": flight.table,
+        "process": process.table,
+        "desk": desk.table,
+        "realtime": realtime.table,
+    }
     for name in sys.argv[1:] or sections:
         for line in sections[name]():
             print(line, flush=True)

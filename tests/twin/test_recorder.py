@@ -89,6 +89,41 @@ def test_committing_allocates_nothing(tmp_path, capsys):
     assert grown < 200  # the row counter and little else; one float a row would be 72 000
 
 
+def test_a_recording_written_piece_by_piece_is_the_same_recording(tmp_path):
+    model = mujoco.MjModel.from_xml_string(runs.SCENE)
+    for name, spread in (("whole.rrd", False), ("pieces.rrd", True)):
+        data = mujoco.MjData(model)
+        with Recorder(
+            tmp_path / name, signals=runs.SIGNALS, properties={"seed": 7}, model=model,
+            drain_ns=200_000_000, spread=spread,
+        ) as recorder:  # fmt: skip
+            recorder.event(0, "ignition")
+            for tick in range(333):  # ends within a drain
+                time_ns = tick * runs.PERIOD_NS
+                runs.fill(recorder, time_ns * 1e-9, data)
+                mujoco.mj_kinematics(model, data)
+                recorder.commit(time_ns, runs.EPOCH_NS + time_ns)
+                recorder.commit_pose(time_ns, data)
+    assert compare(tmp_path / "whole.rrd", tmp_path / "pieces.rrd") == 0
+
+
+def test_a_commit_of_a_spread_recording_writes_one_piece_at_most(tmp_path, monkeypatch):
+    sent = []
+    with Recorder(
+        tmp_path / "a.rrd", signals=runs.SIGNALS, properties={}, drain_ns=200_000_000, spread=True
+    ) as recorder:
+        whole = recorder._stream.send_columns
+        monkeypatch.setattr(
+            type(recorder._stream), "send_columns", lambda _, *a: (sent.append(a[0]), whole(*a))
+        )
+        recorder.row[:] = 1.0
+        for tick in range(200):
+            before = len(sent)
+            recorder.commit(tick * runs.PERIOD_NS, tick)
+            assert len(sent) - before <= 1
+    assert sent
+
+
 def test_views_of_the_row_stay_valid(tmp_path):
     with Recorder(tmp_path / "a.rrd", signals=["gimbal/command"], properties={}) as recorder:
         place = recorder.row[recorder.slices["gimbal/command"]]
