@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hardware.frames import GimbalState
+from hardware.frames import GimbalCommand, GimbalState
 from twin.assembly import (
     compiled,
     gimbal_seat,
@@ -20,11 +20,11 @@ from twin.configuration import Fly, Step
 from twin.control import AttitudeController, control_config
 from twin.errors import TwinError
 from twin.flight import Flight, setpoint
-from twin.loop import Controller, Seats, run
+from twin.loop import Controller, Gimbal, Seats, run
 from twin.plant import Plant
 from twin.results import FlightResult, StepResult
 from twin.rows import Rows
-from twin.seats import Pilot, Sequence
+from twin.seats import Pilot, Sequence, SimulatedGimbal
 from twin.steps import excitation, figures
 
 if TYPE_CHECKING:
@@ -60,7 +60,8 @@ def fly(config: Fly) -> FlightResult:
         flight.announce = recorder.event
         if config.real_time:
             spare = AttitudeController(control_config(plant.model))
-            warm_up(plant, rows, Pilot(plant, spare, programme, steps * plant.dt_ns * 1e-9), steps)
+            stand_in = Pilot(plant, spare, programme, steps * plant.dt_ns * 1e-9)
+            warm_up(plant, gimbal, rows, stand_in, steps)
         clock = stack.enter_context(make_clock(config))
         outcome = run(
             Seats(plant, gimbal, pilot, clock),
@@ -100,7 +101,7 @@ def step(config: Step) -> StepResult:
         rows.bind(recorder)
         sequence = Sequence(plan.times, plan.angles)
         if config.real_time:
-            warm_up(plant, rows, sequence, steps)
+            warm_up(plant, gimbal, rows, sequence, steps)
         clock = stack.enter_context(make_clock(config))
         run(
             Seats(plant, gimbal, sequence, clock),
@@ -124,7 +125,7 @@ def step(config: Step) -> StepResult:
     )
 
 
-def warm_up(plant: Plant, rows: Rows, controller: Controller, steps: int) -> None:
+def warm_up(plant: Plant, gimbal: Gimbal, rows: Rows, controller: Controller, steps: int) -> None:
     """Go once through what a tick does and back to the start: the first time takes 15 ms.
 
     Parameters
@@ -135,6 +136,8 @@ def warm_up(plant: Plant, rows: Rows, controller: Controller, steps: int) -> Non
     for _ in range(3):
         time_ns = plant.time_ns
         controller.update(time_ns * 1e-9, GimbalState(time_ns, (0.0, 0.0)))
+        if isinstance(gimbal, SimulatedGimbal):  # a rig would move
+            gimbal.send(GimbalCommand(time_ns, (0.0, 0.0)))
         rows.derive(time_ns)
         plant.advance(steps)
     plant.reset()
