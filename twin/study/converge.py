@@ -90,4 +90,6 @@ def _real_time(config: Converge, fly: Flight, found: Study, name: str) -> RealTi
         flown = fly(name, afforded.step)
         if flown is not None:
             return RealTime(afforded, distance(flown, found.reference.trajectory).position, True)
-    return RealTime(afforded, found.of(name).error_at(afforded.step), flown=False)
+    # what lies below the reference's own uncertainty could not be told from it
+    floor = found.reference.uncertainty.position
+    return RealTime(afforded, max(found.of(name).error_at(afforded.step), floor), flown=False)
