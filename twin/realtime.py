@@ -3,8 +3,9 @@
 import ctypes
 import os
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 PRIORITY = 40  # of 99: above everything ordinary, below the kernel's own interrupt threads at 50
@@ -37,25 +38,31 @@ class Rights:
 def requested() -> Iterator[Rights]:
     """Take what rights the system gives for the length of a block, and give them back.
 
-    Only the calling thread is scheduled first; threads it starts meanwhile are ordinary ones.
+    Every Python thread there is gets them, since one that is preempted while it holds the
+    interpreter lock stops the loop as well; threads started meanwhile are ordinary ones.
     """
     if not sys.platform.startswith("linux"):
         yield Rights("only Linux has it", "only Linux has it")
         return
-    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
-    scheduling, memory = _fifo(), _lock()
+    threads = [t.native_id for t in threading.enumerate() if t.native_id is not None]
+    before = {tid: (os.sched_getscheduler(tid), os.sched_getparam(tid)) for tid in threads}
+    scheduling, memory = _fifo(threads), _lock()
     try:
         yield Rights(scheduling, memory)
     finally:
         if scheduling == GRANTED:
-            os.sched_setscheduler(0, policy, parameter)
+            for tid, (policy, parameter) in before.items():
+                with suppress(ProcessLookupError):  # it has ended
+                    os.sched_setscheduler(tid, policy, parameter)
         if memory == GRANTED:
             ctypes.CDLL(None).munlockall()
 
 
-def _fifo() -> str:
+def _fifo(threads: list[int]) -> str:
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
+        for tid in threads:
+            os.sched_setscheduler(tid, policy, os.sched_param(PRIORITY))
     except OSError as error:
         return f"{error.strerror}; `ulimit -r {PRIORITY}` or rtprio in limits.conf allows it"
     return GRANTED
