@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # Each write costs the same however much it holds; a run in real time may be cut off at any moment.
-DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 8_000_000_000, 200_000_000
+DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 200_000_000
 PATIENCE_S = 2.0
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
 

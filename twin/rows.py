@@ -12,6 +12,7 @@ from twin.aerodynamics import gust, mean_wind
 from twin.aerodynamics.atmosphere import MODE
 from twin.clock import Ledger
 from twin.model import AXES
+from twin.native.layout import number
 from twin.plant import Plant
 from twin.readings import Readings
 from twin.recorder import Recorder
@@ -19,6 +20,7 @@ from twin.rig_rows import RigRows
 from twin.seats import Pilot
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 STILL = 0.5  # m/s; below this airspeed an angle of attack means nothing
 GIMBAL = ("gimbal/command", "gimbal/simulated", "gimbal/rate/simulated")
 LINKAGE = ("linkage/closure", "linkage/servo")
@@ -59,7 +61,8 @@ class Rows:
         self._flow: Array = np.zeros(9)
         self._wall_ns = 0
         self._recorder: Recorder | None = None
-        self._copies: list[tuple[Array, Array]] = []
+        self._places: Indices = np.empty(0, np.int64)
+        self._addresses: Indices = np.empty(0, np.int64)
         self._sources = self._gather()
         self.signals = tuple(self._sources) + (self._rig.signals if self._rig else ())
 
@@ -88,12 +91,18 @@ class Rows:
         return sources
 
     def bind(self, recorder: Recorder) -> None:
-        """Pair every signal with its place in the recorder's row, so that a tick only copies."""
+        """Pair every value's address with its place in the row, so that a tick only copies.
+
+        Sources and row stay where they are for life: MuJoCo's arrays by its design, the recorder's
+        row by its contract, and the rest are this object's own.
+        """
         self._recorder = recorder
-        row = recorder.row
-        self._copies = [
-            (row[recorder.slices[name]], source) for name, source in self._sources.items()
+        pairs = [
+            (place, source.ctypes.data + k * source.itemsize)
+            for name, source in self._sources.items()
+            for k, place in enumerate(range(*recorder.slices[name].indices(recorder.row.size)))
         ]
+        self._places, self._addresses = np.array(pairs, np.int64).T.copy()
         self._wall_ns = time.time_ns()
         if self._rig is not None:
             self._rig.bind(recorder)
@@ -119,13 +128,12 @@ class Rows:
             return
         if self._rig is not None:
             self._rig.write(time_ns, self._wall_ns)
-        for place, source in self._copies:
-            place[:] = source
+        _copy(recorder.row, self._places, self._addresses)
         recorder.commit(time_ns, self._wall_ns + time_ns)
         recorder.commit_pose(time_ns, self._plant.data)
 
 
-def _loops(model: mujoco.MjModel) -> NDArray[np.int64]:
+def _loops(model: mujoco.MjModel) -> Indices:
     """Pairs of sites that the rods' loops close, (2, 2), or (0, 2) without rods."""
     pairs = [
         [
@@ -154,7 +162,13 @@ def _numeric(model: mujoco.MjModel, name: str) -> Array:
 
 
 @njit(cache=True)
-def _gaps(out: Array, sites: Array, loops: NDArray[np.int64]) -> None:
+def _copy(row: Array, places: Indices, addresses: Indices) -> None:
+    for k in range(places.size):
+        row[places[k]] = number(addresses[k], 0)
+
+
+@njit(cache=True)
+def _gaps(out: Array, sites: Array, loops: Indices) -> None:
     for k in range(loops.shape[0]):
         a, b = loops[k]
         gap = 0.0

@@ -40,7 +40,7 @@ class Poses:
     capacity : poses kept before `full` turns true
     """
 
-    def __init__(self, model: mujoco.MjModel, period_ns: int, capacity: int = 256) -> None:
+    def __init__(self, model: mujoco.MjModel, period_ns: int, capacity: int = 1024) -> None:
         drawn = bodies(model)
         self.fixed = [b for b in drawn if not b.moves]
         self.moving = [b for b in drawn if b.moves]
