@@ -244,8 +244,10 @@ class Mirror(Run):
     """How long; until it is interrupted without it."""
     serve: int | None = None
     """Port on this machine where the Rerun viewer may watch live."""
-    control_hz: float = 1000.0
-    """Rate at which the rig is looked at and commanded."""
+    dt: float | None = 0.0005
+    """Physics step [s]."""
+    control_hz: float = 2000.0
+    """Rate at which the rig is looked at."""
 
     def __post_init__(self) -> None:
         """Refuse what fits nothing.
@@ -439,7 +441,7 @@ def _check_rig_flags(config: Run) -> None:
             )
 
 
-def _refuse_no_number(config: Run | Converge | Identify | Compare) -> None:
+def _refuse_no_number(config: Run | Converge | Replay | Identify | Compare) -> None:
     for name, value in asdict(config).items():
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, float) and not math.isfinite(number):

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from twin.rigs.tape import Tape
 
 ENDLESS_NS = 1 << 62
+# The rig is looked at more often than rows are worth keeping, so that no frame waits for its tick.
+ROW_NS = 2_000_000
 # A write of the recorder holds the loop up for milliseconds: seldom, but for a watching viewer.
 DRAIN_NS, DRAIN_LIVE_NS = 2_000_000_000, 100_000_000
 
@@ -154,6 +156,10 @@ def mirror(config: Mirror) -> MirrorResult:
         rows.bind(recorder)
         clock = stack.enter_context(make_clock(config))
 
+        def write(time_ns: int) -> None:
+            if readings.frames or readings.news or time_ns % ROW_NS == 0:
+                rows.write(time_ns)
+
         def over() -> str | None:
             witness.look(plant.time_ns)
             return "q" if keys is not None and keys.ended else ended()
@@ -163,7 +169,7 @@ def mirror(config: Mirror) -> MirrorResult:
             steps_per_tick=steps,
             duration_ns=length,
             command=rows.command,
-            each_tick=(rows.write,),
+            each_tick=(write,),
             stop=over,
         )
         recorder.event(plant.time_ns, f"mirror ended: {outcome.ended}")
