@@ -125,6 +125,13 @@ class Recorder:
             stream.log(schema.SIGNALS[name].entity, blueprint.style(name), static=True)
         if self._poses:
             self._poses.start(stream)
+        if self._spread:  # what a first use loads takes a tick and more
+            columns.times(np.zeros(1, np.int64), np.zeros(1, np.int64))
+            columns.scalars(np.zeros((1, 1)))
+            columns.transforms(np.zeros((1, 3)), np.ones((1, 4)))
+            columns.translations(np.zeros((1, 3)))
+            columns.segments(np.zeros((1, 3)), np.ones((1, 3)))
+            columns.arrows(np.zeros((1, 3)), np.ones((1, 3)))
         stream.flush()  # what is static comes first, so a file cut off anywhere still has it
         return stream
 
