@@ -132,7 +132,7 @@ class Step(Run):
 
 @dataclass(frozen=True)
 class Converge:
-    """Vary the time step of a flight over integrators: errors, orders, and what real time allows."""
+    """Vary a flight's time step over integrators: errors, orders, and what real time allows."""
 
     flight: Literal["baseline", "closed-loop"] = "baseline"
     """Free flight with the gimbal at rest, where everything is smooth; or steered from the launch

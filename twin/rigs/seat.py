@@ -10,8 +10,8 @@ from twin.plant import Plant
 from twin.readings import Readings
 from twin.rigs.drawing import Drawing
 
-# The filters find the gyro's bias sooner, but the estimate of a device's clock errs by up to 1 ms in
-# the first 0.6 s after the handshake.
+# The filters find the gyro's bias sooner, but the estimate of a device's clock errs by up to 1 ms
+# in the first 0.6 s after the handshake.
 SETTLE_NS = 800_000_000
 LONGEST_SETTLE_NS = 3_000_000_000
 # A servo looks at its pulse every 20 ms; more commands than the rig sends frames tell it nothing.
