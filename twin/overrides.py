@@ -95,6 +95,20 @@ def apply(model: mujoco.MjModel, overrides: Mapping[str, float]) -> None:
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
+def value(model: mujoco.MjModel, name: str) -> float:
+    """What a compiled model has under a name that `apply` would change.
+
+    Raises
+    ------
+    TwinError : no such name; the message lists the nearest ones
+    """
+    match = NAME.fullmatch(name)
+    if match is None:
+        raise TwinError(f"{name!r} is no parameter name; {_examples()}")
+    array, index = _place(model, name, match["owner"], match["attribute"], match["index"])
+    return float(array[index])
+
+
 def _write(
     model: mujoco.MjModel,
     name: str,
@@ -103,9 +117,21 @@ def _write(
     attribute: str | None,
     at: str | None,
 ) -> None:
+    array, index = _place(model, name, owner, attribute, at)
+    if attribute == "mass":
+        if value <= 0:
+            raise TwinError(f"{name}: a mass of {value} kg is not positive")
+        body = model.body(owner).id
+        model.body_inertia[body] *= value / model.body_mass[body]
+    array[index] = value
+
+
+def _place(
+    model: mujoco.MjModel, name: str, owner: str, attribute: str | None, at: str | None
+) -> tuple[np.ndarray, int]:
+    """The array of a parameter and the place in it."""
     if attribute is None:
-        _assign(_plain(model, owner), at, value, name)
-        return
+        return _indexed(_plain(model, owner), at, name)
     if attribute not in ATTRIBUTES:
         raise TwinError(f"{name}: no attribute {attribute!r}; valid: {', '.join(ATTRIBUTES)}")
     kind, field = ATTRIBUTES[attribute]
@@ -116,11 +142,7 @@ def _write(
     if field.startswith("dof_"):
         index = int(model.jnt_dofadr[index])
     array = getattr(model, field)
-    if attribute == "mass":
-        if value <= 0:
-            raise TwinError(f"{name}: a mass of {value} kg is not positive")
-        model.body_inertia[index] *= value / model.body_mass[index]
-    _assign(array[index : index + 1] if array.ndim == 1 else array[index], at, value, name)
+    return _indexed(array[index : index + 1] if array.ndim == 1 else array[index], at, name)
 
 
 def _plain(model: mujoco.MjModel, owner: str) -> np.ndarray:
@@ -139,7 +161,7 @@ def _plain(model: mujoco.MjModel, owner: str) -> np.ndarray:
     return np.asarray(model.numeric_data[start : start + int(model.numeric_size[index])])
 
 
-def _assign(array: np.ndarray, at: str | None, value: float, name: str) -> None:
+def _indexed(array: np.ndarray, at: str | None, name: str) -> tuple[np.ndarray, int]:
     if at is None and array.size > 1:
         raise TwinError(
             f"{name} has {array.size} values; write {name}[0] to {name}[{array.size - 1}]"
@@ -147,7 +169,7 @@ def _assign(array: np.ndarray, at: str | None, value: float, name: str) -> None:
     index = int(at or 0)
     if index >= array.size:
         raise TwinError(f"{name}: index {index} is past the last, {array.size - 1}")
-    array[index] = value
+    return array, index
 
 
 def _names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:

@@ -1,0 +1,243 @@
+"""`twin identify` and `twin compare`: from recordings and tables to models, figures, exit codes."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from analysis import recording
+from analysis.transfer_function import TransferFunctionModel
+from tests.twin.test_cli import run
+from twin.model import REFERENCE_GIMBAL
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Recordings of the shipped model (steps, multisine) and of the linkage, made by `twin step`."""
+    from twin.configuration import Step
+    from twin.experiments import step
+
+    folder = tmp_path_factory.mktemp("made")
+    short = {"repeats": 1, "hold_s": 0.5}
+    for name, options in {
+        "steps": {"gimbal": "transfer-function"},
+        "multisine": {"gimbal": "transfer-function", "signal": "multisine"},
+        "only_x": {"gimbal": "transfer-function", "axis": "x"},
+        "linkage": {"gimbal": "linkage"},
+    }.items():
+        step(Step(out=folder / f"{name}.rrd", **short, **options))
+    return folder
+
+
+def told(capsys, *arguments: str) -> dict:
+    code, out, _ = run(capsys, *arguments, "--json")
+    assert code == 0
+    return json.loads(out)
+
+
+@pytest.mark.parametrize("signal", ["steps", "multisine"])
+def test_the_flown_model_is_found_again_within_its_intervals_and_flies(
+    capsys, made, tmp_path, signal
+):
+    """99.9 % intervals, since there are 16 of them; nothing couples, so nothing is fitted there."""
+    out = tmp_path / "model.json"
+    found = told(capsys, "identify", str(made / f"{signal}.rrd"), "--out", str(out))
+    truth = TransferFunctionModel.read(REFERENCE_GIMBAL).channels[0][0]
+    omega = math.sqrt(truth.den[2])
+    known = {
+        "gain": 1.0,
+        "delay": truth.delay,
+        "natural frequency": omega,
+        "damping": truth.den[1] / 2.0 / omega,
+    }
+    assert len(found["estimates"]) == 8
+    for e in found["estimates"]:
+        value = known[e["name"].split(" ", 1)[1]]
+        assert abs(e["value"] - value) < 3.3 * e["std"]
+        assert e["std"] < 0.01 * value
+    model = TransferFunctionModel.read(out)
+    assert model.channels[0][1].zero
+    assert model.source["made_by"] == "twin identify"
+    code, text, _ = run(
+        capsys, "fly", "--gimbal", "transfer-function", "--model", str(out), "--duration-s", "0.3",
+        "--out", str(tmp_path / "fly.rrd"),
+    )  # fmt: skip
+    assert code == 0
+    assert "recording" in text
+
+
+def test_a_model_is_judged_on_a_recording_it_never_saw(capsys, made, tmp_path):
+    """99 %: a reading error of 0.01° on some 2.5° of motion is 0.4 %."""
+    found = told(
+        capsys, "identify", str(made / "steps.rrd"), "--check", str(made / "multisine.rrd"),
+        "--out", str(tmp_path / "m.json"),
+    )  # fmt: skip
+    assert min(found["checks"][str(made / "multisine.rrd")]) > 99.0
+
+
+def test_one_commanded_axis_is_said_and_can_stand_for_both(capsys, made, tmp_path):
+    out = tmp_path / "m.json"
+    source = str(made / "only_x.rrd")
+    found = told(capsys, "identify", source, "--out", str(out))
+    assert any("only x was commanded" in w for w in found["warnings"])
+    assert TransferFunctionModel.read(out).inputs == ("x",)
+    told(capsys, "identify", source, "--both", "--out", str(out))
+    model = TransferFunctionModel.read(out)
+    assert model.inputs == ("x", "y")
+    assert model.channels[0][0] == model.channels[1][1]
+
+
+@pytest.fixture
+def table(tmp_path):
+    """A CSV of 20 rad/s, damping 0.6, 15 ms: steps in degrees, from python-control."""
+    import control
+
+    t = np.arange(0.0, 6.0, 0.005)
+    levels = np.random.default_rng(1).choice([-8.0, -3.0, 2.0, 6.0], 12)
+    levels[0] = 0.0  # at rest
+    u = levels[(t // 0.5).astype(int)]
+    system = control.tf([400.0], [1.0, 24.0, 400.0])
+    late = np.concatenate([np.zeros(3), u[:-3]])
+    fine = np.repeat(late, 5)
+    y = control.forced_response(system, np.arange(len(fine)) * 1e-3, fine).outputs[::5]
+    y += np.random.default_rng(2).normal(0.0, 0.05, len(t))
+    path = tmp_path / "run.csv"
+    rows = (f"{a:.6f},{b},{c:.5f}" for a, b, c in zip(t, u, y, strict=True))
+    path.write_text("t,u,pot\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def test_anybodys_table_gives_the_model_that_made_it(capsys, table, tmp_path):
+    """Tolerances are three of the intervals; python-control interpolates its input over 1 ms."""
+    out = tmp_path / "m.json"
+    found = told(
+        capsys, "identify", str(table), "--time", "t", "--input", "u", "--angle", "pot",
+        "--unit", "deg", "--out", str(out),
+    )  # fmt: skip
+    values = {e["name"]: e["value"] for e in found["estimates"]}
+    assert values["x/x natural frequency"] == pytest.approx(20.0, rel=0.01)
+    assert values["x/x damping"] == pytest.approx(0.6, rel=0.015)
+    # the command is only sampled: the delay is known to 5 ms, up to one period too short
+    assert values["x/x delay"] == pytest.approx(0.015, abs=1.5e-3)
+    assert found["fit"] > 95.0
+
+
+MISTAKES = [
+    ("identify", "name a recording"),
+    ("identify missing.rrd", "missing.rrd"),
+    ("identify text.rrd", "not a Rerun recording"),
+    ("identify run.csv", "--time t"),
+    ("identify run.csv --time t --input u --angle pt", "did you mean 'pot'"),
+    ("identify run.csv --time t --input u --angle pot --unit grad", "no unit 'grad'"),
+    (
+        "identify run.csv --time t --input u --angle pot --input-unit deg",
+        "axis in degrees and command in radians",
+    ),
+    ("identify run.csv --time t --input u --angle pot --poles 9", "9 poles"),
+    ("identify run.csv --time t --input u --angle pot --zeros 2", "2 zeros"),
+    ("identify run.csv --time t --input u --angle pot --delay soon", "'free', or seconds"),
+    ("identify run.csv --time t --input u --angle pot --out m.txt", ".json"),
+    ("identify run.csv --time t --input u --angle pot --out /proc/a/m.json", "cannot write"),
+    ("identify constant.csv --time t --input u --angle pot", "never changes"),
+    ("identify back.csv --time t --input u --angle pot", "stamps must increase"),
+    ("identify steps.rrd --unit deg", "--unit is about tables"),
+    ("identify steps.rrd --angle gimbal/measured", "gimbal/measured"),
+    ("identify --linkage steps.rrd multisine.rrd", "takes one recording"),
+    ("identify --linkage only_x.rrd", "x and y"),
+    ("identify --linkage steps.rrd --parameters gimbal_servo_gian", "gimbal_servo_gain"),
+    ("compare", "0 recordings"),
+    ("compare steps.rrd", "gimbal/measured"),
+    ("compare steps.rrd missing.rrd", "missing.rrd"),
+    ("compare steps.rrd linkage.rrd --out c.txt", ".rrd"),
+    ("compare steps.rrd linkage.rrd --fail-below nan", "finite"),
+]
+
+
+@pytest.mark.parametrize(("command", "says"), MISTAKES, ids=[c for c, _ in MISTAKES])
+def test_a_mistake_is_one_line_with_exit_2_and_leaves_nothing(
+    capsys, made, table, tmp_path, monkeypatch, command, says
+):
+    monkeypatch.chdir(tmp_path)
+    for file in made.glob("*.rrd"):
+        (tmp_path / file.name).symlink_to(file)
+    (tmp_path / "text.rrd").write_text("text")
+    lines = table.read_text().splitlines()
+    still = [",".join([*line.split(",")[::2][:1], "1", line.split(",")[2]]) for line in lines[1:]]
+    (tmp_path / "constant.csv").write_text("\n".join([lines[0], *still]))
+    (tmp_path / "back.csv").write_text("\n".join([lines[0], *lines[200:400], *lines[1:200]]))
+    before = {p.name for p in tmp_path.iterdir()}
+    code, out, err = run(capsys, *command.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert says in err
+    assert {p.name for p in tmp_path.iterdir() if p.name != "runs"} == before
+
+
+def test_a_comparison_reports_the_delay_between_two_motions_and_checks_the_fit(
+    capsys, made, tmp_path
+):
+    """One model with 7 ms more delay; 0.2 ms: rows come every 2 ms and are interpolated."""
+    from twin.configuration import Step
+    from twin.experiments import step
+
+    late = TransferFunctionModel.second_order(50.0, 0.7, 0.018 + 0.007)
+    late.write(tmp_path / "late.json")
+    step(
+        Step(
+            gimbal="transfer-function", model=tmp_path / "late.json", repeats=1, hold_s=0.5,
+            out=tmp_path / "late.rrd",
+        )
+    )  # fmt: skip
+    files = [str(made / "steps.rrd"), str(tmp_path / "late.rrd")]
+    out = tmp_path / "both.rrd"
+    found = told(capsys, "compare", *files, "--out", str(out))
+    for axis in found["axes"]:
+        assert axis["delay"] == pytest.approx(0.007, abs=2e-4)
+        assert axis["as_is"]["fit"] < axis["aligned"]["fit"]
+        assert axis["aligned"]["fit"] > 99.0
+    merged = recording.read(out)
+    a, b, d = (merged[f"gimbal/{n}"].values for n in ("reference", "other", "difference"))
+    assert d == pytest.approx(b - a, abs=1e-12)
+    assert np.degrees(np.abs(d).max()) > 0.5
+    assert [run(capsys, "compare", *files, "--out", str(out), "--fail-below", f)[0] for f in
+            ("50", "99")] == [0, 1]  # fmt: skip
+
+
+def test_a_run_equals_itself_and_one_recording_may_hold_both_motions(capsys, made, tmp_path):
+    file = str(made / "steps.rrd")
+    found = told(capsys, "compare", file, file, "--out", str(tmp_path / "c.rrd"))
+    assert found["fit"] == 100.0
+    assert found["shift_s"] == 0.0
+    code, text, _ = run(capsys, "compare", file, file, "--out", str(tmp_path / "c.rrd"))
+    assert code == 0
+    assert text.count("\n") < 24  # one screen
+
+
+def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(capsys, tmp_path):
+    """A weaker motor with a looser gear. 2 %: the dead band's and friction's rough loss, not noise.
+
+    `make test-long` and the README fit five parameters; three keep this short.
+    """
+    changed = {"gimbal_servo_motor_constant": 0.33, "gimbal_backlash": 0.012,
+               "gimbal_servo_gain": 2.2}  # fmt: skip
+    file, out = tmp_path / "bench.rrd", tmp_path / "set.json"
+    sets = [a for name, value in changed.items() for a in ("--set", f"{name}={value}")]
+    code, _, _ = run(
+        capsys, "step", "--signal", "prbs", "--repeats", "1", "--hold-s", "0.3",
+        "--band-hz", "1", "8", "--out", str(file), *sets,
+    )  # fmt: skip
+    assert code == 0
+    found = told(
+        capsys, "identify", "--linkage", str(file), "--out", str(out), "--parameters", *changed
+    )
+    for name, value in changed.items():
+        assert found["overrides"][name] == pytest.approx(value, rel=0.02)
+    assert min(found["held_out"]) > 98.5 > max(found["start"])
+    again = tmp_path / "again.rrd"
+    code, _, _ = run(
+        capsys, "step", "--signal", "prbs", "--repeats", "1", "--hold-s", "0.3",
+        "--band-hz", "1", "8", "--out", str(again), "--set-from", str(out),
+    )  # fmt: skip
+    assert code == 0
+    compared = told(capsys, "compare", str(file), str(again), "--out", str(tmp_path / "c.rrd"))
+    assert compared["fit"] > 99.0
