@@ -160,7 +160,7 @@ class Link:
     def _drop(self) -> None:
         if self._port is not None:
             with contextlib.suppress(serial.SerialException, OSError):
-                self._port.close()
+                _close(self._port)
             self._port = None
 
     def _connect(self) -> None:
@@ -220,6 +220,16 @@ def _open(url: str, *, reset: bool) -> serial.SerialBase:
         raise LinkError(_explain(url, error)) from None
     _lower_latency(port)
     return port
+
+
+def _close(port: serial.SerialBase) -> None:
+    """Close at once: pyserial sleeps 0.3 s after closing a socket, which would hold up the loop."""
+    line = getattr(port, "_socket", None)
+    if isinstance(line, socket.socket):
+        line.close()
+        port._socket, port.is_open = None, False
+    else:
+        port.close()
 
 
 def _lower_latency(port: serial.SerialBase) -> None:

@@ -295,3 +295,11 @@ def test_a_500_hz_stream_arrives_whole(pty):
         source.join()
         assert [f.sequence for f in frames] == list(range(250))
         assert link.statistics.decoder.lost == 0
+
+
+def test_a_lost_socket_is_closed_without_holding_up_the_loop(server):
+    link = Link(_url(server))
+    began = time.monotonic()
+    link.close()
+    # pyserial's own close sleeps 0.3 s; ten times less is still a hundred times what is needed
+    assert time.monotonic() - began < 0.03
