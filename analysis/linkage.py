@@ -352,7 +352,7 @@ def _estimates(problem: _Problem, x: Array, last: Array) -> tuple[tuple[Estimate
     drawn = bootstrap(jacobian, residual, moves[problem.train][problem.read[problem.train]])
     spread = math.nan
     if drawn is not None:
-        other = np.sqrt(np.clip(np.diag(drawn), 0.0, None))
+        other = np.sqrt(np.clip(np.diag(np.atleast_2d(drawn)), 0.0, None))
         spread = float(np.median(other / np.maximum(std, 1e-300)))
         std = np.where(other > _SPREAD * std, other, std)
     std = np.hypot(std, last)

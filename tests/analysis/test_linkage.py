@@ -54,7 +54,8 @@ def moves():
     truth = TransferFunctionModel.second_order(omega, DAMPING / 2.0 / np.sqrt(STIFFNESS * INERTIA))
     angle = truth.simulate(command, 1e-3)
     late = round(LATE / 1e-3)
-    angle = np.vstack([np.zeros((late, 2)), angle[:-late]]) + [0.01, -0.02]
+    angle = np.vstack([np.zeros((late, 2)), angle[:-late]])
+    angle += np.array([0.01, -0.02])  # the potentiometers' zeros
     angle += rng.normal(0.0, NOISE, angle.shape)
     rows = slice(0, None, 4)
     return Moves(command, t[rows], angle[rows], np.arange(1, 12) * 0.25)
@@ -74,14 +75,16 @@ def test_stiffness_damping_and_delay_of_a_closed_form_are_found_within_their_int
 
 def test_moves_held_out_do_not_enter_the_fit(moves):
     """Spoiling every held-out reading changes their fit and nothing else."""
+    keep = moves.time < 1.5
+    moves = Moves(moves.control[:1500], moves.time[keep], moves.angle[keep], moves.changes[:5])
     spoilt = moves.angle.copy()
     spoilt[moves.held_out] += 1.0 * np.sin(40.0 * moves.time[moves.held_out, None])
-    one = fit_linkage(moves, knobs("stiffness"), lambda v: build({**v, "damping": DAMPING}), most=3)
+    one = fit_linkage(moves, knobs("stiffness"), lambda v: build({**v, "damping": DAMPING}), most=2)
     other = fit_linkage(
         Moves(moves.control, moves.time, spoilt, moves.changes),
         knobs("stiffness"),
         lambda v: build({**v, "damping": DAMPING}),
-        most=3,
+        most=2,
     )
     assert other.value("stiffness") == one.value("stiffness")
     assert max(other.held_out) < 50.0

@@ -33,7 +33,7 @@ class Given:
 
 
 def given(config: Identify, files: tuple[Path, ...]) -> Given:
-    """Read files, one record each; axes that no record commands are left out.
+    """Read files, one record each; axes that no record commands are left out of a model.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def given(config: Identify, files: tuple[Path, ...]) -> Given:
     ]
     found, simulated = [r for r, _ in read], any(exact for _, exact in read)
     moved = [n for k, n in enumerate(found[0].inputs) if any(len(r.changes(k)) for r in found)]
-    if 0 < len(moved) < len(found[0].inputs) == len(found[0].outputs):
+    if not config.linkage and 0 < len(moved) < len(found[0].inputs) == len(found[0].outputs):
         found = [_only(r, moved) for r in found]
     return Given(found, simulated)
 
