@@ -94,6 +94,7 @@ def test_the_collector_rests_in_the_loop_and_works_again_after_it():
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux only")
 def test_the_scheduling_is_given_back_after_the_block():
     before = os.sched_getscheduler(0)
+    assert before == os.SCHED_OTHER  # else an earlier test kept what it was lent
     with realtime.requested() as rights:
         if rights.scheduling == realtime.GRANTED:
             assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
