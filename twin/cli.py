@@ -23,6 +23,7 @@ from twin.configuration import (
     Identify,
     Mirror,
     Replay,
+    Report,
     Rig,
     Step,
     View,
@@ -40,6 +41,7 @@ COMMANDS = (
     "replay",
     "identify",
     "compare",
+    "report",
     "view",
     "doctor",
 )
@@ -53,6 +55,7 @@ Command = (
     | Annotated[Identify, tyro.conf.subcommand("identify")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
@@ -168,6 +171,12 @@ def _dispatch(command: object) -> int:
             repeated = replay(command)
             _report(repeated.as_dict(), repeated.text(), as_json=command.json)
             return 0 if repeated.passed else FAILED
+        case Report():
+            from twin.knowledge.page import write_report
+
+            page = write_report(command)
+            _report(page.as_dict(), page.text(), as_json=command.json)
+            return 0
         case View():
             from twin import viewer
 

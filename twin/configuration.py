@@ -407,6 +407,22 @@ class Replay:
 
 
 @dataclass(frozen=True)
+class Report:
+    """Write one page about recordings of a gimbal: figures, plots, and how they compare."""
+
+    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Recordings; the first is the reference, usually the hardware."""
+    model: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
+    """Identified model (JSON) that answers the first recording's commands. Repeatable."""
+    title: str = "Gimbal report"
+    """Of the page."""
+    out: Path | None = None
+    """Page to write (.html); runs/report.html without it."""
+    json: Flag = False
+    """Print the numbers as one JSON object instead of a summary."""
+
+
+@dataclass(frozen=True)
 class View:
     """Open a recording in the Rerun viewer."""
 

@@ -146,6 +146,9 @@ MISTAKES = [
     ("identify --linkage steps.rrd multisine.rrd", "takes one recording"),
     ("identify --linkage run.csv --time t --input u --angle pot", "x and y"),
     ("identify --linkage steps.rrd --parameters gimbal_servo_gian", "gimbal_servo_gain"),
+    ("report", "name one recording"),
+    ("report steps.rrd --out page.txt", ".html"),
+    ("report steps.rrd --model missing.json", "missing.json"),
     ("compare", "0 recordings"),
     ("compare steps.rrd", "gimbal/measured"),
     ("compare steps.rrd missing.rrd", "missing.rrd"),
@@ -211,6 +214,16 @@ def test_a_run_equals_itself_and_one_recording_may_hold_both_motions(capsys, mad
     code, text, _ = run(capsys, "compare", file, file, "--out", str(tmp_path / "c.rrd"))
     assert code == 0
     assert text.count("\n") < 24  # one screen
+
+
+def test_a_report_is_one_page_with_the_numbers_that_json_prints(capsys, made, tmp_path):
+    out = tmp_path / "page.html"
+    found = told(
+        capsys, "report", str(made / "steps.rrd"), str(made / "linkage.rrd"),
+        "--model", str(REFERENCE_GIMBAL), "--out", str(out),
+    )  # fmt: skip
+    assert "<html" in out.read_text()[:200].lower()
+    assert found["page"] == str(out)
 
 
 def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(capsys, tmp_path):
