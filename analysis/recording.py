@@ -164,7 +164,7 @@ class _Content:
     """What has been read so far, still as stored."""
 
     path: Path
-    text: str | None = None
+    texts: dict[str, str] = field(default_factory=dict)
     parts: dict[str, list[tuple[NDArray[np.int64], NDArray[np.float64]]]] = field(
         default_factory=dict
     )
@@ -181,13 +181,15 @@ class _Content:
             self._take_values(schema.ENTITIES[entity], batch)
 
     def _take_properties(self, batch: pa.RecordBatch) -> None:
-        values = {name: batch[name].to_pylist() for name in batch.schema.names}
-        found = _first(values.get("schema"))
-        if found != schema.SCHEMA:
+        # `rerun rrd optimize`, and so every repair, puts long properties in a chunk each.
+        for name in {"schema", "json"}.intersection(batch.schema.names):
+            if (text := _first(batch[name].to_pylist())) is not None:
+                self.texts[name] = text
+        version = self.texts.get("schema", schema.SCHEMA)
+        if version != schema.SCHEMA:
             raise RecordingError(
-                f"{self.path}: schema '{found}'; this version reads '{schema.SCHEMA}'"
+                f"{self.path}: schema '{version}'; this version reads '{schema.SCHEMA}'"
             )
-        self.text = _first(values.get("json"))
 
     def _take_lines(self, entity: str, batch: pa.RecordBatch) -> None:
         names = batch.schema.names
@@ -215,7 +217,7 @@ class _Content:
         self.parts.setdefault(signal.name, []).append((_times(batch), flat.reshape(-1, width)))
 
     def recording(self) -> Recording:
-        if self.text is None:
+        if not {"schema", "json"} <= self.texts.keys():
             raise RecordingError(f"{self.path}: a Rerun file, but no recording of the twin")
         series = {name: self._series(schema.SIGNALS[name]) for name in sorted(self.parts)}
         events, health = (
@@ -223,7 +225,7 @@ class _Content:
             for entity in (schema.EVENTS, schema.HEALTH)
         )
         return Recording(
-            _properties(self.path, self.text), MappingProxyType(series), events, health
+            _properties(self.path, self.texts["json"]), MappingProxyType(series), events, health
         )
 
     def _series(self, signal: schema.Signal) -> TimeSeries:

@@ -1,6 +1,7 @@
 """The reader: what it gives back, and what it refuses."""
 
 import contextlib
+import subprocess
 import time
 
 import numpy as np
@@ -9,10 +10,12 @@ import rerun as rr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis import recording, schema
+from analysis import recording, rrd, schema
 from analysis.recording import RecordingError, TimeSeries
 from tests.twin import runs
+from twin import viewer
 from twin.recorder import Recorder
+from twin.viewer import opening
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +52,31 @@ def test_properties_events_and_missing_samples_come_back(flight):
     assert run["gimbal/measured"].time[0] == 0.1  # nothing was measured before
     assert len(run["gimbal/command"].time) - len(run["gimbal/measured"].time) == 25
     assert np.isfinite(run["gimbal/measured"].values).all()
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_long_properties_survive_optimising_and_repair(tmp_path, cut):
+    """Rerun's optimiser splits properties of this length into one chunk for each."""
+    whole, mended = tmp_path / "whole.rrd", tmp_path / "mended.rrd"
+    properties = {"model": [f"{k:08x}" for k in range(20_000)]}
+    with Recorder(whole, signals=["vehicle/mass"], properties=properties) as recorder:
+        for tick in range(2000):
+            recorder.row[:] = tick
+            recorder.commit(tick * runs.PERIOD_NS, tick)
+    if cut:
+        content = whole.read_bytes()
+        whole.write_bytes(content[: int(0.97 * len(content))])
+        mended = viewer.repaired(whole)
+    else:
+        options = ["rrd", "optimize", whole, "-o", mended]
+        subprocess.run([opening.binary(), *options], check=True, capture_output=True)
+    found = [b for _, b in rrd.batches(mended, {recording.PROPERTIES})]
+    assert len(found) == 2, "the file is not of the kind this test is about"
+    run = recording.read(mended)
+    assert run.properties == properties
+    kept = run["vehicle/mass"].values[:, 0]
+    assert len(kept) > 1000
+    assert np.array_equal(kept, np.arange(len(kept)))
 
 
 def test_what_is_read_cannot_be_written(flight):
