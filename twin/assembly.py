@@ -1,9 +1,11 @@
 """What every run is put together from: model, clock, rig, recorder."""
 
+import hashlib
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # Each write costs the same however much it holds; a run in real time may be cut off at any moment.
 DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 200_000_000
+LARGEST_KEPT = 200_000  # bytes of a motor, model or vehicle file that a recording carries whole
 PATIENCE_S = 2.0
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
 
@@ -117,10 +120,10 @@ def steps_per_tick(control_hz: float, plant: Plant) -> int:
     ------
     TwinError : the control period is no whole number of physics steps
     """
-    if not 0 < control_hz <= 1e5:
-        raise TwinError(f"--control-hz {control_hz}: must lie in 0 to 100000")
+    if not 0.1 <= control_hz <= 1e5:
+        raise TwinError(f"--control-hz {control_hz:g}: must lie in 0.1 to 100000")
     steps = 1e9 / control_hz / plant.dt_ns
-    if steps < 0.999 or abs(steps - round(steps)) > 1e-6:
+    if steps < 0.999 or abs(steps - round(steps)) > 1e-3:  # 333.333 Hz means a third of 1 kHz
         raise TwinError(
             f"--control-hz {control_hz:g} is no whole number of physics steps of"
             f" {plant.dt_ns * 1e-6:g} ms; {1e9 / plant.dt_ns / max(1, round(steps)):g} Hz would be"
@@ -131,6 +134,18 @@ def steps_per_tick(control_hz: float, plant: Plant) -> int:
 def make_clock(config: Run) -> Clock:
     """The run's clock."""
     return Wall() if config.real_time else Lockstep()
+
+
+def _kept(path: Path) -> dict[str, str]:
+    """Digest of a file a run was given, and its text where that is short."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return {}
+    kept = {"sha256": hashlib.sha256(content).hexdigest()}
+    if len(content) <= LARGEST_KEPT:
+        kept["text"] = content.decode(errors="replace")
+    return kept
 
 
 def make_recorder(
@@ -149,12 +164,19 @@ def make_recorder(
     TwinError : the file cannot be written, or the port is taken
     """
     settings = {k: v for k, v in as_properties(config).items() if k not in UNRECORDED}
+    resolved = overrides.parse(config.set, config.set_from)
+    settings |= {"set": [f"{name}={value!r}" for name, value in resolved.items()], "set_from": None}
     properties: dict[str, object] = {
         "command": command,
         "configuration": settings,
         "versions": {name: version(name) for name in VERSIONS},
         "model_sha256": twin.sha256,
         "seed": config.seed,
+        "files": {
+            name: _kept(path)
+            for name, path in asdict(config).items()
+            if isinstance(path, Path) and name not in UNRECORDED
+        },
     }
     if config.real_time:
         properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -180,8 +180,8 @@ def _dispatch(command: object) -> int:
         case View():
             from twin import viewer
 
-            viewer.view(command.recording, web=command.web, port=command.port)
-            return 0
+            status = viewer.view(command.recording, web=command.web, port=command.port)
+            return int(status or 0)
         case Doctor():
             from twin import doctor
 

@@ -13,6 +13,7 @@ MJCF = Path(str(files("mjcf")))
 SCENES = ("flight", "bench", "turntable")
 LARGEST_XML = 4_000_000  # bytes; a hand-written model is three orders smaller
 DEEPEST_INCLUDE = 8
+ASSETS = {"mesh": "meshdir", "skin": "meshdir", "hfield": "meshdir", "texture": "texturedir"}
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
 
@@ -49,14 +50,17 @@ def compose(
     root = _tree(path, vehicle)
     if mechanism is not None:
         _place_mechanism(root, mechanism, vehicle or path)
-    text = ET.tostring(root, encoding="unicode")
+    try:
+        text = ET.tostring(root, encoding="unicode")
+    except RecursionError:
+        raise TwinError(f"{vehicle or mechanism} nests its elements too deeply") from None
     return _parsed(vehicle or mechanism or path, lambda: mujoco.MjSpec.from_string(text))
 
 
 def _parsed(path: Path, parse: Callable[[], mujoco.MjSpec]) -> mujoco.MjSpec:
     try:
         return parse()
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise TwinError(f"{path} is no model MuJoCo can read: {one_line(error)}") from error
 
 
@@ -110,7 +114,21 @@ def _root(path: Path) -> ET.Element:
     for model in root.iter("model"):
         if "file" in model.attrib:
             model.set("file", str(base / model.attrib["file"]))
+    for tag, key in ASSETS.items():
+        folder = _directory(root, key) or base
+        for asset in root.iter(tag):
+            if "file" in asset.attrib:
+                asset.set("file", str(folder / asset.attrib["file"]))
     return root
+
+
+def _directory(root: ET.Element, key: str) -> Path | None:
+    """Folder of a kind of asset, as the file's compiler element names it, already absolute."""
+    for name in (key, "assetdir"):
+        for compiler in root.iter("compiler"):
+            if name in compiler.attrib:
+                return Path(compiler.attrib[name])
+    return None
 
 
 def _place_mechanism(root: ET.Element, mechanism: Path, owner: Path) -> None:

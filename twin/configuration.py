@@ -15,6 +15,8 @@ Programme = Literal["hold", "step", "doublet", "pitch-over", "point"]
 Seat = Literal["linkage", "transfer-function"]
 Kind = Literal["emulator", "firmware"]
 Integrator = Literal["implicitfast", "euler", "rk4", "ab1", "ab2", "ab3", "ab4"]
+LONGEST_FLIGHT = 36_000.0  # s
+LARGEST_SEED = 2**53  # whole numbers that a model's numerics hold exactly
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # --json, and no --no-json
 
 
@@ -65,10 +67,14 @@ class Run:
         TwinError : the flag and its value
         """
         _refuse_no_number(self)
+        if not 0 <= self.seed < LARGEST_SEED:
+            raise TwinError(f"--seed {str(self.seed)[:20]}: a seed is a whole number from 0")
         check_seat(self.gimbal)
         if is_port(self.gimbal) and self.clock == "lockstep":
             raise TwinError(f"--clock lockstep: a rig at {self.gimbal} lives in real time")
         _check_rig_flags(self)
+        if self.model is not None and self.gimbal != "transfer-function":
+            raise TwinError(f"--model is for --gimbal transfer-function, not {self.gimbal}")
 
     @property
     def real_time(self) -> bool:
@@ -99,6 +105,21 @@ class Fly(Run):
     """Rate of the controller."""
     duration_s: float = 120.0
     """Longest flight; it ends earlier on the ground, or once a point has been passed."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be flown, and flags that would be silently without effect.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        super().__post_init__()
+        if not 0 < self.duration_s <= LONGEST_FLIGHT:
+            raise TwinError(f"--duration-s {self.duration_s:g}: must lie in 0 to {LONGEST_FLIGHT}")
+        if self.target is not None and self.programme not in ("hold", "point"):
+            raise TwinError(f"--programme {self.programme} and --target exclude each other")
+        if self.off_axis_deg != (0.0, 0.0) and (self.programme != "point" or self.target):
+            raise TwinError("--off-axis-deg places the point of --programme point; nothing else")
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from twin.rows import Rows
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
-THRUSTING = 0.5  # N; less is no thrust to steer with
 
 
 def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | None]:
@@ -156,6 +155,8 @@ def _burnout(model: mujoco.MjModel) -> float:
 
 def _closest(track: Array, point: Array) -> float:
     """Distance of a point (3,) from the polyline through `track` (n, 3) [m]."""
+    if len(track) == 1:
+        return float(np.linalg.norm(track[0] - point))
     a, b = track[:-1], track[1:]
     along = b - a
     length = np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)

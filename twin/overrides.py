@@ -54,7 +54,7 @@ def _from_file(file: Path) -> dict[str, float]:
         content = json.loads(file.read_text())
     except OSError as error:
         raise TwinError(f"cannot read overrides {file}: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         if isinstance(error, TwinError):
             raise
         raise TwinError(f"{file} is not JSON: {error}") from error
@@ -68,8 +68,8 @@ def _number(value: object, where: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
         number = float(value)
-    except ValueError:
-        raise TwinError(f"{where}: {value!r} is not a number") from None
+    except (ValueError, OverflowError):
+        raise TwinError(f"{where}: {str(value)[:40]!r} is not a number") from None
     if not math.isfinite(number):
         raise TwinError(f"{where}: {value} is not finite")
     return number

@@ -39,7 +39,8 @@ class VehicleState:
 class Plant:
     """Steps one model and reads it; every consumer sees the same consistent instant.
 
-    After `advance` all positions, velocities and sensors belong to the instant `time_ns`.
+    After `advance` state, poses and site positions belong to the instant `time_ns`; MuJoCo's
+    sensors, forces and centres of mass are those of the beginning of the last step.
     """
 
     def __init__(self, twin: TwinModel, integrator: str = "implicitfast") -> None:
@@ -98,6 +99,8 @@ class Plant:
         self._propellant.update(self.time_ns * 1e-9)
         began = time.perf_counter()
         self._stepper.step(self.model, self.data, n)
+        # a step leaves poses where it began; what is drawn and measured belongs to its end
+        mujoco.mj_kinematics(self.model, self.data)
         self.computing_s += time.perf_counter() - began
         self.steps += n
         if not self._qvel @ self._qvel < LARGEST_SPEED**2:  # also where it is NaN

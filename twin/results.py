@@ -17,7 +17,7 @@ class FlightResult:
     recording : file written
     ended : why the flight ended
     mass_kg : at launch
-    flight_time_s : from ignition to the end
+    flight_time_s : from time zero to the end
     max_speed_m_s : of the gimbal pivot
     powered_slant_range_m : distance from the launch point when the motor burned out
     max_height_m : above the launch point

@@ -1,6 +1,7 @@
 """The command line: one clear line and exit 2 for a mistake, JSON alone for machines."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,12 @@ FILES = {
     "other.json": '{"schema": "something else"}',
     "set.json": '{"air_drag": "much"}',
     "text.rrd": "text",
+    "deep.json": '{"a":' * 50_000 + "1" + "}" * 50_000,
+    "huge.json": '{"wind_speed": ' + "9" * 400 + "}",
+    "deep.xml": "<mujoco><worldbody>"
+    + "<body>" * 3000
+    + "</body>" * 3000
+    + "</worldbody></mujoco>",
 }
 
 MISTAKES = [
@@ -63,6 +70,17 @@ MISTAKES = [
     ("fly --control-hz 333", "Hz would be"),
     ("fly --duration-s inf", "finite"),
     ("fly --seed -1", "whole number"),
+    (f"fly --seed {'9' * 400}", "whole number"),
+    ("fly --duration-s 0", "0 to 36000"),
+    ("fly --duration-s 1e300", "0 to 36000"),
+    ("fly --control-hz 1e-300", "0.1 to 100000"),
+    ("fly --dt 0.01 --control-hz 100", "0.005"),
+    ("fly --off-axis-deg 15 0", "--programme point"),
+    ("fly --programme step --target 300 0 350", "exclude"),
+    ("fly --model other.json", "transfer-function"),
+    ("fly --set-from deep.json", "deep.json"),
+    ("fly --set-from huge.json", "not a number"),
+    ("fly --vehicle deep.xml", "deep.xml"),
     ("fly --out flight.txt", ".rrd"),
     ("fly --out /proc/nowhere/flight.rrd", "cannot record"),
     ("fly --gimbal transfer-function --model other.json", "schema"),
@@ -94,6 +112,21 @@ def test_a_mistake_is_told_in_one_line_with_exit_2_and_leaves_nothing_behind(
     assert err.count("\n") == 1
     assert "Traceback" not in err
     assert {p.name for p in here.iterdir()} == set(FILES)
+
+
+def test_the_rate_a_mistake_suggests_is_accepted(capsys, here):
+    _, _, err = run(capsys, "fly", "--control-hz", "333")
+    suggested = re.search(r"; ([\d.]+) Hz would be", err).group(1)
+    code, _, err = run(capsys, "fly", "--control-hz", suggested, "--duration-s", "0.1")
+    assert (code, err) == (0, "")
+
+
+def test_a_flight_of_one_tick_towards_a_point_has_a_distance(capsys, here):
+    code, out, _ = run(
+        capsys, "fly", "--json", "--target", "300", "0", "350", "--duration-s", "0.004"
+    )
+    assert code == 0
+    assert json.loads(out)["closest_approach_m"] == pytest.approx(461, abs=1)  # hypot(300, 350)
 
 
 def test_json_is_one_object_with_the_documented_numbers_and_nothing_else(capsys, here):

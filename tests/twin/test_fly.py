@@ -71,6 +71,20 @@ def test_the_recording_says_how_to_run_it_again(tmp_path):
     assert len(run["model_sha256"]) == 64
 
 
+def test_the_recording_keeps_overrides_and_files_whole(tmp_path):
+    override = tmp_path / "set.json"
+    override.write_text('{"wind_speed": 3}')
+    model = Path(__file__).resolve().parents[2] / "mjcf" / "gimbal.json"
+    given = Fly(
+        set_from=override, set=("gravity[2]=-9.7",), gimbal="transfer-function", model=model,
+        duration_s=0.1, out=tmp_path / "fly.rrd",
+    )  # fmt: skip
+    fly(given)
+    run = recording.read(tmp_path / "fly.rrd").properties
+    assert run["configuration"]["set"] == ["wind_speed=3.0", "gravity[2]=-9.7"]
+    assert run["files"]["model"]["text"] == model.read_text()
+
+
 @pytest.mark.parametrize("integrator", ["euler", "rk4", "ab1", "ab2", "ab3", "ab4"])
 def test_every_integrator_flies_the_same_path(tmp_path, integrator):
     def end(name: str) -> np.ndarray:

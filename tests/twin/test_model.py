@@ -45,6 +45,19 @@ def test_a_mechanism_finds_its_meshes_beside_its_own_file_from_any_folder(tmp_pa
     assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, "gimbal_ring") < 0
 
 
+def test_a_vehicle_finds_its_meshes_beside_its_own_file_from_any_folder(tmp_path, monkeypatch):
+    folder = tmp_path / "own"
+    folder.mkdir()
+    write_stl(folder / "part.stl", TETRAHEDRON)
+    text = (MJCF / "examples" / "large_rocket.xml").read_text()
+    assert "meshdir" not in text
+    mesh = '<asset><mesh name="part" file="part.stl"/></asset><worldbody>'
+    (folder / "vehicle.xml").write_text(text.replace("<worldbody>", mesh, 1))
+    monkeypatch.chdir(tmp_path)
+    model = load(ModelConfig(vehicle=folder / "vehicle.xml")).mj
+    assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, "part") >= 0
+
+
 def test_a_mesh_with_a_hole_is_refused_by_name(tmp_path):
     with pytest.raises(TwinError, match=r"part.*not watertight: 3 of its edges"):
         load(ModelConfig(mechanism=with_mesh(tmp_path, TETRAHEDRON[:3])))

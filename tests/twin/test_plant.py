@@ -47,6 +47,12 @@ def test_reset_gives_back_the_propellant(flight):
     assert flight.model.body("gimbal_propellant").mass[0] == pytest.approx(full, rel=1e-12)
 
 
+def test_poses_belong_to_the_instant_of_the_state(flight):
+    flight.reset()
+    flight.advance(1000)
+    np.testing.assert_array_equal(flight.data.body("vehicle").xpos, flight.position)
+
+
 def test_what_is_handed_out_is_a_copy(flight):
     flight.reset()
     before = flight.vehicle()
