@@ -183,7 +183,7 @@ class _Content:
     def _take_properties(self, batch: pa.RecordBatch) -> None:
         # `rerun rrd optimize`, and so every repair, puts long properties in a chunk each.
         for name in {"schema", "json"}.intersection(batch.schema.names):
-            if (text := _first(batch[name].to_pylist())) is not None:
+            if (text := _texts(batch, name)[0]) is not None:
                 self.texts[name] = text
         version = self.texts.get("schema", schema.SCHEMA)
         if version != schema.SCHEMA:
@@ -192,14 +192,10 @@ class _Content:
             )
 
     def _take_lines(self, entity: str, batch: pa.RecordBatch) -> None:
-        names = batch.schema.names
-        texts, levels = (
-            batch[name].to_pylist() if name in names else [None] * batch.num_rows
-            for name in ("TextLog:text", "TextLog:level")
-        )
+        texts, levels = (_texts(batch, name) for name in ("TextLog:text", "TextLog:level"))
         for at, text, level in zip(_times(batch), texts, levels, strict=True):
             self.lines.setdefault(entity, []).append(
-                Event(float(at) * 1e-9, _first(level) or "INFO", _first(text) or "")
+                Event(float(at) * 1e-9, level or "INFO", text or "")
             )
 
     def _take_values(self, signal: schema.Signal, batch: pa.RecordBatch) -> None:
@@ -257,11 +253,12 @@ def _times(batch: pa.RecordBatch) -> NDArray[np.int64]:
     return np.asarray(stamps.astype("timedelta64[ns]", copy=False).view(np.int64))
 
 
-def _first(values: object) -> str | None:
-    """Return the single text in Arrow's nested lists, if there is one."""
-    while isinstance(values, list):
-        values = values[0] if values else None
-    return values if isinstance(values, str) else None
+def _texts(batch: pa.RecordBatch, name: str) -> list[str | None]:
+    """Return the first text of each row of a column of lists of text; None where there is none."""
+    # Other types are not even looked at: what a column becomes in Python may raise anything.
+    if name not in batch.schema.names or batch[name].type != pa.list_(pa.string()):
+        return [None] * batch.num_rows
+    return [row[0] if row else None for row in batch[name].to_pylist()]
 
 
 def _properties(path: Path, text: str) -> dict[str, object]:

@@ -36,7 +36,7 @@ class CutOffError(FormatError):
 
 
 def batches(path: Path, entities: Container[str]) -> Iterator[tuple[str, pa.RecordBatch]]:
-    """Yield entity path and Arrow data of the chunks of the first recording in the file.
+    """Yield entity path and Arrow data of the first recording's chunks that have rows.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ def batches(path: Path, entities: Container[str]) -> Iterator[tuple[str, pa.Reco
             if name == store:
                 stream = _stream(found)
                 entity = (stream.schema.metadata or {}).get(b"rerun:entity_path", b"").decode()
-                if entity in entities:
-                    yield entity, _batch(stream)
+                if entity in entities and (batch := _batch(stream)).num_rows:
+                    yield entity, batch
 
 
 def _data_frames(content: mmap.mmap) -> Iterator[tuple[int, int]]:
@@ -101,6 +101,9 @@ def _batch(stream: pa.RecordBatchReader) -> pa.RecordBatch:
     except StopIteration:
         raise FormatError("a chunk is empty") from None
     batch.validate(full=True)
+    names = batch.schema.names
+    if len(set(names)) < len(names):
+        raise FormatError("a chunk has two columns of one name")
     return batch
 
 

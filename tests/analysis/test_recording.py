@@ -1,10 +1,13 @@
 """The reader: what it gives back, and what it refuses."""
 
 import contextlib
+import io
+import struct
 import subprocess
 import time
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import rerun as rr
 from hypothesis import HealthCheck, given, settings
@@ -195,6 +198,81 @@ def test_impossible_content_is_refused_by_name(tmp_path, change, message):
         assert recording.read(path)["gimbal/command"].values.shape == (2, 2)
         return
     with pytest.raises(RecordingError, match=message):
+        recording.read(path)
+
+
+def varint(number):
+    low, rest = number & 0x7F, number >> 7
+    return bytes([low | 0x80]) + varint(rest) if rest else bytes([low])
+
+
+def text(value):
+    return pa.array([[value]], pa.list_(pa.string()))
+
+
+SOUND = {"schema": text(schema.SCHEMA), "json": text("{}")}
+STAMPS, ROWS = pa.array([0, 1], pa.duration("ns")), pa.array([[0.0, 0.0]] * 2)
+NAMES = ["time", "Scalars:scalars"]
+
+
+def assembled(path, *chunks):
+    """A file of chunks (entity, names, arrays) put together byte by byte, for what Rerun refuses
+    to write: frames of kind, length, protobuf message as in `analysis.rrd`."""
+
+    def member(number, value):
+        return varint(number << 3 | 2) + varint(len(value)) + value
+
+    frames = [b"RRF2" + bytes(8)]
+    for entity, names, arrays in chunks:
+        fields = [pa.field(*pair) for pair in zip(names, (a.type for a in arrays), strict=True)]
+        table = pa.schema(fields, {"rerun:entity_path": entity})
+        stream = io.BytesIO()
+        with pa.ipc.new_stream(stream, table) as writer:
+            writer.write_batch(pa.RecordBatch.from_arrays(arrays, schema=table))
+        message = member(1, varint(1 << 3) + varint(1)) + member(5, stream.getvalue())
+        frames.append(struct.pack("<QQ", 2, len(message)) + message)
+    path.write_bytes(b"".join(frames) + struct.pack("<QQ", 0, 0))
+    return path
+
+
+def properties(columns=SOUND):
+    return (recording.PROPERTIES, list(columns), list(columns.values()))
+
+
+def test_chunks_without_rows_are_passed_over(tmp_path):
+    empty = [a[:0] for a in (STAMPS, ROWS)]
+    path = assembled(
+        tmp_path / "a.rrd",
+        properties({name: column[:0] for name, column in SOUND.items()}),
+        properties(),
+        ("/gimbal/command", NAMES, empty),
+        ("/gimbal/command", NAMES, [STAMPS, ROWS]),
+        ("/gimbal/simulated", NAMES, empty),
+        ("/events", ["time", "TextLog:text"], [STAMPS[:0], text("a")[:0]]),
+    )
+    run = recording.read(path)
+    assert {name: len(series.time) for name, series in run.series.items()} == {"gimbal/command": 2}
+
+
+@pytest.mark.parametrize(
+    "chunk",
+    [
+        ("/gimbal/command", [*NAMES, "time"], [STAMPS, ROWS, STAMPS]),
+        ("/gimbal/command", [*NAMES, "Scalars:scalars"], [STAMPS, ROWS, ROWS]),
+        (recording.PROPERTIES, ["schema", "schema"], [text(schema.SCHEMA)] * 2),
+    ],
+)
+def test_two_columns_of_one_name_are_refused(tmp_path, chunk):
+    path = assembled(tmp_path / "a.rrd", properties(), chunk)
+    with pytest.raises(RecordingError, match="two columns of one name"):
+        recording.read(path)
+
+
+def test_properties_that_are_no_text_are_no_properties(tmp_path):
+    """A time of an invented zone, which Arrow cannot even turn into a Python object."""
+    odd = pa.array([0], pa.timestamp("s", tz="Nowhere/Atall"))
+    path = assembled(tmp_path / "a.rrd", properties({"schema": odd, "json": odd}))
+    with pytest.raises(RecordingError, match="no recording of the twin"):
         recording.read(path)
 
 
