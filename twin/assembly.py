@@ -11,6 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import mujoco
+
 from twin import native, overrides
 from twin.clock import Clock, Lockstep, Wall
 from twin.configuration import Run, as_properties
@@ -42,12 +44,19 @@ def compiled() -> Iterator[None]:
     timer.daemon = True
     if sys.stderr.isatty():
         timer.start()
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_warn)  # MuJoCo's own handler leaves a log file where one stands
     try:
         with native.installed():
             timer.cancel()
             yield
     finally:
         timer.cancel()
+        mujoco.set_mju_user_warning(before)
+
+
+def _warn(message: str) -> None:
+    print(f"twin: MuJoCo: {message}", file=sys.stderr)
 
 
 def _explain_wait() -> None:
