@@ -393,16 +393,58 @@ def test_launch_pose_lies_on_the_rail_whatever_its_direction(model: mujoco.MjMod
         ("ramp_length", np.nan, "finite"),
         ("wind_speed", np.nan, "finite"),
         ("motor_thrust", np.inf, "finite"),
+        ("motor_thrust[5]", -50.0, "negative"),
+        ("motor_thrust[-1]", 1.0, "0 where the curve ends"),
+        ("motor_time[3]", 99.0, "later than the point before"),
+        ("motor_time", 0.1, "start at 0"),
+        ("motor_impulse", 0.0, "thrust curve has"),
+        ("motor_impulse", 400.0, "thrust curve has"),
+        ("motor_propellant_mass", 0.0, "positive"),
+        ("motor_loaded_mass", 0.1, "more than motor_propellant_mass"),
+        ("motor_grain_length", 0.0, "positive"),
+        ("motor_burn", 0.5, "0 or 1"),
+        ("air_model", 7.0, "0 or 1"),
+        ("air_reference_area", -1.0, "negative"),
+        ("wind_reference_height", 0.0, "positive"),
+        ("wind_exponent", -1.0, "negative"),
     ],
 )
 def test_bad_numerics_are_refused_in_one_line(
     model: mujoco.MjModel, name: str, value: float, says: str
 ) -> None:
-    put(model, **{name: value})
+    name, _, place = name.partition("[")
+    model.numeric(name).data[int(place.rstrip("]") or 0)] = value
     with pytest.raises(native.TwinError, match=says) as caught:
         native.bind(model)
     assert name in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_vehicle_without_a_motor_binds(model: mujoco.MjModel) -> None:
+    for name in ("time", "thrust", "impulse", "propellant_mass", "loaded_mass"):
+        model.numeric(f"motor_{name}").data[:] = 0
+    native.bind(model)
+
+
+def test_a_rounded_impulse_is_accepted(model: mujoco.MjModel) -> None:
+    put(model, motor_impulse=round(model.numeric("motor_impulse").data[0]))
+    native.bind(model)
+
+
+@pytest.mark.usefixtures("callbacks")
+@pytest.mark.parametrize(
+    "numerics",
+    [{"motor_propellant_mass": 0}, {"wind_speed": 5, "wind_reference_height": 0}],
+)
+def test_a_division_by_zero_in_the_forces_is_seen_in_the_state(
+    model: mujoco.MjModel, numerics: dict[str, float]
+) -> None:
+    """Changed after `bind`, so unchecked: NaN for the plant to end on, not a flight unforced."""
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    put(model, **numerics)
+    data = still(model)
+    mujoco.mj_step(model, data)
+    assert not np.isfinite(data.qvel).all()
 
 
 def test_every_missing_name_is_named() -> None:

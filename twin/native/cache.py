@@ -21,8 +21,12 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def jit(function: F) -> F:
-    """`numba.njit` that keeps the function's type for whoever calls it."""
-    return cast(F, numba.njit(function))
+    """`numba.njit` that keeps the function's type for whoever calls it.
+
+    A division by zero gives inf or NaN as in NumPy: a callback cannot raise, and what it leaves
+    undone on an exception would pass for a flight without forces.
+    """
+    return cast(F, numba.njit(error_model="numpy")(function))
 
 
 @functools.cache

@@ -265,7 +265,7 @@ def add_forces(m: int, d: int) -> None:
 def _compile(sources: str) -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
     """The callback; `sources` enters numba's cache key, which knows only this file."""
 
-    @cfunc(types.void(types.voidptr, types.voidptr), cache=True)
+    @cfunc(types.void(types.voidptr, types.voidptr), cache=True, error_model="numpy")
     def passive(model, data):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         if len(sources) > 0:
             add_forces(address(model), address(data))

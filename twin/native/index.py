@@ -15,6 +15,7 @@ from twin.aerodynamics import gust_modes
 from twin.aerodynamics.atmosphere import MODE
 from twin.errors import TwinError
 from twin.native.cache import jit
+from twin.native.check import check
 from twin.native.layout import MODEL, characters, floats, integers, size
 from twin.native.names import BODIES, INDEX, NUMERICS, SITES
 from twin.native.ramp import launch_pose
@@ -119,7 +120,7 @@ def bind(model: mujoco.MjModel) -> None:
     Raises
     ------
     TwinError : names that the forces need are missing or too short, each with its size; a value
-        that is not finite or makes no sense
+        that is not finite or makes no sense, each named with what would be right
     """
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, INDEX) < 0:
         return
@@ -128,7 +129,7 @@ def bind(model: mujoco.MjModel) -> None:
         raise TwinError(f"numeric '{INDEX}' has size {index.size}; it needs {LENGTH} or more")
     found = entries(model)
     _require(found)
-    _check_finite(model)
+    check(model)
     index[:LENGTH] = found
     _draw_gusts(model)
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "vehicle")
@@ -146,14 +147,6 @@ def _require(index: NDArray[np.float64]) -> None:
         raise TwinError(
             f"the model lacks {'; '.join(missing)}; docs/aerodynamics.md lists what each is"
         )
-
-
-def _check_finite(model: mujoco.MjModel) -> None:
-    for wanted in NUMERICS:
-        values = model.numeric(wanted.name).data
-        if not np.isfinite(values).all():
-            bad = values[~np.isfinite(values)][0]
-            raise TwinError(f"numeric {wanted.name} = {bad:g} {wanted.unit}: must be finite")
 
 
 def _draw_gusts(model: mujoco.MjModel) -> None:
