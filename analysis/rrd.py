@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-MAGIC = b"RRF2"
+MAGIC, TRAILER = b"RRF2", b"RRF2FOOT"
 HEADER_BYTES = 12
 _FRAME = struct.Struct("<QQ")
 END, DATA = 0, 2
@@ -63,6 +63,18 @@ def batches(path: Path, entities: Container[str]) -> Iterator[tuple[str, pa.Reco
                 entity = (stream.schema.metadata or {}).get(b"rerun:entity_path", b"").decode()
                 if entity in entities and (batch := _batch(stream)).num_rows:
                     yield entity, batch
+
+
+def complete(path: Path) -> bool:
+    """Tell whether a file is a Rerun recording to its last byte; OSError if it cannot be read."""
+    with path.open("rb") as file:
+        try:
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                for _ in _data_frames(content):
+                    pass
+                return content[-12:-4] == TRAILER  # and a count of footers
+        except ValueError:  # FormatError, or an empty file, which cannot be mapped
+            return False
 
 
 def _data_frames(content: mmap.mmap) -> Iterator[tuple[int, int]]:

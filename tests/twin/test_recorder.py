@@ -196,6 +196,46 @@ def test_a_killed_process_loses_at_most_one_write(tmp_path):
     assert last - kept <= every + 200_000_000
 
 
+FULL = """
+import resource, signal, sys
+from pathlib import Path
+import numpy as np
+from twin.recorder import Recorder, RecorderError, stream
+stream.FLUSH_SECONDS = 1.0
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
+noise = np.random.default_rng(1)
+try:
+    with Recorder(Path(sys.argv[1]), signals=["sensors/gyro"], properties={}) as recorder:
+        for tick in range(1000):
+            recorder.row[:] = noise.normal(size=3)
+            recorder.commit(tick * 4_000_000, tick)
+except RecorderError as error:
+    print(error)
+"""
+
+
+def on_a_disk_of(size, path):
+    # Rerun's race between its dead writer and a flush decides whether it fails or hangs
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, path, str(size)],
+        cwd=ROOT, capture_output=True, text=True, timeout=20.0,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("short", [30_000, 20_000, 15_000, 5000, 10])
+def test_a_full_disk_ends_in_one_line_and_never_in_a_whole_name(tmp_path, short):
+    whole, path = tmp_path / "whole.rrd", tmp_path / "a.rrd"
+    assert on_a_disk_of(10_000_000, whole) == []
+    (line,) = on_a_disk_of(whole.stat().st_size - short, path)
+    assert "cannot finish" in line
+    assert not path.exists()
+    saved = viewer.repaired(path.with_name("a.rrd.partial"))
+    assert len(recording.read(saved)["sensors/gyro"].time) > 0
+
+
 @pytest.mark.parametrize("name", ["no/such\0name.rrd", "folder.rrd", "run.txt"])
 def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path, name):
     (tmp_path / "folder.rrd").mkdir()

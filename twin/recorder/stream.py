@@ -1,5 +1,6 @@
 """The recorder: preallocated rows in, columns into one file once a simulated second."""
 
+import ctypes
 import hashlib
 import json
 import socket
@@ -13,13 +14,14 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from analysis import schema
+from analysis import rrd, schema
 from twin.errors import TwinError
 from twin.recorder import blueprint, columns
 from twin.recorder.poses import Poses
 
 THRUST = "vehicle/thrust"
 LOOPBACK = "127.0.0.1"
+FLUSH_SECONDS = 60.0  # a slow disk needs a few; Rerun itself waits without end
 
 
 Stamps = NDArray[np.int64]
@@ -132,7 +134,13 @@ class Recorder:
             columns.translations(np.zeros((1, 3)))
             columns.segments(np.zeros((1, 3)), np.ones((1, 3)))
             columns.arrows(np.zeros((1, 3)), np.ones((1, 3)))
-        stream.flush()  # what is static comes first, so a file cut off anywhere still has it
+        try:
+            # what is static comes first, so a file cut off anywhere still has it
+            stream.flush(timeout_sec=FLUSH_SECONDS)
+        except RuntimeError as error:
+            _abandon(stream)
+            self._partial.unlink(missing_ok=True)
+            raise RecorderError(f"cannot record to {self.path}: {_line(error)}") from None
         return stream
 
     def commit(self, time_ns: int, wall_ns: int) -> None:
@@ -238,7 +246,13 @@ class Recorder:
         return wall[np.minimum(np.searchsorted(time, at), len(time) - 1)]
 
     def close(self) -> None:
-        """Write the rest and give the file its name; a second call does nothing."""
+        """Write the rest and give the file its name; a second call does nothing.
+
+        Raises
+        ------
+        RecorderError
+            if not all could be written; the file then keeps its name `<path>.partial`.
+        """
         if not self._open:
             return
         self._open = False
@@ -246,12 +260,23 @@ class Recorder:
             self.drain()
             if self._poses:
                 self._poses.finish(self._stream)
-            self._stream.flush()
+            self._stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
-            raise RecorderError(f"{self.path} may lack its end: {_line(error)}") from None
-        finally:
-            self._stream.disconnect()
+            _abandon(self._stream)
+            raise self._unfinished(_line(error)) from None
+        self._stream.disconnect()  # writes the footer, and keeps quiet if that fails
+        try:
+            if not rrd.complete(self._partial):
+                raise self._unfinished("its end is missing")
             self._partial.replace(self.path)
+        except OSError as error:
+            raise self._unfinished(error.strerror or str(error)) from None
+
+    def _unfinished(self, reason: str) -> RecorderError:
+        return RecorderError(
+            f"cannot finish {self.path} ({reason}; is the disk full?): "
+            f"`twin view {self._partial}` saves what was written"
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -308,6 +333,17 @@ def _free(port: int) -> None:
             probe.bind((LOOPBACK, port))
     except (OSError, OverflowError) as error:
         raise RecorderError(f"cannot serve a viewer on port {port}: {error}") from None
+
+
+def _abandon(stream: rr.RecordingStream) -> None:
+    """Let go of a stream whose file cannot be written, without ever waiting for it again.
+
+    Rerun 0.41 waits without end for its dead writer when such a stream is disconnected, deleted
+    or cleaned up at exit, so it is kept from all three.
+    """
+    for held in (stream, stream.to_native()):
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
+    rr.unregister_shutdown()
 
 
 def _line(error: BaseException) -> str:
