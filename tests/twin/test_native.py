@@ -10,7 +10,7 @@ from mujoco.batch import Batch
 
 from twin import aerodynamics as air
 from twin import native
-from twin.native import index, layout
+from twin.native import index, layout, ramp
 from twin.native.names import NUMERICS, SITES
 
 FLIGHT = Path(__file__).resolve().parents[2] / "mjcf" / "flight.xml"
@@ -367,6 +367,34 @@ def test_ramp_guides_to_its_end_and_then_lets_go(model: mujoco.MjModel) -> None:
     put(model, motor_impulse=0, air_enabled=0)
     data.qpos[:3] += 0.2 * direction
     assert not passive(model, data)[:6].any()
+
+
+@pytest.mark.usefixtures("callbacks")
+@pytest.mark.parametrize("aside", [0.1, 1.4])
+@pytest.mark.parametrize("drop", [-1.0, 0.0, 3.0])
+def test_a_vehicle_that_falls_beside_the_rail_feels_no_rail(
+    model: mujoco.MjModel, aside: float, drop: float
+) -> None:
+    """Tail first at 30 m/s, between the rail's end (2 m) and well below its foot."""
+    put(model, ramp_elevation=np.pi / 2, motor_ignition=100, air_enabled=0)
+    native.bind(model)
+    data = mujoco.MjData(model)
+    data.qpos[0] += aside
+    data.qpos[2] -= drop
+    data.qvel[2] = -30.0
+    assert not passive(model, data)[:6].any()
+
+
+def test_the_rail_lets_go_smoothly_and_keeps_what_a_launch_needs() -> None:
+    up, rest = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    gap = np.linspace(0, 0.1, 2001)
+    force = np.array(
+        [ramp.guide_force((x, 0.0, 1.0), rest, up, 2.0, 15e3, 60.0, False)[0] for x in gap]
+    )
+    held = gap <= 0.02  # a launch keeps within 2 mm: the test of guiding above
+    np.testing.assert_allclose(force[held], -15e3 * gap[held], rtol=1e-12)
+    assert not force[gap > 0.081].any()
+    assert np.abs(np.diff(force)).max() < 4.0  # N per 50 µm, 5 times the spring's own: no step
 
 
 def test_launch_pose_lies_on_the_rail_whatever_its_direction(model: mujoco.MjModel) -> None:

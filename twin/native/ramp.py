@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from twin.errors import TwinError
 
 RELEASE = 0.02  # m; the rail lets go of a lug over this stretch, so that forces have no step
+ASIDE = 0.04  # m; a lug farther than this from the rail's line is losing it, see `_fade`
+BELOW = 0.25  # m; as far below the foot; sagging into its stop, a heavy vehicle stays above
 
 
 @register_jitable
@@ -15,6 +17,13 @@ def rail(elevation: float, azimuth: float) -> tuple[float, float, float]:
     """Unit vector up the rail, world frame."""
     level = np.cos(elevation)
     return level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
+
+
+@register_jitable
+def _fade(distance: float, reach: float) -> float:
+    """1 up to `reach`, 0 from twice that on, smooth between."""
+    rest = min(1.0, max(0.0, 2.0 - distance / reach))
+    return rest * rest * (3.0 - 2.0 * rest)
 
 
 @register_jitable
@@ -30,8 +39,9 @@ def guide_force(
     """Force of the rail on one lug [N], world frame, and how much it is still on the rail, 0 to 1.
 
     `offset` of the lug from the rail's foot [m], its `velocity` [m/s], the rail's `direction`;
-    the lug is on the rail while its travel lies below `length` [m]. A spring and damper hold it
-    to the rail's line; with `stop`, another pushes up from the foot and never pulls.
+    the lug is on the rail while its travel lies below `length` [m] and it is within centimetres
+    of the rail's line, so that a vehicle which comes down beside the rail passes. A spring and
+    damper hold it to the line; with `stop`, another pushes up from the foot and never pulls.
     """
     ux, uy, uz = direction
     travel = offset[0] * ux + offset[1] * uy + offset[2] * uz
@@ -39,13 +49,18 @@ def guide_force(
         return 0.0, 0.0, 0.0, 0.0
     hold = min(1.0, (length - travel) / RELEASE)
     hold *= hold * (3.0 - 2.0 * hold)
+    ax, ay, az = offset[0] - travel * ux, offset[1] - travel * uy, offset[2] - travel * uz
+    on = _fade(np.sqrt(ax * ax + ay * ay + az * az), ASIDE) * _fade(-travel, BELOW)
+    if on == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    hold *= on
     along = velocity[0] * ux + velocity[1] * uy + velocity[2] * uz
     k, c = hold * stiffness, hold * damping
-    fx = -k * (offset[0] - travel * ux) - c * (velocity[0] - along * ux)
-    fy = -k * (offset[1] - travel * uy) - c * (velocity[1] - along * uy)
-    fz = -k * (offset[2] - travel * uz) - c * (velocity[2] - along * uz)
+    fx = -k * ax - c * (velocity[0] - along * ux)
+    fy = -k * ay - c * (velocity[1] - along * uy)
+    fz = -k * az - c * (velocity[2] - along * uz)
     if stop and travel < 0.0:
-        push = max(0.0, -stiffness * travel - damping * along)
+        push = on * max(0.0, -stiffness * travel - damping * along)
         fx, fy, fz = fx + push * ux, fy + push * uy, fz + push * uz
     return fx, fy, fz, hold
 
