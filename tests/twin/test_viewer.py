@@ -205,6 +205,42 @@ def test_what_is_no_recording_is_refused_in_one_line(tmp_path, content):
     assert [p.name for p in tmp_path.iterdir()] == ["bad.rrd"]
 
 
+@pytest.mark.parametrize("port", [-1, 65536, 10**9])
+def test_a_port_that_is_none_is_refused_in_one_line(flight, port):
+    with pytest.raises(viewer.ViewerError, match=f"port {port}: must be 1 to 65535"):
+        viewer.view(flight, web=True, port=port)
+
+
+def test_a_taken_port_is_refused_in_one_line(flight):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(viewer.ViewerError, match=f"cannot serve on port {port}: Address"):
+            viewer.view(flight, web=True, port=port)
+
+
+def test_a_cut_recording_where_nothing_may_be_written_is_refused_in_one_line(
+    flight, tmp_path, monkeypatch
+):
+    def refuse(**_):
+        raise PermissionError(13, "Permission denied")  # tests may run as root, whom no mode stops
+
+    broken = tmp_path / "cut.rrd"
+    broken.write_bytes(flight.read_bytes()[:-5000])
+    monkeypatch.setattr(opening.tempfile, "TemporaryDirectory", refuse)
+    with pytest.raises(viewer.ViewerError, match=r"cannot write .*cut\.repaired\.rrd: Permission"):
+        viewer.repaired(broken)
+
+
+def test_the_viewers_exit_status_is_passed_on(flight, tmp_path, monkeypatch):
+    program = tmp_path / "rerun"
+    program.write_text('#!/bin/sh\n[ "$1" = rrd ] && exit 0\nexit 7\n')
+    program.chmod(0o755)
+    monkeypatch.setattr(opening, "binary", lambda: program)
+    assert viewer.view(flight) == 7
+
+
 def test_a_missing_recording_is_refused_in_one_line(tmp_path):
     with pytest.raises(viewer.ViewerError, match="No such file"):
         viewer.view(tmp_path / "nothing.rrd")

@@ -57,12 +57,16 @@ def repaired(path: Path) -> Path:
         return path
     stem = path.name.removesuffix(".partial").removesuffix(".rrd")
     fresh = path.with_name(f"{stem}.repaired.rrd")
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".repair-") as folder:
-        part = Path(folder) / fresh.name
-        done = _rerun("rrd", "optimize", "--continue-on-error", str(path), "-o", str(part))
-        if done.returncode != 0 or not part.is_file() or not sound(part):
-            raise ViewerError(f"{path}: nothing in it can be saved")
-        part.replace(fresh)
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".repair-") as folder:
+            part = Path(folder) / fresh.name
+            done = _rerun("rrd", "optimize", "--continue-on-error", str(path), "-o", str(part))
+            if done.returncode != 0 or not part.is_file() or not sound(part):
+                raise ViewerError(f"{path}: nothing in it can be saved")
+            part.replace(fresh)
+    except OSError as error:
+        reason = error.strerror or error
+        raise ViewerError(f"{path} lacks its end; cannot write {fresh}: {reason}") from None
     return fresh
 
 
@@ -76,6 +80,8 @@ def view(path: Path, *, web: bool = False, port: int = 0) -> int:
     ViewerError
         if the recording cannot be opened.
     """
+    if web and port:
+        _check_free(port)
     path = repaired(Path(path))
     if not web:
         return subprocess.call([str(binary()), "--bind", LOOPBACK, "--port", "auto", str(path)])
@@ -95,7 +101,14 @@ def serve_web(path: Path, port: int = 0) -> Iterator[str]:
     ----------
     path : recording
     port : of the page; 0 takes a free one
+
+    Raises
+    ------
+    ViewerError
+        if the port is none, or taken, or the viewer does not start.
     """
+    if port:
+        _check_free(port)
     page, data = port or free_port(), free_port()
     options = ["--serve-web", "--bind", LOOPBACK, "--port", str(data)]
     with running([*options, "--web-viewer-port", str(page), str(path)], page):
@@ -134,6 +147,18 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
+
+
+def _check_free(port: int) -> None:
+    """Fail early: Rerun would end with a code that says nothing of the port."""
+    if not 1 <= port <= 65535:
+        raise ViewerError(f"port {port}: must be 1 to 65535, or 0 for any that is free")
+    try:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((LOOPBACK, port))
+    except OSError as error:
+        raise ViewerError(f"cannot serve on port {port}: {error.strerror or error}") from None
 
 
 def _await_port(process: subprocess.Popen[bytes], port: int) -> None:
