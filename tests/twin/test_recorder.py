@@ -134,6 +134,14 @@ def test_views_of_the_row_stay_valid(tmp_path):
     np.testing.assert_allclose(values[:, 0], np.arange(600) * 1e-3, rtol=1e-15)
 
 
+@pytest.mark.parametrize("name", schema.SIGNALS)
+def test_every_signal_can_be_recorded_alone(tmp_path, name):
+    with Recorder(tmp_path / "a.rrd", signals=[name], properties={}) as recorder:
+        recorder.row[:] = 1.0
+        recorder.commit(0, 0)
+    assert list(recording.read(tmp_path / "a.rrd").series) == [name]
+
+
 def test_more_rows_than_the_ring_holds_are_all_kept(tmp_path):
     with Recorder(
         tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}, capacity=7

@@ -119,11 +119,9 @@ def build(names: Sequence[str], poses: Poses | None, *, live: bool = False) -> r
     for tab, titles in _TABS:
         if views := [plots[title] for title in titles if title in plots]:
             tabs.append(rrb.Vertical(*views, name=tab))
-    body = rrb.Horizontal(
-        _left(poses),
-        rrb.Tabs(*tabs, active_tab=0),
-        column_shares=[1, 1],
-    )
+    body = _left(poses)
+    if tabs:  # some signals have no plot, and a run may record those alone
+        body = rrb.Horizontal(body, rrb.Tabs(*tabs, active_tab=0), column_shares=[1, 1])
     return rrb.Blueprint(
         body,
         rrb.TimePanel(
