@@ -159,6 +159,23 @@ def test_the_shipped_flight_scene_is_in_frame(tmp_path, vulkan, signals):
         assert 0 < columns.min() < columns.max() < width - 1
 
 
+def test_a_flown_flight_is_in_frame_and_reports_nothing(tmp_path, vulkan):
+    from twin.configuration import Fly
+    from twin.experiments import fly
+
+    path = tmp_path / "flown.rrd"
+    fly(Fly(duration_s=3.0, out=path))
+    look = viewer.screenshot(path, [0.0, 1.5, 2.9], tmp_path, SIZE)
+    assert look.reports == ()
+    assert look.complaints == ()
+    for picture in look.pictures:
+        rows, columns = np.nonzero(vehicle(scene(picture)))
+        height, width = scene(picture).shape[:2]
+        assert len(rows) > 100, picture.name
+        assert 0 < rows.min() < rows.max() < height - 1
+        assert 0 < columns.min() < columns.max() < width - 1
+
+
 def test_a_recording_is_served_on_loopback_alone(flight):
     with viewer.serve_web(flight) as url:
         port = int(url.split(":")[2].split("?")[0])
