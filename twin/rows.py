@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twin.aerodynamics import gust, mean_wind
-from twin.aerodynamics.atmosphere import MODE
+from twin.aerodynamics import wind as wind_at
 from twin.clock import Ledger
+from twin.control.attitude import interpolate
+from twin.control.authority import thrust_curve
 from twin.model import AXES
 from twin.native.layout import number
 from twin.plant import Plant
@@ -86,6 +87,8 @@ class Rows:
             sources |= dict(zip(FLOW, parts, strict=True))
             sources |= dict(zip(CONTROL, (flow[5:7], flow[7:9]), strict=True))
             self._tables = _tables(plant.model)
+            self._members = _members(plant.model, vehicle)
+            self._centres, self._mass = plant.data.xipos, plant.model.body_mass
         if self._ledger is not None:
             sources["timing/lateness"] = self._ledger.latest
         return sources
@@ -117,6 +120,7 @@ class Rows:
         if self._pilot is not None:
             _flow(
                 self._flow, time_ns * 1e-9, plant.position, plant.velocity, plant.attitude,
+                plant.rate, self._centres, self._mass, self._members,
                 self._pilot.direction, self._pilot.error, *self._tables,
             )  # fmt: skip
 
@@ -149,12 +153,18 @@ def _loops(model: mujoco.MjModel) -> Indices:
 def _tables(model: mujoco.MjModel) -> tuple[Array, Array, Array, Array]:
     """Wind parameters (5,), gust modes, and the motor's curve over simulation time."""
     wind = ("speed", "azimuth", "exponent", "reference_height", "turbulence")
+    time, thrust = thrust_curve(model) or (np.zeros(1), np.zeros(1))
     return (
         np.array([_numeric(model, f"wind_{name}")[0] for name in wind]),
         _numeric(model, "wind_modes"),
-        _numeric(model, "motor_time") + _numeric(model, "motor_ignition")[0],
-        _numeric(model, "motor_thrust"),
+        time,
+        thrust,
     )
+
+
+def _members(model: mujoco.MjModel, vehicle: int) -> Indices:
+    """Bodies of the vehicle, itself among them."""
+    return np.flatnonzero(model.body_rootid == model.body_rootid[vehicle]).astype(np.int64)
 
 
 def _numeric(model: mujoco.MjModel, name: str) -> Array:
@@ -179,29 +189,51 @@ def _gaps(out: Array, sites: Array, loops: Indices) -> None:
 
 @njit(cache=True)
 def _flow(
-    out: Array, time: float, position: Array, velocity: Array, attitude: Array, nose: Array,
+    out: Array, time: float, position: Array, velocity: Array, attitude: Array,
+    rate: Array, centres: Array, mass: Array, members: Indices, nose: Array,
     error: Array, wind: Array, modes: Array, curve_time: Array, curve_thrust: Array,
 ) -> None:  # fmt: skip
     speed, azimuth, exponent, reference, turbulence = wind
-    mean = mean_wind(speed, position[2], reference, exponent)
-    u, v, w = mean * math.cos(azimuth), mean * math.sin(azimuth), 0.0
-    if turbulence > 0.0:
-        gu, gv, gw = gust(
-            modes, modes.size // MODE, position[0] - u * time, position[1] - v * time, position[2]
-        )
-        rms = turbulence * speed
-        u, v, w = u + rms * gu, v + rms * gv, w + rms * gw
-    rx, ry, rz = velocity[0] - u, velocity[1] - v, velocity[2] - w
-    airspeed = math.sqrt(rx * rx + ry * ry + rz * rz)
     qw, qx, qy, qz = attitude
-    # the nose in the world: third column of the rotation matrix
+    # body axes in the world: columns of the rotation matrix
+    xx, xy, xz = (
+        1.0 - 2.0 * (qy * qy + qz * qz),
+        2.0 * (qx * qy + qw * qz),
+        2.0 * (qx * qz - qw * qy),
+    )
+    yx, yy, yz = (
+        2.0 * (qx * qy - qw * qz),
+        1.0 - 2.0 * (qx * qx + qz * qz),
+        2.0 * (qy * qz + qw * qx),
+    )
     zx, zy = 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx)
     zz = 1.0 - 2.0 * (qx * qx + qy * qy)
+    # where the forces of the air are taken: on the axis, at the station of the centre of mass
+    moment, total = 0.0, 0.0
+    for k in range(members.size):
+        b = members[k]
+        ahead = (
+            (centres[b, 0] - position[0]) * zx
+            + (centres[b, 1] - position[1]) * zy
+            + (centres[b, 2] - position[2]) * zz
+        )
+        moment, total = moment + mass[b] * ahead, total + mass[b]
+    station = moment / total
+    u, v, w = wind_at(
+        position[0] + station * zx, position[1] + station * zy, position[2] + station * zz,
+        time, speed, azimuth, exponent, reference, turbulence, modes,
+    )  # fmt: skip
+    # ω × r of that point: station (ω_y, -ω_x, 0) in body axes
+    sx, sy = station * rate[1], -station * rate[0]
+    rx = velocity[0] + sx * xx + sy * yx - u
+    ry = velocity[1] + sx * xy + sy * yy - v
+    rz = velocity[2] + sx * xz + sy * yz - w
+    airspeed = math.sqrt(rx * rx + ry * ry + rz * rz)
     out[0], out[1] = math.atan2(-zy, zz), math.atan2(zx, zz)
     out[2] = airspeed
     cosine = (zx * rx + zy * ry + zz * rz) / airspeed if airspeed > STILL else math.nan
     out[3] = math.acos(min(1.0, max(-1.0, cosine))) if airspeed > STILL else math.nan
-    out[4] = np.interp(time, curve_time, curve_thrust)
+    out[4] = interpolate(time, curve_time, curve_thrust)
     # without thrust nothing steers, and there is no error to speak of
     steered = out[4] > 0.0
     out[5] = math.atan2(-nose[1], nose[2]) if steered else math.nan

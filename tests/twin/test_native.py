@@ -9,7 +9,9 @@ import pytest
 from mujoco.batch import Batch
 
 from twin import aerodynamics as air
-from twin import native
+from twin import native, rows
+from twin.control.attitude import interpolate
+from twin.control.authority import control_config
 from twin.native import index, layout, ramp
 from twin.native.names import NUMERICS, SITES
 
@@ -483,3 +485,45 @@ def test_every_missing_name_is_named() -> None:
         native.bind(bare)
     for name in ("vehicle", *SITES, *(n.name for n in NUMERICS)):
         assert f"'{name}'" in str(caught.value)
+
+
+def test_authority_waits_for_the_ignition_and_ends_with_the_burn(model: mujoco.MjModel) -> None:
+    """A curve that starts at full thrust 2 s into the flight: nothing before, nothing after."""
+    put(model, motor_ignition=2.0, motor_thrust=30.0)
+    config = control_config(model)
+    times, values = np.array(config.authority_time), np.array(config.authority)
+    end = 2.0 + model.numeric("motor_time").data.max()
+    for t in (0.0, 1.999, end, end + 5.0):
+        assert interpolate(t, times, values) == 0.0
+    assert interpolate(2.0, times, values) > 10.0
+
+
+def test_recorded_flow_and_thrust_are_those_that_act(model: mujoco.MjModel) -> None:
+    """Airspeed of the centre of mass in gusts that drift with `wind_speed`, by MuJoCo's books."""
+    put(model, wind_speed=8, wind_azimuth=0.4, wind_turbulence=0.3, motor_thrust=30)
+    put(model, motor_ignition=6)
+    native.bind(model)
+    data = still(model)
+    data.qvel[:6] = 12, -7, 40, 1.5, -2.0, 4.0
+    mujoco.mj_forward(model, data)
+    vehicle = model.body("vehicle").id
+    out = np.zeros(9)
+    rows._flow(
+        out, 5.0, data.qpos[:3], data.qvel[:3], data.qpos[3:7], data.qvel[3:6], data.xipos,
+        model.body_mass, rows._members(model, vehicle), np.array([0, 0, 1.0]), np.zeros(2),
+        *rows._tables(model),
+    )  # fmt: skip
+    com = data.subtree_com[vehicle]
+    arm = com - data.xpos[vehicle]
+    rotation = data.xmat[vehicle].reshape(3, 3)
+    velocity = data.qvel[:3] + np.cross(rotation @ data.qvel[3:6], arm)
+    heading = np.array([np.cos(0.4), np.sin(0.4), 0])
+    modes = model.numeric("wind_modes").data
+    gust = air.gust(modes, modes.size // 7, *(com - 8 * 5.0 * heading))
+    exponent = model.numeric("wind_exponent").data[0]
+    wind = 8 * (com[2] / 10) ** exponent * heading + 8 * 0.3 * np.array(gust)
+    # the forces act on the axis; the gimbal askew puts the centre of mass about 1 mm beside it
+    assert out[2] == pytest.approx(np.linalg.norm(velocity - wind), rel=5e-4)
+    cosine = rotation[:, 2] @ (velocity - wind) / np.linalg.norm(velocity - wind)
+    assert out[3] == pytest.approx(np.arccos(cosine), rel=5e-4)
+    assert out[4] == 0.0  # not lit yet

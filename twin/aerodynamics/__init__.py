@@ -5,7 +5,7 @@ when called from numba (`register_jitable`). Body frame: z to the nose, stations
 frame's origin. docs/aerodynamics.md derives and cites them.
 """
 
-from twin.aerodynamics.atmosphere import density, gust, gust_modes, mean_wind
+from twin.aerodynamics.atmosphere import density, gust, gust_modes, mean_wind, wind
 from twin.aerodynamics.body import (
     area_moments,
     axial_drag,
@@ -28,4 +28,5 @@ __all__ = [
     "mean_wind",
     "normal_force",
     "roll_damping",
+    "wind",
 ]

@@ -72,6 +72,35 @@ def gust(
     return u, v, w
 
 
+@register_jitable
+def wind(
+    x: float,
+    y: float,
+    z: float,
+    time: float,
+    speed: float,
+    azimuth: float,
+    exponent: float,
+    reference: float,
+    turbulence: float,
+    modes: NDArray[np.float64],
+) -> tuple[float, float, float]:
+    """Velocity of the air at a point above ground, world frame [m/s]: mean wind and gusts.
+
+    x, y, z [m], `time` [s]; `speed`, `exponent` and `reference` as for `mean_wind`, `azimuth`
+    [rad] from east to north where it blows to; gusts of rms `turbulence` · `speed` per component,
+    a frozen field (Taylor's hypothesis) that travels with `speed` at every height.
+    """
+    mean = mean_wind(speed, z, reference, exponent)
+    east, north = np.cos(azimuth), np.sin(azimuth)
+    sigma = speed * turbulence
+    if sigma == 0.0:
+        return mean * east, mean * north, 0.0
+    drift = speed * time
+    u, v, w = gust(modes, modes.size // MODE, x - drift * east, y - drift * north, z)
+    return mean * east + sigma * u, mean * north + sigma * v, sigma * w
+
+
 def gust_modes(seed: int, length: float, count: int) -> NDArray[np.float64]:
     """Random Fourier modes of isotropic turbulence of unit variance, (7 count,).
 

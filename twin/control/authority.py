@@ -12,6 +12,7 @@ from twin.control.guidance import FixedPoint
 from twin.control.setpoint import Vector, off_axis
 
 Array = NDArray[np.float64]
+INSTANT = 1e-9  # s; a thrust that is there at once comes within this
 DENSITY = 1.225  # kg/m³, ICAO standard atmosphere at sea level
 
 # numeric of the vehicle → field of ControlConfig
@@ -60,13 +61,22 @@ def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
 
 
 def thrust_curve(model: mujoco.MjModel) -> tuple[Array, Array] | None:
-    """Times (n,) [s], ignition included, and thrusts (n,) [N] of the model's motor, or None."""
+    """Times (n,) [s], ignition included, and thrusts (n,) [N] of the model's motor, or None.
+
+    It begins and ends at zero thrust, since a table is held outside its times.
+    """
     time, thrust = numeric(model, "motor_time"), numeric(model, "motor_thrust")
     if time is None or thrust is None:
         return None
     ignition = numeric(model, "motor_ignition")
     count = int(np.argmax(time)) + 1  # the rest of the table repeats its end
-    return time[:count] + (0.0 if ignition is None else ignition[0]), thrust[:count]
+    time = time[:count] + (0.0 if ignition is None else ignition[0])
+    thrust = thrust[:count]
+    if thrust[0] > 0.0:
+        time, thrust = np.append(time[0] - INSTANT, time), np.append(0.0, thrust)
+    if thrust[-1] > 0.0:
+        time, thrust = np.append(time, time[-1] + INSTANT), np.append(thrust, 0.0)
+    return time, thrust
 
 
 def control_config(model: mujoco.MjModel) -> ControlConfig:

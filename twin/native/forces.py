@@ -139,19 +139,18 @@ def _wind(d: int, data: Array, index: Array, point: Vector) -> Vector:
     speed = _value(data, index, _WIND)
     if speed == 0.0:
         return 0.0, 0.0, 0.0
-    height, exponent = _value(data, index, _WIND_HEIGHT), _value(data, index, _WIND_EXPONENT)
-    mean = air.mean_wind(speed, point[2], height, exponent)
-    azimuth = _value(data, index, _WIND_AZIMUTH)
-    east, north = np.cos(azimuth), np.sin(azimuth)
-    sigma = speed * _value(data, index, _TURBULENCE)
-    if sigma == 0.0:
-        return mean * east, mean * north, 0.0
-    modes = _array(data, index, _MODES)
-    drift = speed * number(d, _TIME)  # the frozen field travels with the wind
-    u, v, w = air.gust(
-        modes, modes.size // 7, point[0] - drift * east, point[1] - drift * north, point[2]
+    return air.wind(
+        point[0],
+        point[1],
+        point[2],
+        number(d, _TIME),
+        speed,
+        _value(data, index, _WIND_AZIMUTH),
+        _value(data, index, _WIND_EXPONENT),
+        _value(data, index, _WIND_HEIGHT),
+        _value(data, index, _TURBULENCE),
+        _array(data, index, _MODES),
     )
-    return mean * east + sigma * u, mean * north + sigma * v, sigma * w
 
 
 @jit
