@@ -14,7 +14,8 @@ from analysis import rrd, schema
 from analysis.schema import AnalysisError
 
 PROPERTIES = f"/__properties/{schema.PROPERTY}"
-WANTED = frozenset([PROPERTIES, schema.EVENTS, schema.HEALTH, *schema.ENTITIES])
+TEXTS = (schema.EVENTS, schema.HEALTH, schema.ESTIMATOR)
+WANTED = frozenset([PROPERTIES, *TEXTS, *schema.ENTITIES])
 MAX_BYTES = 4 * 2**30  # a day of flight; more is a mistake or an attack
 MAX_PROPERTIES = 16 * 2**20  # characters of JSON
 
@@ -106,12 +107,14 @@ class Recording:
     properties : configuration, versions, model hash, seed; as the run gave them
     series : signals by name, in SI
     events, health : text over time
+    estimator : what the rig's estimator remembered when the run began, JSON; "" without a rig
     """
 
     properties: dict[str, object]
     series: Mapping[str, TimeSeries]
     events: tuple[Event, ...] = ()
     health: tuple[Event, ...] = ()
+    estimator: str = ""
 
     def __getitem__(self, name: str) -> TimeSeries:
         """Return the signal of that name.
@@ -175,7 +178,7 @@ class _Content:
             self._take_properties(batch)
         elif schema.TIME not in batch.schema.names:
             return
-        elif entity in (schema.EVENTS, schema.HEALTH):
+        elif entity in TEXTS:
             self._take_lines(entity, batch)
         elif entity in schema.ENTITIES:
             self._take_values(schema.ENTITIES[entity], batch)
@@ -220,8 +223,13 @@ class _Content:
             tuple(sorted(self.lines.get(entity, ()), key=lambda event: event.time))
             for entity in (schema.EVENTS, schema.HEALTH)
         )
+        memory = self.lines.get(schema.ESTIMATOR)
         return Recording(
-            _properties(self.path, self.texts["json"]), MappingProxyType(series), events, health
+            _properties(self.path, self.texts["json"]),
+            MappingProxyType(series),
+            events,
+            health,
+            memory[0].text if memory else "",
         )
 
     def _series(self, signal: schema.Signal) -> TimeSeries:

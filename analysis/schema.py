@@ -24,6 +24,7 @@ TIME = "time"
 WALL_TIME = "wall_time"
 EVENTS = "/events"
 HEALTH = "/health"
+ESTIMATOR = "/estimator"
 WORLD = "/world"
 
 Kind = Literal["continuous", "sampled", "counter"]
@@ -124,12 +125,22 @@ _TABLE = (
     _signal("sensors/joystick", "x y", "1", kind="sampled"),
     _signal("sensors/device_time", "time", "s", kind="sampled"),  # the device's own clock
     _signal("sensors/flags", "flags", "1", kind="sampled"),
+    # of each frame: the tick that took it, how often the rig had become ready by then, and how old
+    # its gyro's readings are
+    _signal("sensors/taken", "time", "s", kind="sampled"),
+    _signal("sensors/session", "session", "1", kind="sampled"),
+    _signal("sensors/gyro_delay", "delay", "s", kind="sampled"),
+    # turn about the launch's x axis: of the vehicle, and of the base that plays it, by its IMU
+    _signal("turntable/simulated", "x", "rad", "deg"),
+    _signal("turntable/measured", "x", "rad", "deg"),
+    _signal("turntable/sigma", "x", "rad", "deg"),
     # did the run keep its time
     _signal("timing/lateness", "lateness", "s", "ms"),
     _signal("timing/sensor_age", "age", "s", "ms", "sampled"),
     _signal("timing/round_trip", "time", "s", "ms", "sampled"),
     _signal("link/lost", "frames", "1", kind="counter"),
     _signal("link/crc_errors", "frames", "1", kind="counter"),
+    _signal("link/connected", "connected", "1"),
     # the pushrod linkage: gap of the closed loops, and servo shaft angles
     _signal("linkage/closure", "x y", "m", "µm"),
     _signal("linkage/servo", "x y", "rad", "deg"),

@@ -26,8 +26,10 @@ from twin.seat_names import MODELS, is_rig
 from twin.seats import SimulatedGimbal
 
 if TYPE_CHECKING:
-    from twin.readings import Readings
-    from twin.rigs import RigOptions
+    from analysis.recording import Recording
+    from twin.configuration import Fly
+    from twin.rigs import RigGimbal, RigOptions
+    from twin.rigs.turntable import Turntable
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # Each write costs the same however much it holds; a run in real time may be cut off at any moment.
@@ -76,7 +78,7 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
     return Plant(
         load(
             ModelConfig(
-                scene=config.scene,
+                scene=config.plant_scene,
                 gimbal=kind,
                 transfer_function=config.model,
                 vehicle=config.vehicle,
@@ -91,8 +93,14 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
     )
 
 
-def gimbal_seat(stack: ExitStack, config: Run, plant: Plant) -> "tuple[Gimbal, Readings | None]":
-    """Who the run's `--gimbal` names, connected; and its readings where it has sensors.
+def gimbal_seat(
+    stack: ExitStack, config: Run, plant: Plant, tape: "Recording | None" = None
+) -> "tuple[Gimbal, RigGimbal | None]":
+    """Who the run's `--gimbal` names, connected; and the same where it is a rig.
+
+    Parameters
+    ----------
+    tape : recording of a rig that stands in for it
 
     Raises
     ------
@@ -102,8 +110,21 @@ def gimbal_seat(stack: ExitStack, config: Run, plant: Plant) -> "tuple[Gimbal, R
         return SimulatedGimbal(plant), None
     from twin.rigs import open_rig
 
-    seat = stack.enter_context(open_rig(rig_options(config), plant))
-    return seat, seat.readings
+    seat = stack.enter_context(open_rig(rig_options(config), plant, tape))
+    return seat, seat
+
+
+def attitude_seat(
+    config: "Fly", plant: Plant, rig: "RigGimbal | None", period: float
+) -> "Turntable | None":
+    """Who tells the controller how the vehicle lies, once in `period` [s]; None for the truth."""
+    if rig is None or rig.base is None:
+        return None
+    from twin.rigs.turntable import Turntable
+
+    stand = load(ModelConfig(scene=config.rig_scene, mechanism=config.mechanism)).mj
+    lead = stand.numeric("turntable_lead").data
+    return Turntable(plant, rig, rig.base, (float(lead[0]), float(lead[1])), period)
 
 
 def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
@@ -118,6 +139,7 @@ def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
         seed=config.seed,
         mechanism=config.mechanism,
         overrides=overrides.parse(config.set, config.set_from),
+        scene=config.rig_scene,
         watch=watch,
     )
 
@@ -140,9 +162,9 @@ def steps_per_tick(control_hz: float, plant: Plant) -> int:
     return round(steps)
 
 
-def make_clock(config: Run) -> Clock:
+def make_clock(*, real_time: bool) -> Clock:
     """The run's clock."""
-    return Wall() if config.real_time else Lockstep()
+    return Wall() if real_time else Lockstep()
 
 
 def _kept(path: Path) -> dict[str, str]:
@@ -165,8 +187,15 @@ def make_recorder(
     *,
     serve: int | None = None,
     drain_ns: int | None = None,
+    rig: "RigGimbal | None" = None,
+    real_time: bool | None = None,
 ) -> Recorder:
     """The run's recorder, its properties complete enough to repeat the run.
+
+    Parameters
+    ----------
+    rig : whose base, if it turns, belongs to the properties
+    real_time : whether the run keeps pace with the wall clock; as its configuration says if None
 
     Raises
     ------
@@ -187,7 +216,11 @@ def make_recorder(
             if isinstance(path, Path) and name not in UNRECORDED
         },
     }
-    if config.real_time:
+    if real_time is None:
+        real_time = config.real_time
+    if rig is not None and rig.base is not None:
+        properties["base"] = asdict(rig.base)
+    if real_time:
         properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")
     path = config.out or Path("runs")
     if path.is_dir() or not path.suffix:
@@ -197,7 +230,7 @@ def make_recorder(
         signals=rows.signals,
         properties=properties,
         model=twin.mj,
-        drain_ns=drain_ns or (DRAIN_WALL_NS if config.real_time else DRAIN_LOCKSTEP_NS),
-        spread=config.real_time,
+        drain_ns=drain_ns or (DRAIN_WALL_NS if real_time else DRAIN_LOCKSTEP_NS),
+        spread=real_time,
         serve=serve,
     )

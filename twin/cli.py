@@ -123,13 +123,13 @@ def _dispatch(command: object) -> int:
 
             result = fly(command)
             _report(result.as_dict(), result.text(), as_json=command.json)
-            return 0
+            return 0 if result.passed else FAILED
         case Step():
             from twin.experiments import step
 
             response = step(command)
             _report(response.as_dict(), response.text(), as_json=command.json)
-            return 0
+            return 0 if response.passed else FAILED
         case Mirror():
             from twin.desk import mirror
 

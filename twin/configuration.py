@@ -14,11 +14,13 @@ Signal = Literal["steps", "staircase", "chirp", "prbs", "multisine", "triangle",
 Programme = Literal["hold", "step", "doublet", "pitch-over", "point"]
 Seat = Literal["linkage", "transfer-function"]
 Kind = Literal["emulator", "firmware"]
+OnFault = Literal["end", "neutral", "ignore"]
 Integrator = Literal["implicitfast", "euler", "rk4", "ab1", "ab2", "ab3", "ab4"]
 # s; at 8 ms the rail of the ramp is no longer stable, and rods gape by a third of a millimetre at 4
 LARGEST_DT = 0.005
 LONGEST_FLIGHT = 36_000.0  # s
 LARGEST_SEED = 2**53  # whole numbers that a model's numerics hold exactly
+TURNTABLE = "turntable"
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # --json, and no --no-json
 
 
@@ -83,6 +85,16 @@ class Run:
             raise TwinError(f"--model is for --gimbal transfer-function, not {self.gimbal}")
 
     @property
+    def plant_scene(self) -> str:
+        """Scene of what is simulated beside a rig."""
+        return self.scene
+
+    @property
+    def rig_scene(self) -> str:
+        """Scene that a rig stands on."""
+        return "bench"
+
+    @property
     def real_time(self) -> bool:
         """Whether the run keeps pace with the wall clock."""
         return self.clock == "wall" or (self.clock is None and is_port(self.gimbal))
@@ -111,6 +123,13 @@ class Fly(Run):
     """Rate of the controller."""
     duration_s: float = 120.0
     """Longest flight; it ends earlier on the ground, or once a point has been passed."""
+    attitude: Literal["truth", "base-gyro"] = "truth"
+    """What the controller sees of the attitude: the simulated vehicle (truth), or what gyro and
+    accelerometer say on the base of a rig that a third servo turns as the vehicle turns about its
+    x axis (base-gyro, the thesis's turntable)."""
+    on_fault: OnFault = "end"
+    """When a rig fails or one of its sensors does: servos to neutral and end the flight, go on with
+    the servos at neutral, or ignore it."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be flown, and flags that would be silently without effect.
@@ -124,8 +143,28 @@ class Fly(Run):
             raise TwinError(f"--duration-s {self.duration_s:g}: must lie in 0 to {LONGEST_FLIGHT}")
         if self.target is not None and self.programme not in ("hold", "point"):
             raise TwinError(f"--programme {self.programme} and --target exclude each other")
+        self._check_attitude()
         if self.off_axis_deg != (0.0, 0.0) and (self.programme != "point" or self.target):
             raise TwinError("--off-axis-deg places the point of --programme point; nothing else")
+
+    def _check_attitude(self) -> None:
+        if self.attitude == "base-gyro" and not is_rig(self.gimbal):
+            raise TwinError(
+                f"--attitude base-gyro: --gimbal {self.gimbal} has no base with a gyro (emulator,"
+                " firmware and ports have)"
+            )
+        if self.scene == TURNTABLE and self.attitude != "base-gyro":
+            raise TwinError("--scene turntable is where a rig stands for --attitude base-gyro")
+
+    @property
+    def plant_scene(self) -> str:
+        """Scene that the vehicle flies in, beside a rig that may stand on a turntable."""
+        return "flight" if self.scene == TURNTABLE else self.scene
+
+    @property
+    def rig_scene(self) -> str:
+        """Scene that a rig stands on."""
+        return TURNTABLE if self.attitude == "base-gyro" else "bench"
 
 
 @dataclass(frozen=True)
@@ -155,6 +194,9 @@ class Step(Run):
     """Fastest change of the command; jumps stay jumps without it."""
     control_hz: float = 500.0
     """Rate of commands and of recorded rows."""
+    on_fault: OnFault = "end"
+    """When a rig fails or one of its sensors does: servos to neutral and end the run, go on with
+    the servos at neutral, or ignore it."""
 
 
 @dataclass(frozen=True)
@@ -410,8 +452,9 @@ class Replay:
     """Another integrator."""
     dt: float | None = None
     """Another physics step [s]."""
-    gimbal: Literal["linkage", "transfer-function"] | None = None
-    """Another model in the gimbal seat."""
+    gimbal: Literal["linkage", "transfer-function", "emulator", "firmware"] | None = None
+    """Another model in the gimbal seat, or a simulated rig; what was recorded of a rig stands in
+    for it otherwise."""
     control_hz: float | None = None
     """Another rate of the controller."""
     seed: int | None = None

@@ -1,5 +1,6 @@
 """Short assemblies: who sits where for each command, and what is made of the outcome."""
 
+import math
 import time
 from contextlib import ExitStack
 from dataclasses import replace
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from hardware.frames import GimbalCommand, GimbalState
 from twin.assembly import (
+    attitude_seat,
     compiled,
     gimbal_seat,
     make_clock,
@@ -17,24 +19,30 @@ from twin.assembly import (
 )
 from twin.clock import Clock, Ledger, Wall
 from twin.configuration import Fly, Step
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController, Setpoint, control_config
 from twin.errors import TwinError
 from twin.flight import Flight, setpoint
+from twin.guard import Guard
 from twin.loop import Controller, Gimbal, Seats, run
 from twin.plant import Plant
 from twin.results import FlightResult, StepResult
 from twin.rows import Rows
-from twin.seats import Pilot, Sequence, SimulatedGimbal
+from twin.seats import Attitude, Pilot, Sequence, SimulatedGimbal
 from twin.steps import excitation, figures
 
 if TYPE_CHECKING:
+    from analysis.recording import Recording
     from analysis.timing import Verdict
 
 __all__ = ["compiled", "fly", "step", "steps_per_tick"]
 
 
-def fly(config: Fly) -> FlightResult:
+def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
     """Fly the vehicle, with whoever has the gimbal seat, and record it.
+
+    Parameters
+    ----------
+    tape : recording whose readings stand in for a rig
 
     Raises
     ------
@@ -42,6 +50,7 @@ def fly(config: Fly) -> FlightResult:
     DivergenceError : the physics left the finite numbers; the recording up to there is kept
     """
     began = time.perf_counter()
+    real_time = config.real_time and tape is None
     with ExitStack() as stack:
         stack.enter_context(compiled())
         plant = make_plant(config, config.motor)
@@ -49,36 +58,51 @@ def fly(config: Fly) -> FlightResult:
             raise TwinError(f"scene {config.scene!r} has no joint 'vehicle' to fly")
         steps = steps_per_tick(config.control_hz, plant)
         programme, target = setpoint(config, plant.model)
-        controller = AttitudeController(control_config(plant.model))
-        pilot = Pilot(plant, controller, programme, steps * plant.dt_ns * 1e-9)
-        gimbal, readings = gimbal_seat(stack, config, plant)
-        ledger = Ledger() if config.real_time else None
-        rows = Rows(plant, pilot, readings, ledger)
+        gimbal, rig = gimbal_seat(stack, config, plant, tape)
+        seen = attitude_seat(config, plant, rig, steps * plant.dt_ns * 1e-9)
+        pilot = _pilot(plant, programme, steps, seen)
+        guard = None if rig is None else Guard(pilot, rig.readings, config.on_fault)
+        ledger = Ledger() if real_time else None
+        rows = Rows(plant, pilot, rig.readings if rig else None, ledger, seen)
         flight = Flight(plant, rows, pilot.error, target)
-        recorder = stack.enter_context(make_recorder(config, "fly", plant.twin, rows))
+        recorder = stack.enter_context(
+            make_recorder(config, "fly", plant.twin, rows, rig=rig, real_time=real_time)
+        )
         rows.bind(recorder)
         flight.announce = recorder.event
-        if config.real_time:
-            spare = AttitudeController(control_config(plant.model))
-            stand_in = Pilot(plant, spare, programme, steps * plant.dt_ns * 1e-9)
-            warm_up(plant, gimbal, rows, stand_in, steps)
-        clock = stack.enter_context(make_clock(config))
+        if real_time:
+            warm_up(plant, gimbal, rows, _pilot(plant, programme, steps), steps)
+        clock = stack.enter_context(make_clock(real_time=real_time))
         outcome = run(
-            Seats(plant, gimbal, pilot, clock),
+            Seats(plant, gimbal, guard or pilot, clock),
             steps_per_tick=steps,
             duration_ns=round(config.duration_s * 1e9),
             command=rows.command,
             each_tick=(rows.write, flight.watch),
-            stop=flight.over,
+            stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
             ledger=ledger,
         )
         recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
     result = flight.result(recorder.path, outcome, time.perf_counter() - began)
-    return replace(result, timing=judged(recorder.path, clock))
+    return replace(
+        result,
+        fault=guard.fault if guard else None,
+        turntable_rms_deg=None if seen is None else math.degrees(seen.rms),
+        timing=judged(recorder.path, clock),
+    )
 
 
-def step(config: Step) -> StepResult:
+def _pilot(plant: Plant, programme: Setpoint, steps: int, seen: Attitude | None = None) -> Pilot:
+    controller = AttitudeController(control_config(plant.model))
+    return Pilot(plant, controller, programme, steps * plant.dt_ns * 1e-9, seen)
+
+
+def step(config: Step, tape: "Recording | None" = None) -> StepResult:
     """Excite a gimbal on the bench and record its response.
+
+    Parameters
+    ----------
+    tape : recording whose readings stand in for a rig
 
     Raises
     ------
@@ -86,6 +110,7 @@ def step(config: Step) -> StepResult:
     DivergenceError : the physics left the finite numbers; the recording up to there is kept
     """
     began = time.perf_counter()
+    real_time = config.real_time and tape is None
     asked = excitation(config)
     with ExitStack() as stack:
         stack.enter_context(compiled())
@@ -94,21 +119,25 @@ def step(config: Step) -> StepResult:
             raise TwinError(f"scene {config.scene!r} has no gimbal to step")
         steps = steps_per_tick(config.control_hz, plant)
         plan = asked.plan(steps * plant.dt_ns * 1e-9)
-        gimbal, readings = gimbal_seat(stack, config, plant)
-        ledger = Ledger() if config.real_time else None
-        rows = Rows(plant, readings=readings, ledger=ledger)
-        recorder = stack.enter_context(make_recorder(config, "step", plant.twin, rows))
+        gimbal, rig = gimbal_seat(stack, config, plant, tape)
+        ledger = Ledger() if real_time else None
+        rows = Rows(plant, readings=rig.readings if rig else None, ledger=ledger)
+        recorder = stack.enter_context(
+            make_recorder(config, "step", plant.twin, rows, real_time=real_time)
+        )
         rows.bind(recorder)
         sequence = Sequence(plan.times, plan.angles)
-        if config.real_time:
+        guard = None if rig is None else Guard(sequence, rig.readings, config.on_fault)
+        if real_time:
             warm_up(plant, gimbal, rows, sequence, steps)
-        clock = stack.enter_context(make_clock(config))
+        clock = stack.enter_context(make_clock(real_time=real_time))
         run(
-            Seats(plant, gimbal, sequence, clock),
+            Seats(plant, gimbal, guard or sequence, clock),
             steps_per_tick=steps,
             duration_ns=round(plan.duration * 1e9),
             command=rows.command,
             each_tick=(rows.write,),
+            stop=guard.over if guard else lambda: None,
             ledger=ledger,
         )
     return StepResult(
@@ -121,6 +150,7 @@ def step(config: Step) -> StepResult:
         physics_s=plant.computing_s,
         wall_s=time.perf_counter() - began,
         warnings=plant.warnings(),
+        fault=guard.fault if guard else None,
         timing=judged(recorder.path, clock),
     )
 

@@ -30,11 +30,14 @@ def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | Non
     """
     if config.target is None and config.programme != "point":
         launch, _ = launch_of(model)
+        # a turntable turns about the vehicle's x: what is to be seen must happen about it
+        axis = _body_x(model) if config.attitude == "base-gyro" else None
         if config.programme == "hold":
-            return PROGRAMMES["hold"](launch=launch), None
+            return PROGRAMMES["hold"](launch=launch, axis=axis), None
         angle = math.radians(config.amplitude_deg)
         kind = PROGRAMMES[config.programme]
-        return kind(launch=launch, amplitude=angle, begin=config.at_s), None  # type: ignore[call-arg]
+        found = kind(launch=launch, axis=axis, amplitude=angle, begin=config.at_s)  # type: ignore[call-arg]
+        return found, None
     if config.target is not None:
         start = _start(model)
         x, y, z = (o + t for o, t in zip(start, config.target, strict=True))
@@ -51,6 +54,14 @@ def _start(model: mujoco.MjModel) -> Vector:
     q = int(model.joint("vehicle").qposadr[0])
     x, y, z = model.qpos0[q : q + 3]
     return float(x), float(y), float(z)
+
+
+def _body_x(model: mujoco.MjModel) -> Vector:
+    """The vehicle's x axis at the launch, in the world."""
+    q = int(model.joint("vehicle").qposadr[0])
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, model.qpos0[q + 3 : q + 7])
+    return float(matrix[0]), float(matrix[3]), float(matrix[6])
 
 
 def _numeric(model: mujoco.MjModel, name: str) -> Array:

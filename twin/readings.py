@@ -16,7 +16,11 @@ class Readings:
     round_trip_ns : of the last PING; None while nothing is coming [ns]
     lost, crc_errors : frames, since the line was opened
     health : of connection and sensors, in words
+    ready : whether the rig is connected
     news : events since the last poll, as level and text
+    session : how often the rig has become ready; estimates begin anew with each
+    gyro_delay : of the holder gyro's readings [s]
+    opening : what the estimator remembered when the run began, JSON; told once, at the first poll
     """
 
     frames: list[SensorFrame] = field(default_factory=list)
@@ -27,3 +31,7 @@ class Readings:
     crc_errors: int = 0
     health: str = "ok"
     news: list[tuple[str, str]] = field(default_factory=list)
+    ready: bool = False
+    session: int = 0
+    gyro_delay: float = 0.0
+    opening: str | None = None

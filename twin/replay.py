@@ -1,7 +1,8 @@
 """`twin replay`: fly a recorded run again, bit for bit, or with something changed.
 
-The recording's properties are the configuration; nothing else is taken from it but the arrays that
-the new run is compared with.
+The recording's properties are the configuration. Where a rig had the gimbal seat, its recorded
+frames take its place, fused again; nothing else is taken from the file but the arrays that the new
+run is compared with.
 """
 
 from collections.abc import Mapping
@@ -18,7 +19,7 @@ from twin.errors import TwinError
 from twin.experiments import fly, step
 from twin.recalled import configuration_of
 from twin.results import FlightResult, StepResult
-from twin.seat_names import is_port
+from twin.seat_names import is_port, is_rig
 
 CLOCKED = "timing/"  # what the wall clock alone decides
 
@@ -114,18 +115,15 @@ def replay(config: Replay) -> ReplayResult:
     """
     old = read(config.recording)
     recorded = configuration_of(old)
-    if is_port(recorded.gimbal):
-        raise TwinError(
-            f"{config.recording} was flown with a rig at {recorded.gimbal}; only simulated seats"
-            " can be flown again without it"
-        )
     asked = _changed(recorded, config)
     if not config.force:
         _check(old, recorded, config.recording)
     out = config.out or config.recording.with_suffix(".replay.rrd")
     if out.resolve() == config.recording.resolve():
         raise TwinError(f"--out {out}: the replay must not overwrite what it repeats")
-    result = _flown(replace(asked, out=out))
+    # a rig that is named anew is simulated anew; otherwise its recorded frames stand in for it
+    tape = old if is_rig(asked.gimbal) and config.gimbal is None else None
+    result = _flown(replace(asked, out=out), tape)
     new = read(result.recording)
     return ReplayResult(
         recording=str(config.recording),
@@ -192,7 +190,9 @@ def _check(old: Recording, recorded: Run, path: Path) -> None:
 
 def _changed(recorded: Run, config: Replay) -> Run:
     """The recorded configuration with what the command line changes."""
-    changes: dict[str, object] = {"clock": "lockstep", "json": False}
+    # a port lives in real time, but its recorded frames do not
+    clock = None if is_port(recorded.gimbal) else "lockstep"
+    changes: dict[str, object] = {"clock": clock, "json": False}
     for name in ("integrator", "dt", "gimbal", "control_hz", "seed"):
         value = getattr(config, name)
         if value is None:
@@ -217,11 +217,11 @@ def _told(value: object) -> str:
     return "default" if value is None else str(value)
 
 
-def _flown(config: Run) -> FlightResult | StepResult:
+def _flown(config: Run, tape: Recording | None) -> FlightResult | StepResult:
     if isinstance(config, Fly):
-        return fly(config)
+        return fly(config, tape)
     assert isinstance(config, Step)
-    return step(config)
+    return step(config, tape)
 
 
 def _figures(recording: Recording) -> dict[str, float]:

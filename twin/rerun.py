@@ -89,12 +89,20 @@ def rerun_of(recording: Recording, gimbal: str | None = None) -> Rerun:
         raise TwinError("only a flight has a path that timing could have moved")
     seat = gimbal or ("transfer-function" if is_rig(asked.gimbal) else asked.gimbal)
     config = replace(
-        asked, gimbal=seat, clock="lockstep", calibration=None, fault=(), unit=None, out=None
+        asked,
+        gimbal=seat,
+        scene=asked.plant_scene,
+        attitude="truth",
+        clock="lockstep",
+        calibration=None,
+        fault=(),
+        unit=None,
+        out=None,
     )
     end_ns = int(recording["gimbal/command"].time_ns[-1])
 
     def fly(delays: Delays | None, finer: int) -> Trajectory:
-        return _flown(config, delays, finer, end_ns)
+        return _flown(asked, config, delays, finer, end_ns)
 
     return fly
 
@@ -138,13 +146,13 @@ def _period(config: Run) -> float:
     return 1.0 / hz if hz > 0 else 0.0
 
 
-def _flown(config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Trajectory:
+def _flown(asked: Fly, config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Trajectory:
     plant = make_plant(config, config.motor)
     if finer > 1:
         plant = make_plant(replace(config, dt=plant.dt_ns * 1e-9 / finer), config.motor)
     steps = steps_per_tick(config.control_hz, plant)
     tick_ns = steps * plant.dt_ns
-    programme, _ = setpoint(config, plant.model)
+    programme, _ = setpoint(asked, plant.model)
     pilot = Pilot(plant, AttitudeController(control_config(plant.model)), programme, tick_ns * 1e-9)
     gimbal: Gimbal = SimulatedGimbal(plant)
     if delays is not None:

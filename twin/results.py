@@ -27,6 +27,9 @@ class FlightResult:
     physics_steps, physics_s : steps taken, and the time they took
     wall_s : time of the whole command
     warnings : MuJoCo's warnings with their counts
+    fault : what went wrong with the rig first; None where nothing did
+    turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU told
+        of it; None without a turntable
     timing : whether real time left the flight what it was meant to be; None in lockstep
     """
 
@@ -45,7 +48,14 @@ class FlightResult:
     physics_s: float
     wall_s: float
     warnings: dict[str, int]
+    fault: str | None = None
+    turntable_rms_deg: float | None = None
     timing: "Verdict | None" = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was wrong with the rig."""
+        return self.fault is None
 
     def as_dict(self) -> dict[str, object]:
         """JSON values, in SI but where the name says otherwise."""
@@ -67,12 +77,16 @@ class FlightResult:
             rows.append(("closest approach", f"{self.closest_approach_m:.2f} m to ({place}) m"))
         if self.attitude_error_rms_deg is not None:
             rows.append(("attitude error", f"{self.attitude_error_rms_deg:.2f}° rms under power"))
+        if self.turntable_rms_deg is not None:
+            rows.append(
+                ("attitude seen", f"{self.turntable_rms_deg:.2f}° rms off, by the base IMU")
+            )
         if self.loop_closure_max_um is not None:
             rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
         steps = f"{self.wall_s:.2f} s for {self.physics_steps} steps"
         rows.append(("computing", f"{steps} ({self.physics_s:.2f} s of physics)"))
         rows += timing_rows(self.timing)
-        rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
+        rows += _trouble(self.fault, self.warnings)
         return _lines(rows, self.recording)
 
 
@@ -85,6 +99,7 @@ class StepResult:
     signal : what that was
     figures : per axis, what the signal allows to tell, and notes on what could not be told
     excitation_s : experiment time commanded
+    fault : what went wrong with the rig first; None where nothing did
     timing : whether real time left the run what it was meant to be; None in lockstep
     """
 
@@ -97,7 +112,13 @@ class StepResult:
     physics_s: float
     wall_s: float
     warnings: dict[str, int]
+    fault: str | None = None
     timing: "Verdict | None" = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was wrong with the rig."""
+        return self.fault is None
 
     def as_dict(self) -> dict[str, object]:
         """JSON values; `figures` has one row per axis and figure, null where not measurable."""
@@ -116,7 +137,7 @@ class StepResult:
         steps = f"{self.wall_s:.2f} s for {self.physics_steps} steps"
         rows.append(("computing", f"{steps} ({self.physics_s:.2f} s of physics)"))
         rows += timing_rows(self.timing)
-        rows += [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in self.warnings.items()]
+        rows += _trouble(self.fault, self.warnings)
         return _lines(rows, self.recording)
 
 
@@ -144,3 +165,8 @@ def timing_rows(timing: "Verdict | None") -> list[tuple[str, str]]:
 def _lines(rows: list[tuple[str, str]], recording: str) -> str:
     lines = [f"{name:<18}{value}" for name, value in rows]
     return "\n".join([*lines, f"{'recording':<18}{recording}", f"{'':<18}twin view {recording}"])
+
+
+def _trouble(fault: str | None, warnings: dict[str, int]) -> list[tuple[str, str]]:
+    rows = [] if fault is None else [("FAULT", fault)]
+    return rows + [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in warnings.items()]

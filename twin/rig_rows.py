@@ -24,9 +24,18 @@ FRAME: Final = (
     "sensors/joystick",
     "sensors/device_time",
     "sensors/flags",
+    "sensors/taken",
+    "sensors/session",
+    "sensors/gyro_delay",
 )
 # One row a tick.
-TICK: Final = ("timing/sensor_age", "timing/round_trip", "link/lost", "link/crc_errors")
+TICK: Final = (
+    "timing/sensor_age",
+    "timing/round_trip",
+    "link/lost",
+    "link/crc_errors",
+    "link/connected",
+)
 
 
 class RigRows:
@@ -57,15 +66,19 @@ class RigRows:
     def write(self, time_ns: int, wall_origin_ns: int) -> None:
         """Commit a row a frame, then leave the link's state in the row of this tick."""
         recorder, r = self._recorder, self._readings
+        if r.opening is not None:
+            recorder.estimator(time_ns, r.opening)
+            r.opening = None
         if r.frames:
             recorder.row[:] = np.nan
+            taken = (time_ns * 1e-9, r.session, r.gyro_delay)
             for frame, state in zip(r.frames, r.states, strict=True):
-                if frame.time_ns < 0:
-                    continue
-                # a better estimate of the device's clock may move a stamp back by microseconds
+                # Every frame that moved the estimate has its row, or a replay could not repeat it:
+                # the first ones, sampled before time zero, are put just behind it. Later on a
+                # better estimate of the device's clock may move a stamp back by microseconds.
                 at = max(frame.time_ns, self._last_ns + 1)
                 self._last_ns = at
-                self._frame[:] = _values(frame, state)
+                self._frame[:] = (*_values(frame, state), *taken)
                 recorder.commit(at, wall_origin_ns + at)
         self._frame[:] = np.nan
         age, trip = r.age_ns, r.round_trip_ns
@@ -74,6 +87,7 @@ class RigRows:
             np.nan if trip is None else trip * 1e-9,
             r.lost,
             r.crc_errors,
+            r.ready,
         )
         for level, text in r.news:
             recorder.event(time_ns, text, level)

@@ -2,6 +2,7 @@
 
 import math
 import time
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -20,6 +21,9 @@ from twin.recorder import Recorder
 from twin.rig_rows import RigRows
 from twin.seats import Pilot
 
+if TYPE_CHECKING:
+    from twin.rigs.turntable import Turntable
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 STILL = 0.5  # m/s; below this airspeed an angle of attack means nothing
@@ -33,6 +37,7 @@ VEHICLE = (
     "vehicle/mass",
 )
 FLOW = ("vehicle/tilt", "vehicle/airspeed", "vehicle/angle_of_attack", "vehicle/thrust")
+TURNTABLE = ("turntable/simulated", "turntable/measured", "turntable/sigma")
 CONTROL = ("control/setpoint", "control/error")
 
 
@@ -52,8 +57,10 @@ class Rows:
         pilot: Pilot | None = None,
         readings: Readings | None = None,
         ledger: Ledger | None = None,
+        turntable: "Turntable | None" = None,
     ) -> None:
         self._plant, self._pilot, self._ledger = plant, pilot, ledger
+        self._turntable = turntable
         self._rig = None if readings is None else RigRows(readings)
         self.command: Array = np.zeros(2)
         self.closure: Array = np.zeros(2)
@@ -89,6 +96,9 @@ class Rows:
             self._tables = _tables(plant.model)
             self._members = _members(plant.model, vehicle)
             self._centres, self._mass = plant.data.xipos, plant.model.body_mass
+        if self._turntable is not None:
+            t = self._turntable
+            sources |= dict(zip(TURNTABLE, (t.simulated, t.measured, t.sigma), strict=True))
         if self._ledger is not None:
             sources["timing/lateness"] = self._ledger.latest
         return sources

@@ -1,6 +1,7 @@
 """Who can sit in the gimbal seat and in the controller seat when everything is simulated."""
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +51,37 @@ class SimulatedGimbal:
         )
 
 
+class Attitude(Protocol):
+    """The attitude seat: what the controller sees of how the vehicle lies and turns.
+
+    Attributes
+    ----------
+    attitude, rate : body to world (4,) wxyz, and in body axes (3,) [rad/s]
+    """
+
+    attitude: Array
+    rate: Array
+
+    def update(self) -> None:
+        """Renew both, once a tick."""
+
+
+class Truth:
+    """The vehicle as it is simulated, in the attitude seat."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.attitude, self.rate = plant.attitude, plant.rate
+
+    def update(self) -> None:
+        """Do nothing: both are views of the plant's state."""
+
+
 class Pilot:
-    """Attitude loop in the controller seat: setpoint programme and PID on the simulated vehicle.
+    """Attitude loop in the controller seat: setpoint programme and PID on what it sees.
+
+    Parameters
+    ----------
+    attitude : what it sees; the truth without it
 
     Attributes
     ----------
@@ -60,20 +90,27 @@ class Pilot:
     """
 
     def __init__(
-        self, plant: Plant, controller: AttitudeController, setpoint: Setpoint, period: float
+        self,
+        plant: Plant,
+        controller: AttitudeController,
+        setpoint: Setpoint,
+        period: float,
+        attitude: Attitude | None = None,
     ) -> None:
         self._plant, self._controller, self._setpoint = plant, controller, setpoint
         self._period = period
+        self._seen = attitude or Truth(plant)
         self.direction: Array = np.zeros(3)
         self.error: Array = controller.error[0]
         self._angle: Array = np.zeros(2)
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
         """Gimbal angle that turns the nose towards the setpoint [rad]."""
-        plant = self._plant
+        plant, seen = self._plant, self._seen
+        seen.update()
         self.direction[:] = self._setpoint.direction(time, plant.position, plant.velocity)
         self._controller.update(
-            time, self._period, plant.attitude, plant.rate, self.direction, self._angle
+            time, self._period, seen.attitude, seen.rate, self.direction, self._angle
         )
         return float(self._angle[0]), float(self._angle[1])
 

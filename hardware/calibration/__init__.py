@@ -1,6 +1,6 @@
 """Limit switches to zero, command matrix and sensor maps, each with covariance."""
 
-from hardware.calibration.file import read, write
+from hardware.calibration.file import parsed, read, write
 from hardware.calibration.procedure import SWITCHES, CalibrationRig, Procedure
 from hardware.calibration.result import (
     Calibration,
@@ -19,6 +19,7 @@ __all__ = [
     "PotentiometerMap",
     "Procedure",
     "nominal",
+    "parsed",
     "read",
     "write",
 ]

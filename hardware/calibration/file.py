@@ -75,20 +75,30 @@ def read(path: Path, rig: int | None = None) -> Calibration:
         raise CalibrationError(f"cannot read {path}: {error.strerror}") from None
     if len(data) > LARGEST_FILE:
         raise CalibrationError(f"{path} is larger than {LARGEST_FILE} bytes; no calibration is")
-    try:
-        content = json.loads(data)
-    except (ValueError, RecursionError):
-        raise CalibrationError(f"{path} is not JSON; make one with `twin calibrate`") from None
-    try:
-        calibration = from_dict(content)
-    except CalibrationError as error:
-        raise CalibrationError(f"{path}: {error}") from None
+    calibration = parsed(data, str(path))
     if rig is not None and calibration.rig != rig:
         raise CalibrationError(
             f"{path} is of rig {calibration.rig:08x}, this one is {rig:08x}; "
             "run `twin calibrate` on it"
         )
     return calibration
+
+
+def parsed(data: bytes | str, name: str) -> Calibration:
+    """Read a calibration from a text that calls itself `name`.
+
+    Raises
+    ------
+    CalibrationError : not this format, or implausible
+    """
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError):
+        raise CalibrationError(f"{name} is not JSON; make one with `twin calibrate`") from None
+    try:
+        return from_dict(content)
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from None
 
 
 def to_dict(c: Calibration) -> dict[str, Any]:

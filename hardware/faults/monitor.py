@@ -6,11 +6,13 @@ single fault does. Frame by frame, a reading further than `GATE` from the predic
 slowly, each potentiometer is compared with an angle dead-reckoned from the gyro.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from math import cos, exp, radians
+from typing import Any
 
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
+from hardware.faults.memory import filled, number
 from hardware.faults.states import (
     GYRO,
     NAMED,
@@ -95,6 +97,38 @@ class Monitor:
             if axis.doubtful >= DOUBTFUL and not parts
         ]
         return ", ".join(parts) or "ok"
+
+    def snapshot(self) -> dict[str, object]:
+        """Return everything this monitor remembers, as JSON values."""
+        return {
+            "time": self.time,
+            "running": self._running,
+            "equal": self._equal,
+            "last_gyro": None if self._last_gyro is None else list(self._last_gyro),
+            "tracks": [asdict(track) for track in self._tracks],
+            "axes": [asdict(axis) for axis in self._axes],
+        }
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Take up what `snapshot` gave.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError : it is no such memory
+        """
+        tracks = tuple(filled(Track, values) for values in memory["tracks"])
+        x, y = (filled(_Axis, values) for values in memory["axes"])
+        if [track.index for track in tracks] != list(range(len(SENSORS))):
+            raise ValueError("tracks of other sensors")
+        self._tracks, self._axes = tracks, (x, y)
+        self.time, self._running = number(memory["time"]), number(memory["running"])
+        self._equal = int(number(memory["equal"]))
+        gyro = memory["last_gyro"]
+        if gyro is not None:
+            a, b, c = (number(v) for v in gyro)
+            gyro = a, b, c
+        self._last_gyro = gyro
+        self._named = sum(track.state in NAMED for track in tracks)
 
     def begin(self, reading: Reading) -> tuple[bool, bool, bool, bool]:
         """Start afresh on a first frame, or after a gap; tell which potentiometers are wired."""

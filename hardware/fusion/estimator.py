@@ -1,15 +1,19 @@
 """Sensor frames in, gimbal states out; knows which sensor is wrong and goes on without it."""
 
+from collections.abc import Mapping
 from dataclasses import replace
-from math import cos, radians, sqrt
+from math import cos, radians, sin, sqrt
+from typing import Any
 
 import numpy as np
 
 from hardware.calibration.result import Calibration
 from hardware.faults import POTENTIOMETERS, Monitor, Prediction, Reading, Remedy
-from hardware.frames import GimbalState, Pair, SensorFrame
+from hardware.faults.memory import number
+from hardware.frames import GimbalState, HardwareError, Pair, SensorFrame, Triple
 from hardware.fusion.axis import ANGLE, BIAS, RATE, Array, Noise, predict, process_noise, transition
 from hardware.fusion.axis import update as take_in
+from hardware.fusion.base import BaseMap
 from hardware.protocol import Flags
 
 LONGEST_STEP_US = 200_000  # after a longer gap the filter starts afresh
@@ -24,6 +28,7 @@ class Fusion:
     ----------
     calibration : maps from readings to angles
     noise : assumptions on sensors and motion
+    base : map of the base's IMU where the base turns: its rate is then taken out of the holder's
 
     Attributes
     ----------
@@ -31,8 +36,14 @@ class Fusion:
     monitor : health of the sensors
     """
 
-    def __init__(self, calibration: Calibration, noise: Noise | None = None) -> None:
+    def __init__(
+        self,
+        calibration: Calibration,
+        noise: Noise | None = None,
+        base: BaseMap | None = None,
+    ) -> None:
         self.calibration = calibration
+        self.base = base
         self.noise = noise or Noise()
         self.monitor = Monitor()
         self.x, self.P = np.zeros((2, 4)), np.zeros((2, 4, 4))
@@ -56,6 +67,41 @@ class Fusion:
         """Forget the past; the next frame begins anew."""
         self._last_us = None
 
+    def snapshot(self) -> dict[str, object]:
+        """Return everything this estimator remembers, as JSON values.
+
+        With the frames that come after it, a fresh estimator that takes it up gives the same
+        states to the last bit.
+        """
+        return {
+            "gyro_delay": self.noise.gyro_delay,
+            "last_us": self._last_us,
+            "x": self.x.tolist(),
+            "P": self.P.tolist(),
+            "monitor": self.monitor.snapshot(),
+        }
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Take up what `snapshot` gave.
+
+        Raises
+        ------
+        HardwareError : it is no such memory
+        """
+        try:
+            x, P = (np.array(memory[k], dtype=np.float64) for k in ("x", "P"))
+            if x.shape != (2, 4) or P.shape != (2, 4, 4) or not np.isfinite(P).all():
+                raise ValueError("states or covariances of another shape")
+            if not np.isfinite(x).all():
+                raise ValueError("states that are no numbers")
+            last = memory["last_us"]
+            self.set_gyro_delay(number(memory["gyro_delay"]))
+            self._last_us = None if last is None else int(number(last))
+            self.x[:], self.P[:] = x, P
+            self.monitor.restore(memory["monitor"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise HardwareError(f"no memory of a sensor fusion: {error}") from None
+
     def update(self, frame: SensorFrame) -> GimbalState:
         """Return the gimbal's state at the frame's time stamp."""
         dt_us = 0 if self._last_us is None else frame.device_us - self._last_us
@@ -66,7 +112,7 @@ class Fusion:
             predict(self.x, self.P, *self._step(dt_us))
         self._last_us = frame.device_us
         self._absorb(reading, self.monitor.inspect(reading, self._prediction(reading)))
-        return self._state(frame.time_ns)
+        return self.state(frame.time_ns)
 
     def _step(self, dt_us: int) -> tuple[Array, Array]:
         step = self._steps.get(dt_us)
@@ -86,9 +132,17 @@ class Fusion:
             angle=(a.angle(f[0]), b.angle(f[1]), c.angle(f[2]), d.angle(f[3])),
             gain=self._gains,
             gyro=frame.gyro,
-            rate=self.calibration.gyro.rates(frame.gyro),
+            rate=self._rate(frame),
             fresh=bool(frame.flags & Flags.HOLDER_IMU),
         )
+
+    def _rate(self, frame: SensorFrame) -> Pair:
+        """What the holder's gyro says of the gimbal alone: x rate · cos y, and y rate [rad/s]."""
+        x, y = self.calibration.gyro.rates(frame.gyro)
+        if self.base is None:
+            return x, y
+        u, v = _on_holder(self.base.rate(frame.base_gyro), self.x[0, ANGLE], self.x[1, ANGLE])
+        return x - u, y - v
 
     def _start(self, reading: Reading) -> None:
         wired = self.monitor.begin(reading)
@@ -141,7 +195,8 @@ class Fusion:
             R[2, 2] = walk + (self.calibration.gyro.sigma * self.x[k, RATE]) ** 2
         take_in(self.x, self.P, self._z, self._R, self._gain, self._use)
 
-    def _state(self, time_ns: int) -> GimbalState:
+    def state(self, time_ns: int) -> GimbalState:
+        """Return the present estimate under a time stamp of the caller's [ns]."""
         (x, y), v = self.x.tolist(), self.P[:, ANGLE, ANGLE].tolist()
         sigma: Pair = (sqrt(v[0] + self._map_variance[0]), sqrt(v[1] + self._map_variance[1]))
         return GimbalState(
@@ -151,3 +206,10 @@ class Fusion:
             sigma=sigma,
             healthy=self.monitor.healthy,
         )
+
+
+def _on_holder(base: Triple, x: float, y: float) -> Pair:
+    """Components along the holder's x and y of a rate of the base, gimbal at x, then y [rad]."""
+    a, b, c = base
+    across, along = cos(x) * b + sin(x) * c, cos(x) * c - sin(x) * b
+    return cos(y) * a - sin(y) * along, across

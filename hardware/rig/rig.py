@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 from hardware.calibration.result import Calibration, nominal
 from hardware.faults import Fault
-from hardware.frames import GimbalCommand, GimbalState, HardwareError, SensorFrame
-from hardware.fusion import Fusion, Noise
+from hardware.frames import GimbalCommand, GimbalState, HardwareError, Pair, SensorFrame
+from hardware.fusion import BaseMap, Fusion, Noise
 from hardware.protocol import (
     LAYOUT,
     PROTOCOL,
@@ -41,6 +41,7 @@ SYNC_COUNT = 10
 CONNECT_NS = 4_000_000_000  # a Nano's bootloader takes 2 s
 SILENCE_NS = 300_000_000  # without a frame on an open line: hung, or only half plugged in
 TIMEOUT_MS = 100
+PULSES = constants.PULSE_MINIMUM * constants.TICK, constants.PULSE_MAXIMUM * constants.TICK  # s
 _POLL_NS = 1_000_000
 
 
@@ -68,6 +69,8 @@ class Rig:
     hello : what the device said of itself
     phase : where the connection stands
     fusion : the estimator, with the fault monitor in it
+    session : how often the rig has become ready; estimates begin anew with each
+    gyro_delay : of the holder gyro's readings, as this session's first frame told it [s]
     """
 
     def __init__(
@@ -84,6 +87,7 @@ class Rig:
         self.line = line
         self.calibrated = calibration is not None
         self.calibration = calibration or nominal()
+        self._noise = noise
         self.fusion = Fusion(self.calibration, noise)
         self.state: GimbalState | None = None
         self.states: list[GimbalState] = []
@@ -97,6 +101,8 @@ class Rig:
         self._heard_ns = 0
         self._device_us: int | None = None
         self._frames = 0
+        self.session = 0
+        self.gyro_delay = self.fusion.noise.gyro_delay
         self._delay_known = False
         self._latest: Telemetry | None = None
 
@@ -130,6 +136,16 @@ class Rig:
             f"nothing answered within {seconds:g} s: is the firmware flashed and is this the "
             "right port?"
         )
+
+    def renew(self, base: BaseMap | None = None) -> None:
+        """Forget every estimate, as if no frame had been seen yet.
+
+        Parameters
+        ----------
+        base : map of the base's IMU where the base turns from now on
+        """
+        self.fusion = Fusion(self.calibration, self._noise, base)
+        self._delay_known = False
 
     def poll(self) -> list[SensorFrame]:
         """Return the sensor frames that have arrived; never blocks.
@@ -191,6 +207,17 @@ class Rig:
         self.line.close()
 
     @property
+    def turntable_limits(self) -> Pair:
+        """Shortest and longest pulse of the third servo, as the device announced them [s]."""
+        if self.hello is None:
+            return (
+                constants.PULSE_MINIMUM * constants.TICK,
+                constants.PULSE_MAXIMUM * constants.TICK,
+            )
+        tick = self.hello.tick_ns * 1e-9
+        return self.hello.minimum[2] * tick, self.hello.maximum[2] * tick
+
+    @property
     def faults(self) -> tuple[Fault, ...]:
         """The sensors that are known to be wrong."""
         return self.fusion.monitor.faults
@@ -230,8 +257,10 @@ class Rig:
             self.estimate = ClockEstimate(self.estimate.skew)
             self._device_us = None
             self.fusion.restart()
-        elif new is Phase.READY and self._arm:
-            self.line.send(Arm())
+        elif new is Phase.READY:
+            self.session += 1
+            if self._arm:
+                self.line.send(Arm())
 
     def _speak(self) -> None:
         """Send what the phase asks for, when it is time."""
@@ -297,7 +326,8 @@ class Rig:
         self._device_us = self._unwrapped(t.device_us)
         if not self._delay_known and self.hello is not None:
             low_pass = constants.GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
-            self.fusion.set_gyro_delay(low_pass + t.imu_age_us[0] * 1e-6)
+            self.gyro_delay = low_pass + t.imu_age_us[0] * 1e-6
+            self.fusion.set_gyro_delay(self.gyro_delay)
             self._delay_known = True
         time_ns = self.estimate.host_ns(self._device_us)
         frame = self._converter.frame(t, time_ns, self._device_us)

@@ -195,9 +195,12 @@ class TestStep:
         run = self.run(tmp_path / "a.rrd", "emulator", unit=FAST)
         device, measured = run["sensors/device_time"], run["gimbal/measured"]
         np.testing.assert_array_equal(device.time, measured.time)
-        clock = device.values[:, 0]
-        line = np.polyfit(device.time, clock, 1)
-        rest = clock - np.polyval(line, device.time)
+        # what was sampled before time zero and arrived after it stands just behind it
+        within = device.time > 1e-6
+        assert (~within).sum() <= 3
+        stamps, clock = device.time[within], device.values[within, 0]
+        line = np.polyfit(stamps, clock, 1)
+        rest = clock - np.polyval(line, stamps)
         # what matters is that neither tick nor wire shows in the stamps: 2 ms each
         assert line[0] == pytest.approx(1.0 + sample_rig(FAST).skew, abs=1e-4)
         assert abs(rest).max() < 4e-4  # the clock is estimated through ticks of 1 ms

@@ -154,7 +154,7 @@ def mirror(config: Mirror) -> MirrorResult:
             make_recorder(config, "mirror", plant.twin, rows, serve=config.serve, drain_ns=drain)
         )
         rows.bind(recorder)
-        clock = stack.enter_context(make_clock(config))
+        clock = stack.enter_context(make_clock(real_time=config.real_time))
 
         def write(time_ns: int) -> None:
             if readings.frames or readings.news or time_ns % ROW_NS == 0:

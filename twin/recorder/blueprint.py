@@ -28,6 +28,8 @@ _MEANING = {
     "gimbal/other": SIMULATED,
     "gimbal/rate/simulated": SIMULATED,
     "gimbal/rate/measured": MEASURED,
+    "turntable/simulated": SIMULATED,
+    "turntable/measured": MEASURED,
     "control/setpoint": COMMAND,
     "vehicle/tilt": SIMULATED,
 }
@@ -52,6 +54,7 @@ _PER_AXIS = (
 _GROUPS = (
     ("Control error", ("control/error",)),
     ("Difference", ("gimbal/difference",)),
+    ("Turntable", ("turntable/simulated", "turntable/measured")),
     ("Angle of attack", ("vehicle/angle_of_attack",)),
     ("Airspeed", ("vehicle/airspeed",)),
     ("Position", ("vehicle/position",)),
@@ -60,7 +63,7 @@ _GROUPS = (
     ("Thrust", ("vehicle/thrust",)),
     ("Mass", ("vehicle/mass",)),
     ("Timing", ("timing/lateness", "timing/sensor_age", "timing/round_trip")),
-    ("Link", ("link/lost", "link/crc_errors")),
+    ("Link", ("link/lost", "link/crc_errors", "link/connected")),
     ("Potentiometers", ("sensors/potentiometer",)),
     ("Gyro", ("sensors/gyro",)),
     ("Accelerometer", ("sensors/accelerometer",)),
@@ -114,6 +117,7 @@ def build(names: Sequence[str], poses: Poses | None, *, live: bool = False) -> r
         for title, members in _present(_PER_AXIS[1:], recorded)
         for axis in (0, 1)
     ]
+    attitude += [plots["Turntable"]] if "Turntable" in plots else []
     if attitude:
         tabs.append(rrb.Vertical(*attitude, name="Attitude"))
     for tab, titles in _TABS:

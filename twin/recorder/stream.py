@@ -181,6 +181,10 @@ class Recorder:
         """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
         self._texts.append((schema.HEALTH, time_ns, text, "INFO"))
 
+    def estimator(self, time_ns: int, memory: str) -> None:
+        """Add what the rig's estimator remembers at `time_ns` [ns], as JSON, for a replay."""
+        self._texts.append((schema.ESTIMATOR, time_ns, memory, "INFO"))
+
     def drain(self) -> None:
         """Write what is kept; called by `commit` in time, so seldom of use elsewhere."""
         self._finish()

@@ -63,22 +63,22 @@ def parameters(model: mujoco.MjModel, unit: int | None = None) -> RigParameters:
 def make_device(
     kind: str,
     plant: BenchPlant,
+    rig: RigParameters,
     *,
-    unit: int | None = None,
     faults: Sequence[Injection] = (),
     seed: int = 0,
 ) -> Device:
-    """A simulated rig over the bench scene.
+    """A simulated rig over a bench or turntable scene.
 
     Parameters
     ----------
     kind : `emulator`, or `firmware` for the real program on a simulated Nano
+    rig : its servos, sensors and clock, from `parameters`
 
     Raises
     ------
     hardware.avr.SimulatedNanoError : the AVR tools are missing
     """
-    rig = parameters(plant.model, unit)
     make = Emulator if kind == "emulator" else FirmwareRig
     return make(rig, plant=plant, injections=tuple(faults), seed=seed)
 

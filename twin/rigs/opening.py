@@ -6,17 +6,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from analysis.recording import Recording
 from hardware.calibration import Calibration
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse
+from hardware.fusion import BaseMap
 from hardware.link import Link
 from hardware.rig import Rig, in_process
 from twin.errors import TwinError
-from twin.model import ModelConfig, load
+from twin.model import ModelConfig, TwinModel, load
 from twin.plant import Plant
-from twin.rigs.bench import BenchPlant
+from twin.rigs.bench import TURNTABLE, BenchPlant
 from twin.rigs.devices import Device, drawing, drawn, make_device, parameters
 from twin.rigs.seat import RigGimbal
+from twin.rigs.turntable import find_base
 from twin.seat_names import SIMULATED, check_seat, is_rig
 
 OF_THE_MECHANISM = "gimbal_"
@@ -35,6 +38,7 @@ class RigOptions:
     seed : of a simulated rig's noise
     mechanism : MJCF file in place of the reference mechanism
     overrides : named parameters; those of the mechanism count for a simulated rig
+    scene : what it stands on: `bench`, or `turntable` whose base turns
     watch : neither arm nor command it
     fuse : estimate angles; a calibration has no use for it
     """
@@ -46,34 +50,50 @@ class RigOptions:
     seed: int = 0
     mechanism: Path | None = None
     overrides: Mapping[str, float] = field(default_factory=dict)
+    scene: str = "bench"
     watch: bool = False
     fuse: bool = True
 
 
 def device(options: RigOptions) -> Device:
-    """The simulated rig of a seat, over a bench scene of its own.
+    """The simulated rig of a seat, over a scene of its own.
 
     Raises
     ------
     TwinError, HardwareError : unknown fault, missing AVR tools, an override that cannot be
     """
     faults = [parse(text) for text in options.faults]
-    return make_device(
-        options.seat, _bench(options), unit=options.unit, faults=faults, seed=options.seed
-    )
+    rig = parameters(_model(options, "bench").mj, options.unit)
+    plant = BenchPlant(_model(options, options.scene))
+    return make_device(options.seat, plant, rig, faults=faults, seed=options.seed)
 
 
-def _bench(options: RigOptions) -> BenchPlant:
+def _model(options: RigOptions, scene: str) -> TwinModel:
+    """A scene with the rig's mechanism; the bench is the one that knows the limit switches."""
     ours = {k: v for k, v in options.overrides.items() if k.startswith(OF_THE_MECHANISM)}
-    return BenchPlant(load(ModelConfig(scene="bench", mechanism=options.mechanism, overrides=ours)))
+    return load(ModelConfig(scene=scene, mechanism=options.mechanism, overrides=ours))
 
 
 @contextmanager
-def open_rig(options: RigOptions, plant: Plant | None) -> Iterator[RigGimbal]:
-    """Connect a rig for the length of a block, within `native.installed()`; see `opened`."""
-    seat = opened(options, plant)
+def open_rig(
+    options: RigOptions, plant: Plant | None, tape: Recording | None = None
+) -> Iterator[RigGimbal]:
+    """Connect a rig for the length of a block, within `native.installed()`; see `opened`.
+
+    Parameters
+    ----------
+    tape : recording whose readings stand in for the rig
+    """
+    if tape is not None:
+        assert plant is not None
+        seat, base = _replayed(options, plant, tape)
+    else:
+        seat, base = opened(options, plant), None
     try:
         seat.start()
+        if options.scene == TURNTABLE:
+            seat.base = base or find_base(seat)
+            seat.settle()
         yield seat
     finally:
         seat.close()
@@ -92,7 +112,7 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
     if options.seat in SIMULATED:
         return _simulated(options, plant)
     _refuse_simulation(options)
-    bench = _bench(options).model
+    bench = _model(options, "bench").mj
     calibration = _calibration(options) or drawn(bench)
     link = Link(options.seat)
     rig = Rig(link, calibration, arm=not options.watch, fuse=options.fuse)
@@ -107,13 +127,34 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
     )
 
 
+def _replayed(
+    options: RigOptions, plant: Plant, tape: Recording
+) -> tuple[RigGimbal, BaseMap | None]:
+    from twin.rigs.replayed import RecordedRig, base_of, calibration_of
+
+    bench = _model(options, "bench").mj
+    calibration = calibration_of(tape)
+    if calibration is None:
+        simulated = options.seat in SIMULATED
+        calibration = drawn(bench, parameters(bench, options.unit) if simulated else None)
+    seat = RigGimbal(
+        RecordedRig(tape, calibration, plant),
+        plant,
+        clock=lambda: plant.time_ns,
+        wait=lambda _: None,
+        lockstep=False,
+        live=False,
+        drawing=drawing(bench),
+    )
+    return seat, base_of(tape)
+
+
 def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
     calibration = _calibration(options)
     simulated = device(options)
-    bench = simulated.bench.plant
-    assert isinstance(bench, BenchPlant)
+    bench = _model(options, "bench").mj
     if calibration is None:
-        calibration = drawn(bench.model, parameters(bench.model, options.unit))
+        calibration = drawn(bench, parameters(bench, options.unit))
     rig = in_process(simulated, calibration, arm=not options.watch, fuse=options.fuse)
     return RigGimbal(
         rig,
@@ -122,7 +163,7 @@ def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
         wait=lambda ns: simulated.advance_us(max(1, ns // 1000)),
         lockstep=True,
         watch=options.watch,
-        drawing=drawing(bench.model),
+        drawing=drawing(bench),
     )
 
 

@@ -1,10 +1,16 @@
 """A rig in the gimbal seat: commands go over its line, measured angles move the joints."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
+from hardware.calibration import Calibration
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
-from hardware.rig import Phase, Rig, RigError
+from hardware.fusion import BaseMap, Fusion
+from hardware.protocol import Hello
+from hardware.rig import Phase, RigError, RigStatistics
+from hardware.rig.rig import TIMEOUT_MS
 from twin.model import AXES
 from twin.plant import Plant
 from twin.readings import Readings
@@ -16,14 +22,68 @@ SETTLE_NS = 800_000_000
 LONGEST_SETTLE_NS = 3_000_000_000
 # A servo looks at its pulse every 20 ms; more commands than the rig sends frames tell it nothing.
 COMMAND_NS = 2_000_000
+# The rig's own timeout sends its servos to neutral when nothing comes any more; they take 0.1 s.
+NEUTRAL_NS = TIMEOUT_MS * 1_000_000 + 100_000_000
 _STEP_NS = 1_000_000
+
+
+class SomeRig(Protocol):
+    """What the seat needs of a rig; `hardware.rig.Rig` is one, a recording another."""
+
+    calibration: Calibration
+    fusion: Fusion
+    hello: Hello | None
+    session: int
+    gyro_delay: float
+
+    @property
+    def phase(self) -> Phase:
+        """Where the connection stands."""
+
+    @property
+    def states(self) -> list[GimbalState]:
+        """Estimates of the frames that the latest poll returned."""
+
+    @property
+    def statistics(self) -> RigStatistics:
+        """Losses and timing so far."""
+
+    @property
+    def health(self) -> str:
+        """Health of connection and sensors in one line."""
+
+    @property
+    def turntable_limits(self) -> Pair:
+        """Shortest and longest pulse of the third servo [s]."""
+
+    def connect(self) -> object:
+        """Wait until it is ready."""
+
+    def renew(self, base: BaseMap | None = None) -> None:
+        """Forget every estimate."""
+
+    def poll(self) -> list[SensorFrame]:
+        """Frames that have arrived."""
+
+    def send(self, command: GimbalCommand, turntable: float = 0.0) -> object:
+        """Send a command."""
+
+    def send_pulses(self, x: float, y: float, turntable: float = 0.0) -> object:
+        """Send pulse widths [s]."""
+
+    def neutral(self) -> None:
+        """Send the servos to neutral and leave them armed."""
+
+    def close(self) -> None:
+        """Neutral, disarmed, line closed."""
 
 
 class RigGimbal:
     """Polls a rig once a tick without blocking and lets the plant's joints follow it.
 
-    While the cable is out the joints hold the last angle, `GimbalState.healthy` is false, and the
-    rig's own timeout has sent the servos to neutral; the run goes on.
+    While nothing comes from the rig, the joints hold the last angle for as long as its own timeout
+    lets the servos stand, and then go to neutral as the servos do (but where somebody else steers);
+    `GimbalState.healthy` is false meanwhile, and the run goes on.
 
     Parameters
     ----------
@@ -33,23 +93,27 @@ class RigGimbal:
     wait : lets time pass on it [ns]; in lockstep this is what moves the simulated device
     lockstep : the device lives on the plant's time
     watch : send nothing; the rig must not be armed then
+    live : its estimates need time to settle; those of a recording have had it
     drawing : exact kinematics behind the straight lines of a calibration; None trusts the lines
 
     Attributes
     ----------
     rig, wait : as given
     readings : what the latest poll brought
+    turntable : pulse width for the third servo, 0 for neutral [s]
+    base : map of the base it stands on, where that turns
     """
 
     def __init__(
         self,
-        rig: Rig,
+        rig: SomeRig,
         plant: Plant | None,
         *,
         clock: Callable[[], int],
         wait: Callable[[int], None],
         lockstep: bool,
         watch: bool = False,
+        live: bool = True,
         drawing: Drawing | None = None,
     ) -> None:
         self.rig = rig
@@ -57,8 +121,12 @@ class RigGimbal:
         self.wait = wait
         self._plant, self._clock = plant, clock
         self._lockstep, self._watch, self._drawing = lockstep, watch, drawing
+        self._live = live
+        self.turntable = 0.0
+        self.base: BaseMap | None = None
         self._origin = 0
         self._started = False
+        self._fresh_ns = 0
         self._next_command = 0
         self._ready = False
         self._lost_ns = 0
@@ -75,8 +143,20 @@ class RigGimbal:
         RigError : nothing answers, something else does, or the calibration is of another rig
         """
         self.rig.connect()
-        began = self._clock()
-        while self._clock() - began < SETTLE_NS or self.rig.statistics.frames == 0:
+        self.settle()
+
+    def settle(self) -> None:
+        """Begin every estimate anew and let it settle; blocks.
+
+        Raises
+        ------
+        RigError : no readings come
+        """
+        self.rig.renew(self.base)
+        began, before = self._clock(), self.rig.statistics.frames
+        while self._live and (
+            self._clock() - began < SETTLE_NS or self.rig.statistics.frames == before
+        ):
             if self._clock() - began > LONGEST_SETTLE_NS:
                 raise RigError("the rig answers but sends no readings; is its cable sound?")
             self.rig.poll()
@@ -94,7 +174,7 @@ class RigGimbal:
         self._next_command = command.time_ns + COMMAND_NS
         if self._drawing is not None:
             command = replace(command, angle=self._drawing.straightened(command.angle))
-        self.rig.send(command)
+        self.rig.send(command, self.turntable)
 
     def asked(self, frame: SensorFrame) -> Pair:
         """Gimbal angle that the pulses in force ask for [rad]."""
@@ -104,8 +184,7 @@ class RigGimbal:
     def poll(self) -> GimbalState:
         """The latest estimate, in experiment time; frames and states are in `readings`."""
         if not self._started:
-            self._origin = self._clock() - (self._plant.time_ns if self._plant else 0)
-            self._started = True
+            self._begin()
         if self._lockstep and self._plant is not None:
             behind = self._plant.time_ns - self.now_ns()
             if behind > 0:
@@ -115,10 +194,27 @@ class RigGimbal:
         state = self.readings.states[-1] if self.readings.states else self._stale
         if not self._ready:
             state = replace(state, healthy=False)
+        if self._plant is not None and not self._watch:
+            state = self._neutral_unless_fresh(state, self._plant.time_ns)
         self._stale = state
         if self._plant is not None and self._ids:
             ctrl = self._plant.data.ctrl
             ctrl[self._ids[0]], ctrl[self._ids[1]] = state.angle
+        return state
+
+    def _begin(self) -> None:
+        """Experiment time begins; what the rig said before belongs to no row of the run."""
+        self.rig.poll()
+        self._origin = self._clock() - (self._plant.time_ns if self._plant else 0)
+        self._stale = self.rig.fusion.state(0)
+        self.readings.opening = json.dumps(self.rig.fusion.snapshot(), allow_nan=False)
+        self._started = True
+
+    def _neutral_unless_fresh(self, state: GimbalState, now_ns: int) -> GimbalState:
+        if self.readings.states:
+            self._fresh_ns = now_ns
+        elif now_ns - self._fresh_ns > NEUTRAL_NS:
+            return replace(state, angle=(0.0, 0.0), rate=(0.0, 0.0), healthy=False)
         return state
 
     def close(self) -> None:
@@ -134,10 +230,11 @@ class RigGimbal:
         newest = r.states[-1] if r.states else self._stale
         known = self._ready and newest.sigma != (0.0, 0.0)
         r.age_ns = self.now_ns() - newest.time_ns if known else None
-        r.round_trip_ns = rig.estimate.round_trip_ns if known and r.frames else None
-        statistics = rig.line.statistics
-        r.lost, r.crc_errors = statistics.decoder.lost, statistics.decoder.crc_errors
-        r.health = rig.health
+        statistics = rig.statistics
+        r.round_trip_ns = statistics.round_trip_ns if known and r.frames else None
+        r.lost, r.crc_errors = statistics.lost, statistics.crc_errors
+        r.health, r.ready = rig.health, self._ready
+        r.session, r.gyro_delay = rig.session, rig.gyro_delay
 
     def _follow_connection(self) -> None:
         ready = self.rig.phase is Phase.READY
@@ -151,6 +248,6 @@ class RigGimbal:
             )
             return
         self._lost_ns = now
-        gaps = self.rig.line.statistics.gaps
+        gaps = self.rig.statistics.gaps
         reason = gaps[-1].reason if gaps and gaps[-1].end_ns is None else "it fell silent"
         self.readings.news.append(("WARN", f"rig lost: {' '.join(reason.split())}"))

@@ -14,6 +14,7 @@ from twin.plant import Plant
 from twin.readings import Readings
 
 Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 WIDTHS = {
     "sensors/potentiometer": 4,
     "sensors/gyro": 3,
@@ -55,7 +56,7 @@ class Tape:
         self._plant = plant
         self._ids = [int(plant.model.actuator(f"gimbal_{a}").id) for a in AXES]
         self._times = tape["gimbal/measured"].time_ns
-        self._states, self._frames = _states(tape), _frames(tape)
+        self._states, self._frames = _states(tape), recorded_frames(tape, self._times)
         self._health = [(round(e.time * 1e9), e.text) for e in tape.health]
         self._command = _series(tape, "gimbal/command", 2)
         self._command_time = tape.series["gimbal/command"].time_ns if self._command.size else None
@@ -98,9 +99,8 @@ def _series(tape: Recording, name: str, width: int) -> Array:
     return np.empty((0, width)) if found is None else np.asarray(found.values)
 
 
-def _beside(tape: Recording, name: str, width: int) -> Array:
-    """A signal at the stamps of the measured angles: the value last before each, else NaN."""
-    times = tape["gimbal/measured"].time_ns
+def _beside(tape: Recording, name: str, width: int, times: Stamps) -> Array:
+    """A signal at some stamps [ns]: the value last before each, else NaN."""
     out = np.full((len(times), width), np.nan)
     found = tape.series.get(name)
     if found is None or found.values.shape[1] != width or not len(found.time):
@@ -113,14 +113,14 @@ def _beside(tape: Recording, name: str, width: int) -> Array:
 def _states(tape: Recording) -> list[GimbalState]:
     times = tape["gimbal/measured"].time_ns
     angle = np.asarray(tape["gimbal/measured"].values)
-    rate, sigma = (_beside(tape, n, 2) for n in ("gimbal/rate/measured", "gimbal/sigma"))
+    rate, sigma = (_beside(tape, n, 2, times) for n in ("gimbal/rate/measured", "gimbal/sigma"))
     rows = zip(times.tolist(), angle.tolist(), rate.tolist(), sigma.tolist(), strict=True)
     return [GimbalState(t, _two(a), _two(r), _two(s)) for t, a, r, s in rows]
 
 
-def _frames(tape: Recording) -> list[SensorFrame]:
-    times = tape["gimbal/measured"].time_ns
-    columns = [_beside(tape, name, width).tolist() for name, width in WIDTHS.items()]
+def recorded_frames(tape: Recording, times: Stamps) -> list[SensorFrame]:
+    """The readings of a recorded run at these stamps [ns]; NaN what was not recorded."""
+    columns = [_beside(tape, name, width, times).tolist() for name, width in WIDTHS.items()]
     frames = []
     for time, pot, g, a, bg, ba, pulse, sw, joy, dev, flags in zip(
         times.tolist(), *columns, strict=True

@@ -1,0 +1,157 @@
+"""Attitude of a base that one servo turns about x, from the IMU on it: gyro, held by gravity."""
+
+from dataclasses import dataclass
+from math import atan2, degrees, isfinite, pi, radians, sqrt
+
+from hardware.frames import HardwareError, SensorFrame, Triple
+from hardware.protocol import Flags
+
+LONGEST_STEP_US = 200_000  # after a longer gap the gyro cannot say what happened meanwhile
+LARGEST_BIAS = radians(40.0)  # twice the data sheet's zero-rate output
+LARGEST_TILT = radians(20.0)  # of a base that stands at neutral
+LARGEST_SCALE = 0.1  # the data sheets say ±3 % each for gyro and accelerometer
+
+
+@dataclass(frozen=True, slots=True)
+class BaseMap:
+    """What the IMU of one base shows, as a turntable's own calibration finds it.
+
+    Attributes
+    ----------
+    tilt : that the accelerometer shows at the neutral pulse [rad]
+    gyro_bias : reading at rest [rad/s]
+    gyro_scale : turn about x by the accelerometer per turn by the gyro [1]
+    centre, travel : pulse width at neutral [s], turn per pulse width [rad/s]
+
+    Raises
+    ------
+    HardwareError : a figure that no such IMU has
+    """
+
+    tilt: float = 0.0
+    gyro_bias: Triple = (0.0, 0.0, 0.0)
+    gyro_scale: float = 1.0
+    centre: float = 1.5e-3
+    travel: float = radians(1.0) / 10.3e-6
+
+    def __post_init__(self) -> None:
+        """Refuse what would make an attitude out of nonsense."""
+        bias = max(abs(b) for b in self.gyro_bias)
+        limits = (
+            ("tilt at neutral", abs(self.tilt), LARGEST_TILT),
+            ("gyro bias", bias, LARGEST_BIAS),
+        )
+        for name, value, limit in limits:
+            if not value <= limit:
+                raise HardwareError(
+                    f"base IMU: {name} of {degrees(value):.1f}°; at most {degrees(limit):.0f} is"
+                    " plausible: is it mounted the right way round, and did the base stand still?"
+                )
+        if not abs(self.gyro_scale - 1.0) <= LARGEST_SCALE:
+            raise HardwareError(
+                f"base IMU: the accelerometer turned {self.gyro_scale:.2f} times as far as the"
+                " gyro; one of the two is wrong, or x is not the axis of the turntable"
+            )
+        if not (isfinite(self.centre) and isfinite(self.travel) and self.travel != 0.0):
+            raise HardwareError("turntable: centre and travel must be numbers, travel not zero")
+
+    def rate(self, reading: Triple) -> Triple:
+        """Angular rate of the base from a reading of its gyro [rad/s]."""
+        x, y, z = reading
+        a, b, c = self.gyro_bias
+        return (x - a) * self.gyro_scale, y - b, z - c
+
+    def pulse(self, turn: float) -> float:
+        """Pulse width for a turn of the base [rad] → [s]."""
+        return self.centre + turn / self.travel
+
+
+def tilt(accelerometer: Triple) -> float:
+    """Turn about x that gravity shows while the base stands still; its z points down [rad]."""
+    return atan2(-accelerometer[1], -accelerometer[2])
+
+
+@dataclass(frozen=True, slots=True)
+class BaseNoise:
+    """What the base IMU is assumed to do.
+
+    Attributes
+    ----------
+    gyro : angle random walk [rad/√s]; 0.005 °/s/√Hz one-sided is 0.0035 °/√s
+    scale : what the gyro's scale leaves open [1], over moves of `move` [s]
+    bias : random walk of its bias [rad/s/√s]
+    bias_sigma : of the bias at the start [rad/s]
+    tilt : of one accelerometer reading at rest [rad]; 400 µg/√Hz over some 200 Hz is 0.33°
+    lever : further per angular rate [s]: the IMU sits 56 mm off the axis and a servo changes its
+        speed within 30 ms, 0.056/(0.03·9.81)
+    """
+
+    gyro: float = radians(0.005) / sqrt(2.0)
+    scale: float = 0.01
+    move: float = 0.1
+    bias: float = radians(0.02)
+    bias_sigma: float = radians(0.2)
+    tilt: float = radians(0.4)
+    lever: float = 0.2
+
+
+class BaseAttitude:
+    """Kalman filter over turn and gyro bias: the gyro moves it on, gravity corrects it.
+
+    Parameters
+    ----------
+    base : map of this base
+    noise : assumptions
+
+    Attributes
+    ----------
+    angle, rate : turn about x since neutral [rad] and its time derivative [rad/s]
+    sigma : standard deviation of `angle` [rad]
+    """
+
+    def __init__(self, base: BaseMap, noise: BaseNoise | None = None) -> None:
+        self.base, self.noise = base, noise or BaseNoise()
+        self.angle = self.rate = 0.0
+        self._bias = 0.0
+        # covariance of angle and bias; the angle's zero is where the calibration stood
+        self._aa, self._ab, self._bb = radians(0.1) ** 2, 0.0, self.noise.bias_sigma**2
+        self._last_us: int | None = None
+        self._last_rate = 0.0
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the angle [rad]."""
+        return sqrt(self._aa)
+
+    def update(self, frame: SensorFrame) -> None:
+        """Take one frame in."""
+        rate = self.base.rate(frame.base_gyro)[0]
+        if self._last_us is not None:
+            self._predict(frame.device_us - self._last_us, rate)
+        self._last_us, self._last_rate = frame.device_us, rate
+        if frame.flags & Flags.BASE_IMU:
+            self._correct(tilt(frame.base_accelerometer) - self.base.tilt, rate)
+        self.rate = rate - self._bias
+
+    def _predict(self, dt_us: int, rate: float) -> None:
+        n, dt = self.noise, dt_us * 1e-6
+        if not 0 < dt_us <= LONGEST_STEP_US:  # a gap: it may have turned anywhere meanwhile
+            self._aa, self._ab = radians(45.0) ** 2, 0.0
+            return
+        mean = 0.5 * (rate + self._last_rate)
+        self.angle += (mean - self._bias) * dt
+        walk = n.gyro**2 + (n.scale * mean) ** 2 * n.move
+        self._aa += dt * (dt * self._bb - 2.0 * self._ab + walk)
+        self._ab -= dt * self._bb
+        self._bb += n.bias**2 * dt
+
+    def _correct(self, seen: float, rate: float) -> None:
+        n = self.noise
+        spread = n.tilt + n.lever * abs(rate)
+        total = self._aa + spread * spread
+        gain, slow = self._aa / total, self._ab / total
+        off = (seen - self.angle + pi) % (2.0 * pi) - pi
+        self.angle += gain * off
+        self._bias += slow * off
+        self._bb -= slow * self._ab
+        self._aa, self._ab = (1.0 - gain) * self._aa, (1.0 - gain) * self._ab

@@ -1,0 +1,63 @@
+"""What becomes of a run whose rig fails: servos to neutral, and the run ends or goes on."""
+
+from typing import Literal
+
+from hardware.frames import GimbalState, Pair
+from twin.loop import Controller
+from twin.readings import Readings
+
+OnFault = Literal["end", "neutral", "ignore"]
+SILENT_S = 0.1  # without a reading; fifty frames, and as long as the rig itself waits for a command
+
+
+class Guard:
+    """A controller that commands zero from a rig's first fault on.
+
+    A fault is a lost connection, a silence of 0.1 s, or a sensor that the monitor has named. Lost
+    or damaged frames alone are none: the estimate goes on without them.
+
+    Parameters
+    ----------
+    controller : who commands while all is well
+    readings : of the rig
+    policy : `end` the run, go on with the servos at `neutral`, or `ignore` the fault and go on as
+        the estimate goes on
+
+    Attributes
+    ----------
+    fault : the first one, in words; None while there was none
+    """
+
+    def __init__(self, controller: Controller, readings: Readings, policy: OnFault) -> None:
+        self._controller, self._readings, self._policy = controller, readings, policy
+        self._heard = 0.0
+        self.fault: str | None = None
+
+    def update(self, time: float, gimbal: GimbalState) -> Pair:
+        """Gimbal angle to command now [rad], `time` in experiment time [s]."""
+        if self.fault is None:
+            self.fault = self._found(time, gimbal)
+            if self.fault is not None:
+                self._announce()
+        wanted = self._controller.update(time, gimbal)  # it sees every tick, whatever it is worth
+        return wanted if self.fault is None or self._policy == "ignore" else (0.0, 0.0)
+
+    def over(self) -> str | None:
+        """Why the run is over, or None while it is not."""
+        ended = self.fault is not None and self._policy == "end"
+        return f"fault: {self.fault}" if ended else None
+
+    def _found(self, time: float, gimbal: GimbalState) -> str | None:
+        r = self._readings
+        if r.frames:
+            self._heard = time
+            return None if gimbal.healthy else r.health
+        if not r.ready:
+            lost = [text for _, text in r.news if text.startswith("rig lost")]
+            return lost[-1] if lost else "rig away"
+        return f"no readings for {SILENT_S:g} s" if time - self._heard > SILENT_S else None
+
+    def _announce(self) -> None:
+        ending = {"end": "servos neutral, the run ends", "neutral": "servos neutral from here on"}
+        told = ending.get(self._policy, "ignored, as asked")
+        self._readings.news.append(("ERROR", f"fault: {self.fault}; {told}"))

@@ -1,0 +1,199 @@
+"""The vehicle's rotation played by a turntable, and the attitude that the base's IMU makes of it.
+
+One servo turns the base of the rig by what the simulated vehicle turns about its launch's x axis.
+Of that turn the controller sees only what gyro and accelerometer on the base say; what the vehicle
+does about its other axes nobody plays, and the controller sees it as it is simulated.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.frames import GimbalCommand, HardwareError, Pair, SensorFrame
+from hardware.fusion import BaseAttitude, BaseMap
+from hardware.fusion.base import tilt
+from twin.plant import Plant
+from twin.rigs.seat import COMMAND_NS, RigGimbal
+
+Array = NDArray[np.float64]
+
+SWING_S = 200e-6  # s of pulse either way, 19° of a hobby servo
+STOPS = (0.0, SWING_S, -SWING_S, 0.0)
+HOLD_NS, LOOK_NS = 800_000_000, 300_000_000  # at a stop, and how long of it is looked at
+NEUTRAL_S = 1.5e-3
+LEAST_TURN = 0.4  # of what the pulses ask of a usual servo
+FEWEST = 20  # frames to a look
+
+
+def find_base(seat: RigGimbal) -> BaseMap:
+    """Turn the base to three places and see what its IMU and its servo make of it; blocks for 3 s.
+
+    Raises
+    ------
+    HardwareError : the base does not turn, or its IMU shows nonsense; says what to look at
+    """
+    looks, turned = [], []
+    before: list[SensorFrame] = []
+    for stop in STOPS:
+        frames = _held(seat, NEUTRAL_S + stop)
+        look = [f for f in frames if f.time_ns > frames[-1].time_ns - LOOK_NS] if frames else []
+        if len(look) < FEWEST:
+            raise HardwareError("the rig sends no readings while its turntable is found")
+        looks.append(look)
+        turned.append(before + frames)
+        before = look
+    seen = np.array([np.mean([tilt(f.base_accelerometer) for f in look]) for look in looks])
+    still = np.array([f.base_gyro for look in looks for f in look]).mean(axis=0)
+    slope, zero = np.polyfit(np.array(STOPS), seen, 1)
+    usual = BaseMap().travel
+    if abs(slope) < LEAST_TURN * usual:
+        raise HardwareError(
+            f"the base turned {math.degrees(float(np.ptp(seen))):.1f}° where its servo was asked"
+            f" for {math.degrees(2 * SWING_S * usual):.0f}°: is the turntable's servo on its pin"
+            " and powered, and the base IMU at 0x69 on the base?"
+        )
+    by_gyro = np.array([_turn(frames, float(still[0])) for frames in turned[1:]])
+    by_gravity = np.diff(seen)
+    scale = float(by_gravity @ by_gyro / (by_gyro @ by_gyro))
+    a, b, c = still.tolist()
+    return BaseMap(float(zero), (a, b, c), scale, NEUTRAL_S, float(slope))
+
+
+def _held(seat: RigGimbal, pulse: float) -> list[SensorFrame]:
+    """Frames while the base is sent to a pulse width and the gimbal to its zero."""
+    frames: list[SensorFrame] = []
+    begin = seat.now_ns()
+    while (now := seat.now_ns()) - begin < HOLD_NS:
+        seat.rig.send(GimbalCommand(now, (0.0, 0.0)), pulse)
+        seat.wait(COMMAND_NS)
+        frames += seat.rig.poll()
+    return frames
+
+
+def _turn(frames: Sequence[SensorFrame], bias: float) -> float:
+    """Turn about x by the gyro from the middle of the first look to that of the last [rad]."""
+    time = np.array([f.device_us for f in frames]) * 1e-6
+    rate = np.array([f.base_gyro[0] for f in frames]) - bias
+    turned = np.concatenate([[0.0], np.cumsum(np.diff(time) * 0.5 * (rate[1:] + rate[:-1]))])
+    look = LOOK_NS * 1e-9
+    first, last = time <= time[0] + look, time >= time[-1] - look
+    return float(turned[last].mean() - turned[first].mean())
+
+
+class Turntable:
+    """The attitude seat of a rig on a turntable; `update` is called once a tick after the poll.
+
+    Parameters
+    ----------
+    plant : of the vehicle whose rotation is played
+    seat : the rig
+    base : map of its base
+    lead : added to the turn asked for per rate [s] and per acceleration [s²], for what the servo
+        is late by
+    period : between two updates [s]
+
+    Attributes
+    ----------
+    attitude, rate : of the vehicle as far as the controller can know, (4,) wxyz and (3,) in body
+        axes [rad/s]
+    simulated, measured, sigma : (1,) turn about the launch's x axis of the vehicle, of the base as
+        its IMU tells it, and the standard deviation of the latter [rad]
+    reach : turn that the servo's pulses reach either way [rad]
+    """
+
+    def __init__(
+        self, plant: Plant, seat: RigGimbal, base: BaseMap, lead: Pair, period: float
+    ) -> None:
+        self._plant, self._seat, self._base, self._lead = plant, seat, base, lead
+        self._period, self._speed = period, 0.0
+        self._filter = BaseAttitude(base)
+        self._launch = [float(c) for c in plant.attitude]
+        self._axis = _column_x(*self._launch)
+        self.attitude: Array = plant.attitude.copy()
+        self.rate: Array = plant.rate.copy()
+        self.simulated: Array = np.zeros(1)
+        self.measured: Array = np.zeros(1)
+        self.sigma: Array = np.zeros(1)
+        self._square, self._count = 0.0, 0
+        low, high = seat.rig.turntable_limits
+        ends = (abs(low - base.centre), abs(high - base.centre))
+        self.reach = min(ends) * abs(base.travel)
+        self._beyond = False
+
+    @property
+    def rms(self) -> float:
+        """Of the difference between measured and simulated turn so far [rad]."""
+        return math.sqrt(self._square / self._count) if self._count else math.nan
+
+    def update(self) -> None:
+        """Take in the frames of this tick, tell the servo where to go, renew what is seen."""
+        for frame in self._seat.readings.frames:
+            self._filter.update(frame)
+        attitude, rate = self._plant.attitude.tolist(), self._plant.rate.tolist()
+        turn, speed = _twist(self._launch, attitude, rate)
+        acceleration = (speed - self._speed) / self._period
+        self._speed = speed
+        self._play(turn + self._lead[0] * speed + self._lead[1] * acceleration)
+        seen = self._filter
+        off, faster = seen.angle - turn, seen.rate - speed
+        self.simulated[0], self.measured[0], self.sigma[0] = turn, seen.angle, seen.sigma
+        self._square += off * off
+        self._count += 1
+        self._see(attitude, rate, off, faster)
+
+    def _play(self, turn: float) -> None:
+        beyond = abs(turn) > self.reach
+        if beyond and not self._beyond:
+            told = f"{math.degrees(turn):.0f}° asked of the turntable, which reaches"
+            self._seat.readings.news.append(("WARN", f"{told} {math.degrees(self.reach):.0f}°"))
+        self._beyond = beyond
+        self._seat.turntable = self._base.pulse(min(max(turn, -self.reach), self.reach))
+
+    def _see(self, q: list[float], rate: list[float], off: float, faster: float) -> None:
+        """Attitude q turned further by `off` about the launch's x axis, and its rate."""
+        u, v, w = self._axis
+        half = 0.5 * off
+        c, s = math.cos(half), math.sin(half)
+        a, b, d, e = q
+        x, y, z = s * u, s * v, s * w
+        self.attitude[0] = c * a - x * b - y * d - z * e
+        self.attitude[1] = c * b + x * a + y * e - z * d
+        self.attitude[2] = c * d - x * e + y * a + z * b
+        self.attitude[3] = c * e + x * d - y * b + z * a
+        # that axis in body axes: rows of the transposed rotation matrix
+        bx = (1 - 2 * (d * d + e * e)) * u + 2 * (b * d + a * e) * v + 2 * (b * e - a * d) * w
+        by = 2 * (b * d - a * e) * u + (1 - 2 * (b * b + e * e)) * v + 2 * (d * e + a * b) * w
+        bz = 2 * (b * e + a * d) * u + 2 * (d * e - a * b) * v + (1 - 2 * (b * b + d * d)) * w
+        self.rate[0] = rate[0] + faster * bx
+        self.rate[1] = rate[1] + faster * by
+        self.rate[2] = rate[2] + faster * bz
+
+
+def _column_x(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The body's x axis in the world."""
+    return 1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)
+
+
+def _twist(launch: list[float], q: list[float], rate: list[float]) -> tuple[float, float]:
+    """Turn about the launch's x axis, and its time derivative, of an attitude and a body rate.
+
+    The swing-twist decomposition of what has been turned since the launch (P. Dobrowolski,
+    Swing-twist decomposition in Clifford algebra, 2015): twist about x, then a swing without any.
+    """
+    a, b, c, d = launch
+    e, f, g, h = q
+    w, x = a * e + b * f + c * g + d * h, a * f - b * e - c * h + d * g
+    y, z = a * g + b * h - c * e - d * f, a * h - b * g + c * f - d * e
+    p, r, t = rate
+    dw, dx = -0.5 * (x * p + y * r + z * t), 0.5 * (w * p + y * t - z * r)
+    square = w * w + x * x
+    if square < 1e-12:  # the nose has been turned over about another axis: no twist to tell
+        return 0.0, 0.0
+    turn = 2.0 * math.atan2(x, w)
+    if turn > math.pi:
+        turn -= 2.0 * math.pi
+    elif turn < -math.pi:
+        turn += 2.0 * math.pi
+    return turn, 2.0 * (dx * w - x * dw) / square
