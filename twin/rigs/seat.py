@@ -127,6 +127,7 @@ class RigGimbal:
         self._origin = 0
         self._started = False
         self._fresh_ns = 0
+        self._heard = False
         self._next_command = 0
         self._ready = False
         self._lost_ns = 0
@@ -228,7 +229,8 @@ class RigGimbal:
         r.news = []
         self._follow_connection()
         newest = r.states[-1] if r.states else self._stale
-        known = self._ready and newest.sigma != (0.0, 0.0)
+        self._heard |= bool(r.states)
+        known = self._ready and self._heard and newest.sigma != (0.0, 0.0)
         r.age_ns = self.now_ns() - newest.time_ns if known else None
         statistics = rig.statistics
         r.round_trip_ns = statistics.round_trip_ns if known and r.frames else None
