@@ -118,18 +118,24 @@ def _advice(box: str) -> str:
 def _dispatch(command: object) -> int:
     """Each command's own imports are made here, so that one does not pay for another's."""
     match command:
-        case Fly():
+        case Fly(repeat=1):
             from twin.experiments import fly
 
             result = fly(command)
             _report(result.as_dict(), result.text(), as_json=command.json)
-            return 0 if result.passed else FAILED
+            return _status(command, passed=result.passed)
+        case Fly():
+            from twin.study.repeat import repeat
+
+            flights = repeat(command)
+            _report(flights.as_dict(), flights.text(), as_json=command.json)
+            return _status(command, passed=flights.passed)
         case Step():
             from twin.experiments import step
 
             response = step(command)
             _report(response.as_dict(), response.text(), as_json=command.json)
-            return 0 if response.passed else FAILED
+            return _status(command, passed=response.passed)
         case Mirror():
             from twin.desk import mirror
 
@@ -189,6 +195,10 @@ def _dispatch(command: object) -> int:
             _report(doctor.as_dict(findings), doctor.table(findings), as_json=command.json)
             return 0
     raise AssertionError(command)
+
+
+def _status(command: Fly | Step, *, passed: bool) -> int:
+    return 0 if passed or command.on_fault == "ignore" else FAILED
 
 
 def _report(numbers: Mapping[str, object], text: str, *, as_json: bool) -> None:

@@ -20,7 +20,7 @@ Integrator = Literal["implicitfast", "euler", "rk4", "ab1", "ab2", "ab3", "ab4"]
 LARGEST_DT = 0.005
 LONGEST_FLIGHT = 36_000.0  # s
 LARGEST_SEED = 2**53  # whole numbers that a model's numerics hold exactly
-TURNTABLE = "turntable"
+TURNTABLE, TRANSFER_FUNCTION = "turntable", "transfer-function"
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # --json, and no --no-json
 
 
@@ -35,7 +35,8 @@ class Run:
     or a rig: a simulated one (emulator, or firmware on a simulated Nano), or a port such as
     /dev/ttyUSB0, COM3 or socket://127.0.0.1:5555."""
     model: Path | None = None
-    """Identified model (JSON) for `--gimbal transfer-function`; the shipped one without it."""
+    """Identified model (JSON) for `--gimbal transfer-function`, or of the rig, for what is said
+    about its timing; the shipped one without it."""
     calibration: Path | None = None
     """Calibration (JSON) of the rig; what the drawings say without it."""
     fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
@@ -81,8 +82,11 @@ class Run:
         if is_port(self.gimbal) and self.clock == "lockstep":
             raise TwinError(f"--clock lockstep: a rig at {self.gimbal} lives in real time")
         _check_rig_flags(self)
-        if self.model is not None and self.gimbal != "transfer-function":
-            raise TwinError(f"--model is for --gimbal transfer-function, not {self.gimbal}")
+        if self.model is not None and not (self.gimbal == TRANSFER_FUNCTION or is_rig(self.gimbal)):
+            raise TwinError(
+                f"--model is for --gimbal transfer-function, or a rig that it is a model of, not"
+                f" {self.gimbal}"
+            )
 
     @property
     def plant_scene(self) -> str:
@@ -130,6 +134,9 @@ class Fly(Run):
     on_fault: OnFault = "end"
     """When a rig fails or one of its sensors does: servos to neutral and end the flight, go on with
     the servos at neutral, or ignore it."""
+    repeat: int = 1
+    """How often to fly, each time with the next seed: spread of path and answers, and with a rig
+    the same for its models; writes a page."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be flown, and flags that would be silently without effect.

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from analysis import schema
 from analysis.compare import AxisComparison, Comparison, Motion
 from analysis.compare import compare as side_by_side
+from analysis.flights import PathDifference, flight_path, holds_flight, path_difference
 from analysis.recording import Recording, TimeSeries, read
 from twin.configuration import Compare
 from twin.errors import TwinError
-from twin.knowledge.screen import screen
+from twin.knowledge.screen import difference_text, screen
 
 if TYPE_CHECKING:
     from analysis.report.run import Run
@@ -44,6 +45,7 @@ class CompareResult:
     comparison : axis by axis; the reference first
     shift : added to the other's stamps to lay its first command over the reference's [s]
     limit : fit below which the check fails [%], or None
+    flight : how far the vehicles' flights lie apart; None where none flew
     """
 
     comparison: Comparison
@@ -51,6 +53,7 @@ class CompareResult:
     limit: float | None
     file: Path
     wall_s: float
+    flight: PathDifference | None = None
 
     @property
     def passed(self) -> bool:
@@ -64,6 +67,7 @@ class CompareResult:
             "shift_s": self.shift,
             "fail_below": self.limit,
             "passed": self.passed,
+            "flight": None if self.flight is None else self.flight.to_dict(),
             "recording": str(self.file),
             "wall_s": self.wall_s,
         }
@@ -80,6 +84,8 @@ class CompareResult:
             rows.append((name, _columns(_pair(a, field, unit) for a in c.axes)))
         rows.append(("fit per repeat", _columns(_repeats(a) for a in c.axes)))
         rows += [(f"at {f:g} Hz", _columns(_at(a, f) for a in c.axes)) for f in TOLD_HZ]
+        if self.flight is not None:
+            rows.append(("flights, under power", difference_text(self.flight)))
         if self.limit is not None:
             word = "passed" if self.passed else "FAILED"
             rows.append((word, f"worst fit {c.fit:.2f} %, {self.limit:g} % asked for"))
@@ -96,6 +102,7 @@ class _Laid:
     command: TimeSeries
     shift: float
     run: Recording  # of the reference
+    other_run: Recording | None = None
 
 
 def compare(config: Compare) -> CompareResult:
@@ -124,8 +131,19 @@ def compare(config: Compare) -> CompareResult:
     comparison = Comparison(laid.reference.name, laid.other.name, tuple(axes))
     _record(config, file, laid)
     return CompareResult(
-        comparison, laid.shift, config.fail_below, file, time.perf_counter() - began
+        comparison,
+        laid.shift,
+        config.fail_below,
+        file,
+        time.perf_counter() - began,
+        None if laid.other_run is None else _flights(laid.run, laid.other_run),
     )
+
+
+def _flights(first: Recording, second: Recording) -> PathDifference | None:
+    if not (holds_flight(first) and holds_flight(second)):
+        return None
+    return path_difference(flight_path(first), flight_path(second))
 
 
 def _laid(config: Compare) -> _Laid:
@@ -156,6 +174,7 @@ def _laid(config: Compare) -> _Laid:
         first.recording["gimbal/command"],
         shift,
         first.recording,
+        second.recording,
     )
 
 

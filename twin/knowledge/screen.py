@@ -1,11 +1,13 @@
 """Results on one screen, and the files they go to."""
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from analysis.flights import PathDifference
 from twin.errors import TwinError
 
 _WIDTH = 24
@@ -39,3 +41,11 @@ def quantity(value: float, half: float, unit: str) -> str:
         return f"{value:.5g}{unit}, as given"
     digits = int(np.clip(1 - np.floor(np.log10(half)), 0, 9))
     return f"{value:.{digits}f} ± {half:.{digits}f}{unit}"
+
+
+def difference_text(d: PathDifference) -> str:
+    """One line about how far two flights lie apart."""
+    return (
+        f"nose {math.degrees(d.attitude_rms):.2f}° rms apart, path {d.path_worst:.2f} m at most,"
+        f" {100.0 * d.share:.2f} % of {d.length:.0f} m"
+    )
