@@ -1,10 +1,10 @@
 """Attitude of a base that one servo turns about x, from the IMU on it: gyro, held by gravity."""
 
 from dataclasses import dataclass
-from math import atan2, degrees, isfinite, pi, radians, sqrt
+from math import asin, degrees, isfinite, radians, sqrt
 
 from hardware.frames import HardwareError, SensorFrame, Triple
-from hardware.protocol import Flags
+from hardware.protocol import Flags, constants
 
 LONGEST_STEP_US = 200_000  # after a longer gap the gyro cannot say what happened meanwhile
 LARGEST_BIAS = radians(40.0)  # twice the data sheet's zero-rate output
@@ -20,7 +20,7 @@ class BaseMap:
     ----------
     tilt : that the accelerometer shows at the neutral pulse [rad]
     gyro_bias : reading at rest [rad/s]
-    gyro_scale : turn about x by the accelerometer per turn by the gyro [1]
+    gyro_scale, tilt_scale : turn about x per turn that gyro and accelerometer show [1]
     centre, travel : pulse width at neutral [s], turn per pulse width [rad/s]
 
     Raises
@@ -31,6 +31,7 @@ class BaseMap:
     tilt: float = 0.0
     gyro_bias: Triple = (0.0, 0.0, 0.0)
     gyro_scale: float = 1.0
+    tilt_scale: float = 1.0
     centre: float = 1.5e-3
     travel: float = radians(1.0) / 10.3e-6
 
@@ -47,11 +48,12 @@ class BaseMap:
                     f"base IMU: {name} of {degrees(value):.1f}°; at most {degrees(limit):.0f} is"
                     " plausible: is it mounted the right way round, and did the base stand still?"
                 )
-        if not abs(self.gyro_scale - 1.0) <= LARGEST_SCALE:
-            raise HardwareError(
-                f"base IMU: the accelerometer turned {self.gyro_scale:.2f} times as far as the"
-                " gyro; one of the two is wrong, or x is not the axis of the turntable"
-            )
+        for scale in (self.gyro_scale, self.tilt_scale):
+            if not abs(scale - 1.0) <= LARGEST_SCALE:
+                raise HardwareError(
+                    f"base IMU: a scale of {scale:.2f}; gyro and accelerometer do not agree on how"
+                    " far the base turns: is x the axis of the turntable?"
+                )
         if not (isfinite(self.centre) and isfinite(self.travel) and self.travel != 0.0):
             raise HardwareError("turntable: centre and travel must be numbers, travel not zero")
 
@@ -61,14 +63,21 @@ class BaseMap:
         a, b, c = self.gyro_bias
         return (x - a) * self.gyro_scale, y - b, z - c
 
+    def turn(self, accelerometer: Triple) -> float:
+        """Turn of the base since neutral from a reading of its accelerometer [rad]."""
+        return (tilt(accelerometer) - self.tilt) * self.tilt_scale
+
     def pulse(self, turn: float) -> float:
         """Pulse width for a turn of the base [rad] → [s]."""
         return self.centre + turn / self.travel
 
 
 def tilt(accelerometer: Triple) -> float:
-    """Turn about x that gravity shows while the base stands still; its z points down [rad]."""
-    return atan2(-accelerometer[1], -accelerometer[2])
+    """Turn about x that gravity shows while the base stands still; its z points down [rad].
+
+    By y alone: z adds little near the vertical, but its offset and scale would bend the slope.
+    """
+    return asin(min(max(-accelerometer[1] / constants.STANDARD_GRAVITY, -1.0), 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +139,7 @@ class BaseAttitude:
             self._predict(frame.device_us - self._last_us, rate)
         self._last_us, self._last_rate = frame.device_us, rate
         if frame.flags & Flags.BASE_IMU:
-            self._correct(tilt(frame.base_accelerometer) - self.base.tilt, rate)
+            self._correct(self.base.turn(frame.base_accelerometer), rate)
         self.rate = rate - self._bias
 
     def _predict(self, dt_us: int, rate: float) -> None:
@@ -150,7 +159,7 @@ class BaseAttitude:
         spread = n.tilt + n.lever * abs(rate)
         total = self._aa + spread * spread
         gain, slow = self._aa / total, self._ab / total
-        off = (seen - self.angle + pi) % (2.0 * pi) - pi
+        off = seen - self.angle
         self.angle += gain * off
         self._bias += slow * off
         self._bb -= slow * self._ab

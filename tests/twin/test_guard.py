@@ -1,0 +1,133 @@
+"""What becomes of a run whose rig fails: commands, events, endings, exit codes."""
+
+from math import radians
+
+import numpy as np
+import pytest
+
+from analysis.recording import read
+from hardware.frames import GimbalState
+from tests.hardware.test_base import STILL
+from tests.twin.test_cli import run as command
+from twin.guard import Guard
+from twin.readings import Readings
+
+WELL = GimbalState(0, (0.0, 0.0))
+ILL = GimbalState(0, (0.0, 0.0), healthy=False)
+
+
+class Ahead:
+    def __init__(self):
+        self.asked = 0
+
+    def update(self, time, gimbal):
+        self.asked += 1
+        return 0.1, -0.1
+
+
+def guarded(policy):
+    readings = Readings(frames=[STILL], ready=True)
+    return Guard(Ahead(), readings, policy), readings
+
+
+@pytest.mark.parametrize("policy", ["end", "neutral", "ignore"])
+def test_while_all_is_well_it_is_not_there(policy):
+    guard, _ = guarded(policy)
+    assert guard.update(0.0, WELL) == (0.1, -0.1)
+    assert (guard.fault, guard.over()) == (None, None)
+
+
+def fails(readings, how):
+    if how == "sensor":
+        readings.health = "gyro frozen"
+        return ILL
+    readings.frames = []
+    if how == "cable":
+        readings.ready = False
+        readings.news.append(("WARN", "rig lost: unplugged"))
+    return WELL
+
+
+@pytest.mark.parametrize(
+    ("how", "told"),
+    [("sensor", "gyro frozen"), ("cable", "rig lost: unplugged"), ("silence", "no readings")],
+)
+def test_each_fault_is_named_and_answered_with_zero(how, told):
+    guard, readings = guarded("end")
+    guard.update(0.0, WELL)
+    state = fails(readings, how)
+    assert guard.update(0.15, state) == (0.0, 0.0)
+    assert told in guard.fault
+    assert told in guard.over()
+    assert any(level == "ERROR" and told in text for level, text in readings.news)
+
+
+def test_a_short_silence_is_no_fault():
+    guard, readings = guarded("end")
+    guard.update(0.0, WELL)
+    readings.frames = []
+    assert guard.update(0.09, WELL) == (0.1, -0.1)
+
+
+def test_neutral_stays_neutral_when_the_rig_is_back():
+    guard, readings = guarded("neutral")
+    state = fails(readings, "cable")
+    guard.update(0.1, state)
+    readings.frames, readings.ready = [STILL], True
+    assert guard.update(0.2, WELL) == (0.0, 0.0)
+    assert guard.over() is None
+
+
+def test_ignored_faults_are_told_all_the_same():
+    guard, readings = guarded("ignore")
+    assert guard.update(0.1, fails(readings, "sensor")) == (0.1, -0.1)
+    assert guard.over() is None
+    assert any("ignored" in text for _, text in readings.news)
+
+
+FLY = "fly --gimbal emulator --programme doublet --at-s 0.3"
+
+
+@pytest.mark.parametrize(
+    ("more", "told", "code", "ends"),
+    [
+        # unplugged 2 s after the rig's power-up, 0.9 s of which pass before time zero
+        ("--fault link:unplug:3@1.5", "rig unplugged", 1, True),
+        ("--fault link:unplug:0.5@1.5 --on-fault neutral", "rig unplugged", 1, False),
+        ("--fault link:unplug:0.5@1.5 --on-fault ignore", "rig unplugged", 0, False),
+        ("--fault potentiometer_x_a:stuck@1.2", "potentiometer_x_a", 1, True),
+        ("--fault link:corrupt:0.6@1.5", "no readings", 1, True),
+    ],
+)
+def test_a_flight_with_a_fault_ends_safely_and_its_recording_is_whole(
+    capsys, tmp_path, more, told, code, ends
+):
+    out = tmp_path / "a.rrd"
+    line = f"{FLY} --duration-s 4 {more} --json --out {out}"
+    status, _, _ = command(capsys, *line.split())
+    assert status == code
+    run = read(out)
+    (fault,) = [e for e in run.events if e.level == "ERROR"]
+    assert told in fault.text
+    time = run["gimbal/command"].time
+    after = run["gimbal/command"].values[time >= fault.time]
+    assert (after == 0.0).all() == (code == 1)  # only an ignored fault goes on steering
+    assert (time[-1] < 3.9) == ends
+    if ends:  # up to the tick of the fault, which is the last
+        assert time[-1] == pytest.approx(fault.time)
+
+
+def test_while_the_rig_is_away_the_joints_go_where_its_servos_go(capsys, tmp_path):
+    out = tmp_path / "a.rrd"
+    line = f"{FLY} --duration-s 2 --fault link:unplug:0.6@1.5 --on-fault ignore --out {out}"
+    command(capsys, *line.split())
+    run = read(out)
+    away = run["link/connected"].values[:, 0] == 0.0
+    time = run["gimbal/simulated"].time
+    angle = abs(run["gimbal/simulated"].values).max(axis=1)
+    begin = time[away][0]
+    # 0.1 s until the rig's own timeout, 0.1 s for its servos; then a joint that follows exactly
+    assert (angle[away & (time > begin + 0.21)] < radians(0.01)).all()
+    assert angle[away & (time < begin + 0.18)].min() > radians(0.05)
+    held = run["gimbal/simulated"].values[away & (time > begin + 0.01) & (time < begin + 0.18)]
+    assert np.ptp(held, axis=0).max() < radians(0.01)
