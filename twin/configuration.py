@@ -1,9 +1,9 @@
 """What each command can be told; the command line is derived from these."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import tyro
 
@@ -539,6 +539,19 @@ def _refuse_no_number(config: Run | Converge | Replay | Identify | Compare) -> N
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, float) and not math.isfinite(number):
                 raise TwinError(f"--{name.replace('_', '-')} {number}: must be finite")
+
+
+R = TypeVar("R", bound=Run)
+
+
+def with_model(config: R, gimbal: str, **changes: object) -> R:
+    """The same run with a model in the gimbal seat; what is about a rig alone goes."""
+    rig: dict[str, object] = {"calibration": None, "fault": (), "unit": None, "clock": "lockstep"}
+    if isinstance(config, Fly):
+        rig |= {"attitude": "truth", "scene": config.plant_scene}
+    if gimbal != TRANSFER_FUNCTION:
+        rig["model"] = None
+    return replace(config, **{**rig, "gimbal": gimbal, **changes})  # type: ignore[arg-type]
 
 
 def as_properties(config: Run) -> dict[str, object]:

@@ -14,12 +14,12 @@ import numpy as np
 
 from analysis.recording import Recording, read
 from twin.assembly import VERSIONS, compiled, make_plant
-from twin.configuration import Fly, Replay, Run, Step
+from twin.configuration import Fly, Replay, Run, Step, with_model
 from twin.errors import TwinError
 from twin.experiments import fly, step
 from twin.recalled import configuration_of
 from twin.results import FlightResult, StepResult
-from twin.seat_names import is_port, is_rig
+from twin.seat_names import MODELS, is_port, is_rig
 
 CLOCKED = "timing/"  # what the wall clock alone decides
 
@@ -202,6 +202,8 @@ def _changed(recorded: Run, config: Replay) -> Run:
         changes[name] = value
     if config.set:
         changes["set"] = (*recorded.set, *config.set)  # the later of two wins
+    if config.gimbal in MODELS:
+        return with_model(recorded, **changes)  # type: ignore[arg-type]
     return replace(recorded, **changes)  # type: ignore[arg-type]
 
 

@@ -18,7 +18,7 @@ from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import BAUD, Encoder, Ping, Pong
 from twin.assembly import make_plant, steps_per_tick
 from twin.clock import Lockstep
-from twin.configuration import Fly, Run
+from twin.configuration import Fly, Run, with_model
 from twin.control import AttitudeController, control_config
 from twin.errors import DivergenceError, TwinError
 from twin.flight import setpoint
@@ -88,17 +88,7 @@ def rerun_of(recording: Recording, gimbal: str | None = None) -> Rerun:
     if not isinstance(asked, Fly):
         raise TwinError("only a flight has a path that timing could have moved")
     seat = gimbal or ("transfer-function" if is_rig(asked.gimbal) else asked.gimbal)
-    config = replace(
-        asked,
-        gimbal=seat,
-        scene=asked.plant_scene,
-        attitude="truth",
-        clock="lockstep",
-        calibration=None,
-        fault=(),
-        unit=None,
-        out=None,
-    )
+    config = with_model(asked, seat, out=None)
     end_ns = int(recording["gimbal/command"].time_ns[-1])
 
     def fly(delays: Delays | None, finer: int) -> Trajectory:

@@ -12,11 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.recording import Recording, TimeSeries, read
+from hardware.calibration import CalibrationError
+from hardware.calibration import write as write_calibration
+from hardware.frames import HardwareError
+from tests.twin.test_desk import served
+from twin import native
 from twin.configuration import Fly, Replay, Step, as_properties
 from twin.errors import TwinError
 from twin.experiments import fly, step
+from twin.model import ModelConfig, load
 from twin.recalled import configuration_of, typed
 from twin.replay import differences, replay
+from twin.rigs import drawn, parameters
 
 
 @pytest.fixture(scope="module")
@@ -139,3 +146,137 @@ def test_a_hostile_setting_is_refused_in_one_line_or_taken_as_its_type(value, fi
     except TwinError as error:
         told = str(error)
     assert "\n" not in told
+
+
+@pytest.fixture(scope="module")
+def rig_flight(tmp_path_factory):
+    """A rig's flight whose cable is out for a while, on a calibration that is gone afterwards."""
+    folder = tmp_path_factory.mktemp("tape")
+    calibration = folder / "calibration.json"
+    with native.installed():
+        bench = load(ModelConfig(scene="bench")).mj
+        write_calibration(calibration, drawn(bench, parameters(bench, 3)))
+    out = folder / "hil.rrd"
+    fly(
+        Fly(
+            gimbal="emulator", unit=3, calibration=calibration, out=out, duration_s=3.0, seed=2,
+            programme="doublet", at_s=0.3, fault=("link:unplug:0.3@1.7",), on_fault="ignore",
+        )
+    )  # fmt: skip
+    calibration.unlink()
+    return out
+
+
+def without_a_rig(monkeypatch):
+    """Make opening any rig an error."""
+
+    def refused(*_):
+        raise AssertionError("a rig was opened")
+
+    monkeypatch.setattr("twin.rigs.opening.opened", refused)
+
+
+def test_a_rigs_flight_repeats_itself_from_its_frames_to_the_last_bit(rig_flight, monkeypatch):
+    without_a_rig(monkeypatch)
+    found = replay(Replay(rig_flight))
+    assert found.identical, [d for d in found.differences if not d.equal]
+    told = {d.signal for d in found.differences}
+    assert told >= {"gimbal/measured", "gimbal/sigma", "vehicle/position", "link/connected"}
+    old, new = read(rig_flight), read(found.replayed)
+    # the gap is in it, and the estimate began anew behind it
+    assert np.diff(old["gimbal/measured"].time).max() > 0.25
+    assert np.ptp(old["sensors/session"].values) == 1
+    np.testing.assert_array_equal(old["gimbal/measured"].values, new["gimbal/measured"].values)
+
+
+def test_a_replay_of_a_replay_is_the_flight(rig_flight, tmp_path):
+    again = replay(Replay(rig_flight, out=tmp_path / "a.rrd"))
+    assert replay(Replay(Path(again.replayed), out=tmp_path / "b.rrd")).identical
+
+
+def test_another_gain_commands_otherwise_while_the_rig_moves_as_it_did(rig_flight, tmp_path):
+    asked = Replay(rig_flight, set=("control_kp=50",), force=True, out=tmp_path / "a.rrd")
+    differs = {d.signal: d for d in replay(asked).differences}
+    assert differs["gimbal/measured"].equal
+    assert not differs["gimbal/command"].equal
+    assert differs["vehicle/position"].equal  # the vehicle follows what the rig did
+
+
+def test_another_integrator_flies_the_same_angles(rig_flight, tmp_path):
+    differs = {
+        d.signal: d
+        for d in replay(Replay(rig_flight, integrator="rk4", out=tmp_path / "a.rrd")).differences
+    }
+    assert differs["gimbal/measured"].equal
+    assert 0.0 < differs["vehicle/position"].largest < 0.1
+
+
+def test_a_rig_that_is_named_is_asked_anew(rig_flight, tmp_path):
+    with pytest.raises(CalibrationError, match="cannot read"):  # its calibration is gone
+        replay(Replay(rig_flight, gimbal="emulator", out=tmp_path / "a.rrd"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_model_in_the_rigs_place_flies_nearly_the_same(rig_flight, tmp_path):
+    asked = Replay(rig_flight, gimbal="transfer-function", force=True, out=tmp_path / "a.rrd")
+    found = replay(asked)
+    assert found.changed["gimbal"] == ("emulator", "transfer-function")
+    assert found.changed["fault"][1] == "nothing"
+    position = next(d for d in found.differences if d.signal == "vehicle/position")
+    assert 0.0 < position.largest < 3.0
+
+
+def test_a_flight_in_real_time_over_a_line_repeats_itself_without_either(tmp_path, monkeypatch):
+    out = tmp_path / "live.rrd"
+    with served(tcp=0) as (_, url):
+        fly(Fly(gimbal=url, out=out, duration_s=1.0, programme="doublet", at_s=0.3))
+    without_a_rig(monkeypatch)
+    found = replay(Replay(out))
+    assert found.identical, [d for d in found.differences if not d.equal]
+
+
+def test_a_turntables_flight_repeats_itself(tmp_path, monkeypatch):
+    out = tmp_path / "turntable.rrd"
+    fly(Fly(gimbal="emulator", attitude="base-gyro", out=out, duration_s=1.5, unit=2))
+    without_a_rig(monkeypatch)
+    found = replay(Replay(out))
+    assert found.identical, [d for d in found.differences if not d.equal]
+    assert "turntable/measured" in {d.signal for d in found.differences}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda t: replace(t, estimator=""), "estimator's memory"),
+        (lambda t: replace(t, estimator="[]"), "no JSON object"),
+        (lambda t: replace(t, estimator="{" * 9000), "no JSON object"),
+        (lambda t: replace(t, estimator="{}"), "no memory"),
+        (lambda t: replace(t, estimator=" " * 200_000), "something is wrong"),
+        (lambda t: without(t, "sensors/taken"), "no sensors/taken"),
+        (lambda t: without(t, "link/connected"), "no link/connected"),
+        (lambda t: shorter(t, "sensors/session"), "lost some of their columns"),
+        (lambda t: with_calibration(t, "nonsense"), "calibration is not JSON"),
+    ],
+)
+def test_a_tape_that_lacks_something_is_refused_in_one_line(
+    rig_flight, tmp_path, monkeypatch, change, told
+):
+    changed = change(read(rig_flight))
+    monkeypatch.setattr("twin.replay.read", lambda _: changed)
+    with pytest.raises((TwinError, HardwareError), match=told) as caught:
+        replay(Replay(rig_flight, out=tmp_path / "a.rrd"))
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.glob("*.rrd*")) == []
+
+
+def without(tape, name):
+    return replace(tape, series={k: v for k, v in tape.series.items() if k != name})
+
+
+def shorter(tape, name):
+    cut = replace(tape[name], time=tape[name].time[:-1], values=tape[name].values[:-1])
+    return replace(tape, series={**tape.series, name: cut})
+
+
+def with_calibration(tape, text):
+    return replace(tape, properties={**tape.properties, "files": {"calibration": {"text": text}}})

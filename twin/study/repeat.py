@@ -19,7 +19,7 @@ from analysis.recording import read
 from analysis.report import render
 from analysis.response.figure import Figure, over_repeats
 from analysis.response.steps import StepMetrics
-from twin.configuration import Fly
+from twin.configuration import Fly, with_model
 from twin.errors import TwinError
 from twin.experiments import fly
 from twin.knowledge.screen import difference_text
@@ -163,17 +163,8 @@ def _seat(config: Fly, gimbal: str, folder: Path) -> SeatFlights:
 
 
 def _one(config: Fly, gimbal: str, seed: int, out: Path) -> Fly:
-    """One flight's configuration; what is about a rig is no business of its models."""
-    changes: dict[str, object] = {
-        "gimbal": gimbal, "seed": seed, "out": out, "repeat": 1, "json": False,
-    }  # fmt: skip
-    if not is_rig(gimbal):
-        changes |= {
-            "calibration": None, "fault": (), "unit": None, "attitude": "truth",
-            "scene": config.plant_scene, "clock": "lockstep",
-            "model": config.model if gimbal == "transfer-function" else None,
-        }  # fmt: skip
-    return replace(config, **changes)  # type: ignore[arg-type]
+    one = replace(config, seed=seed, out=out, repeat=1, json=False)
+    return one if gimbal == config.gimbal else with_model(one, gimbal)
 
 
 def _equal(a: FlightPath, b: FlightPath) -> bool:

@@ -1,0 +1,87 @@
+"""Repeated flights: what scatters, what does not, and the page about it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.flights import flight_path
+from analysis.recording import read
+from tests.twin.test_cli import run as command
+from twin.configuration import Fly
+from twin.study.repeat import repeat
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    out = tmp_path_factory.mktemp("repeat") / "flights"
+    return repeat(
+        Fly(
+            gimbal="emulator", unit=4, repeat=3, programme="step", at_s=1.0, duration_s=4.0, out=out
+        )
+    )
+
+
+def test_a_rig_scatters_and_its_models_do_not(flights):
+    rig, linkage, model = flights.seats
+    assert [s.gimbal for s in flights.seats] == ["emulator", "linkage", "transfer-function"]
+    assert len(rig.results) == 3
+    assert not rig.repeats
+    assert rig.spread.worst > 0.0
+    for seat in (linkage, model):
+        assert seat.repeats
+        assert len(seat.results) == 2
+        assert seat.spread.worst < 1e-9
+
+
+def test_the_spread_is_that_of_the_recordings(flights):
+    rig = flights.seats[0]
+    ends = np.array([flight_path(read(r.recording)).position[-1] for r in rig.results])
+    by_hand = np.sqrt(((ends - ends.mean(axis=0)) ** 2).sum(axis=1).mean())
+    assert rig.spread.distance[-1] == pytest.approx(by_hand, rel=1e-9)
+
+
+def test_overshoot_and_settling_are_told_with_their_intervals(flights):
+    told = {f.name: f for f in flights.seats[0].figures}
+    assert set(told) >= {"overshoot", "settling_time", "rise_time", "attitude_error_rms"}
+    assert told["rise_time"].n == 3
+    low, high = told["rise_time"].interval
+    assert low < told["rise_time"].value < high
+    assert flights.seats[1].figures[0].n == 1  # equal to the last bit is one flight
+
+
+def test_the_page_and_the_numbers_hold_every_seat(flights):
+    page = Path(flights.page).read_text()
+    for name in ("emulator", "linkage", "transfer-function", "Repeatability"):
+        assert name in page
+    told = json.loads(json.dumps(flights.as_dict(), allow_nan=False))
+    assert [s["flights"] for s in told["seats"]] == [3, 2, 2]
+    assert 0.0 < told["differences"]["linkage"]["path_worst"] < 2.0
+
+
+def test_gusts_make_every_flight_another(tmp_path):
+    result = repeat(
+        Fly(repeat=3, duration_s=2.0, set=("wind_speed=5", "wind_turbulence=0.2"), out=tmp_path)
+    )
+    (seat,) = result.seats
+    assert len(seat.results) == 3
+    assert seat.spread.worst > 0.01
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ("--repeat 0", "2 to 1000"),
+        ("--repeat 5000", "2 to 1000"),
+        ("--repeat 3 --out a.rrd", "a folder, or the report"),
+        ("--repeat 3 --gimbal linkage --unit 2", "about a rig"),
+    ],
+)
+def test_what_cannot_be_repeated_is_one_line(capsys, tmp_path, monkeypatch, more, told):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = command(capsys, "fly", *more.split())
+    assert code == 2
+    assert err.count("\n") == 1
+    assert told in err
+    assert list(tmp_path.iterdir()) == []
