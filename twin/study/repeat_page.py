@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.report import Cell, Line, Panel, Plot, Section, Table
+from analysis.report.parts import Style
 
 if TYPE_CHECKING:
     from analysis.timing import Verdict
@@ -25,11 +26,12 @@ def sections(result: "RepeatResult") -> tuple[Section, ...]:
 def _paths(result: "RepeatResult") -> Section:
     lines: list[Line] = []
     for k, seat in enumerate(result.seats):
-        for path in seat.paths[:_SHOWN]:
+        for j, path in enumerate(seat.paths[:_SHOWN]):
             n, role = path.steered, f"run{k}"
+            style: Style = "thin" if j else "line"  # the legend takes the line
             tilt = np.degrees(np.arccos(np.clip(path.nose[:n, 2], -1.0, 1.0)))
-            lines.append(Line(seat.gimbal, path.time[:n], path.position[:n, 2], role, 0, "thin"))
-            lines.append(Line(seat.gimbal, path.time[:n], tilt, role, 1, "thin"))
+            lines.append(Line(seat.gimbal, path.time[:n], path.position[:n, 2], role, 0, style))
+            lines.append(Line(seat.gimbal, path.time[:n], tilt, role, 1, style))
         if seat.spread is not None and not seat.repeats:
             s = seat.spread
             lines.append(Line(seat.gimbal, s.time, np.maximum(s.distance, 1e-6), f"run{k}", 2))
