@@ -266,6 +266,8 @@ class Rig:
     """TCP port on 127.0.0.1, 0 for a free one; a pseudo-terminal without it."""
     link: Path | None = None
     """Name to give the pseudo-terminal, for example /tmp/rig."""
+    scene: Literal["bench", "turntable"] = "bench"
+    """What it stands on: clamped, or on a base that its third servo turns."""
     fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
     """TARGET:KIND[:VALUE][@START[-END]], for example potentiometer_x_a:glitch:0.2. Repeatable."""
     unit: int | None = None

@@ -130,6 +130,13 @@ def test_the_attitude_seen_is_the_vehicles_within_a_degree_and_the_loop_is_stabl
     assert late[1] < late[0] + 0.5
 
 
+@needs_avr
+def test_the_real_firmware_turns_its_base_alike(tmp_path):
+    result, run = flown(tmp_path / "a.rrd", "firmware", duration_s=4.0, programme="step", at_s=1.0)
+    assert result.turntable_rms_deg < 1.0
+    assert np.ptp(run["turntable/measured"].values) > radians(4.0)
+
+
 def test_the_controller_sees_the_base_and_not_the_vehicle(tmp_path, monkeypatch):
     """Told that the base leans by 3° where it stands upright, the loop holds the vehicle askew."""
     from twin.rigs import opening

@@ -32,6 +32,7 @@ def rig(config: Rig) -> None:
         faults=config.fault,
         seed=config.seed,
         overrides=overrides.parse(config.set),
+        scene=config.scene,
     )
     with compiled(), until_signal() as ended:
         simulated = device(options)
