@@ -20,7 +20,7 @@ from twin.errors import TwinError
 from twin.loop import Gimbal
 from twin.model import ModelConfig, Seat, TwinModel, load
 from twin.plant import Plant
-from twin.recorder import Recorder
+from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.rows import Rows
 from twin.seat_names import MODELS, is_rig
 from twin.seats import SimulatedGimbal
@@ -165,7 +165,7 @@ def make_recorder(
     *,
     serve: int | None = None,
     drain_ns: int | None = None,
-) -> Recorder:
+) -> Sink:
     """The run's recorder, its properties complete enough to repeat the run.
 
     Raises
@@ -192,12 +192,12 @@ def make_recorder(
     path = config.out or Path("runs")
     if path.is_dir() or not path.suffix:
         path /= f"{command}.rrd"
-    return Recorder(
+    make = DetachedRecorder if config.real_time else Recorder
+    return make(
         path,
         signals=rows.signals,
         properties=properties,
         model=twin.mj,
         drain_ns=drain_ns or (DRAIN_WALL_NS if config.real_time else DRAIN_LOCKSTEP_NS),
-        spread=config.real_time,
         serve=serve,
     )

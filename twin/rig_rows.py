@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hardware.frames import GimbalState, SensorFrame
 from twin.readings import Readings
-from twin.recorder import Recorder
+from twin.recorder import Sink
 
 # One row a frame; the order is that of `_values`.
 FRAME: Final = (
@@ -47,7 +47,7 @@ class RigRows:
         self._last_ns = -1
         self._health = ""
 
-    def bind(self, recorder: Recorder) -> None:
+    def bind(self, recorder: Sink) -> None:
         """Find the places in the recorder's row; the frame's signals lie side by side in it."""
         at = recorder.slices
         self._recorder = recorder

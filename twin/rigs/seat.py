@@ -82,6 +82,18 @@ class RigGimbal:
             self.rig.poll()
             self.wait(_STEP_NS)
         self._ready = True
+        if self._drawing is not None:
+            self._drawing.straightened((0.0, 0.0))  # its first time takes milliseconds
+
+    def catch_up(self) -> None:
+        """Take in what has come while the run was being set up; its states count, no row does."""
+        if not self._lockstep:
+            while self.rig.poll():
+                pass
+
+    def listen(self) -> bool:
+        """Hear the answer to a PING when it comes; whether one is awaited."""
+        return self.rig.listen()
 
     def now_ns(self) -> int:
         """Experiment time on the rig's clock [ns]."""
