@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from twin.rigs import RigOptions
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
-# Each write costs the same however much it holds; a run in real time may be cut off at any moment.
-DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 200_000_000
+# Each write costs the same however much it holds; in real time a viewer may be watching, and the
+# process that writes may be ended by force.
+DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 1_000_000_000
 LARGEST_KEPT = 200_000  # bytes of a motor, model or vehicle file that a recording carries whole
 PATIENCE_S = 2.0
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run

@@ -46,6 +46,8 @@ class RigRows:
         self._readings = readings
         self._last_ns = -1
         self._health = ""
+        self._counts: tuple[int, int] | None = None
+        self._trips = 0
 
     def bind(self, recorder: Sink) -> None:
         """Find the places in the recorder's row; the frame's signals lie side by side in it."""
@@ -68,13 +70,17 @@ class RigRows:
                 self._frame[:] = _values(frame, state)
                 recorder.commit(at, wall_origin_ns + at)
         self._frame[:] = np.nan
-        age, trip = r.age_ns, r.round_trip_ns
-        self._tick[:] = (
-            np.nan if age is None else age * 1e-9,
-            np.nan if trip is None else trip * 1e-9,
-            r.lost,
-            r.crc_errors,
-        )
+        self._tick[:] = np.nan
+        if r.age_ns is not None:
+            self._tick[0] = r.age_ns * 1e-9
+        # every round trip counts once, and a count only where it changes
+        if r.round_trip_ns is not None and r.round_trips != self._trips:
+            self._trips = r.round_trips
+            self._tick[1] = r.round_trip_ns * 1e-9
+        counts = (r.lost, r.crc_errors)
+        if counts != self._counts:
+            self._counts = counts
+            self._tick[2:] = counts
         for level, text in r.news:
             recorder.event(time_ns, text, level)
         if r.health != self._health:

@@ -155,11 +155,11 @@ class TestMirror:
     def test_pulled_and_put_back_three_times_it_goes_on(self, tmp_path, tcp):
         if tcp is None and os.name != "posix":
             pytest.skip("no pseudo-terminals here")
-        at = [1.9, 2.7, 3.5]
+        at = [2.9, 3.7, 4.5]
         faults = [f"link:unplug:0.3@{t}" for t in at]
         with served(*faults, tcp=tcp) as (simulated, url):
             asked = Mirror(
-                gimbal=url, steer="joystick", duration_s=4.3 - simulated.time_us * 1e-6,
+                gimbal=url, steer="joystick", duration_s=5.3 - simulated.time_us * 1e-6,
                 out=tmp_path / "m.rrd",
             )  # fmt: skip
             result = mirror(asked)

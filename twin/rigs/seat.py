@@ -147,6 +147,7 @@ class RigGimbal:
         known = self._ready and newest.sigma != (0.0, 0.0)
         r.age_ns = self.now_ns() - newest.time_ns if known else None
         r.round_trip_ns = rig.estimate.round_trip_ns if known and r.frames else None
+        r.round_trips = rig.estimate.added
         statistics = rig.line.statistics
         r.lost, r.crc_errors = statistics.decoder.lost, statistics.decoder.crc_errors
         r.health = rig.health
