@@ -46,6 +46,9 @@ def repaired(path: Path) -> Path:
     ViewerError
         if the file is missing, is no recording, or nothing can be saved.
     """
+    whole = path.with_suffix("")
+    if path.suffix == ".partial" and not path.exists() and whole.exists():
+        path = whole  # what was cut off has meanwhile been completed by the process that writes it
     try:
         with path.open("rb") as file:
             start = file.read(len(MAGIC))
