@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -24,7 +23,6 @@ PORTS = [
     pytest.param(["--port", "0"], id="tcp"),
 ]
 STOPWATCH = """
-import time
 from twin import loop
 from twin.cli import main
 def told(run):
@@ -65,10 +63,8 @@ def test_a_killed_flight_loses_less_than_a_fifth_of_a_second_and_can_be_viewed(t
         last = max([last, *map(int, re.findall(r"(\d+)\n", flight.stdout.read()))])
         flight.wait()
         flight.stdout.close()
-    deadline = time.monotonic() + 60.0  # for a machine that is busy; it takes 0.2 s
-    while not out.exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    run = recording.read(viewer.repaired(out))
+    # at once, as somebody would who saw it die; the file is being completed meanwhile
+    run = recording.read(viewer.repaired(out.with_name("fly.rrd.partial")))
     assert last - run["gimbal/command"].time_ns[-1] <= 200_000_000
     # frames come 500 times a second, 2 ms of device and at most a few of wire and loop old
     assert last - run["gimbal/measured"].time_ns[-1] <= 200_000_000

@@ -17,6 +17,7 @@ from typing import IO
 
 import mujoco
 
+from analysis.held import hold
 from twin.recorder.detached import Settings
 from twin.recorder.ring import Kind, Ring
 from twin.recorder.stream import Recorder, RecorderError
@@ -87,6 +88,7 @@ def main() -> None:
     except RecorderError as error:
         _answer(str(error))
         return
+    mark = hold(settings.path.with_name(settings.path.name + ".partial"))
     writer = Writer(settings, recorder)
     _answer(None)
     threading.Thread(target=writer.listen, args=(lines,), daemon=True).start()
@@ -96,6 +98,7 @@ def main() -> None:
         recorder.close()
     except RecorderError as error:
         failed = str(error)
+    mark.close()
     _answer(failed)
 
 
