@@ -19,6 +19,7 @@ from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
 
+GRANTED = "granted"  # the word for a right that a loop had
 REFINED = 4  # times finer than it was flown, for the error of the time step
 
 
@@ -108,7 +109,7 @@ class Verdict:
     Attributes
     ----------
     word : whether timing left the run what it was meant to be
-    reasons : every limit that was broken; of a valid run, what was not known
+    reasons : every limit that was broken, and the rights that were missing where that is why
     overruns : ticks that were not begun in time because the loop was busy
     lateness, sensor_age, round_trip, delay : None where not recorded; `delay` is the loop's
     """
@@ -197,6 +198,7 @@ def assess(
     overruns : as the clock counted them; else the ticks a whole period late or more
     wire : time of a round trip's bytes on the line [s]
     frame : mean wait for the next pulse [s]
+    rights : what the loop asked the system for, and "granted" or why not
 
     Raises
     ------
@@ -242,6 +244,15 @@ def moved(recording: Recording, delays: Delays | None, rerun: Rerun) -> Moved:
     )
 
 
+def _without(v: Verdict, limits: Limits) -> list[str]:
+    """What the system refused, where ticks were late."""
+    late = v.lateness is not None and v.lateness.p99 > limits.lateness * v.period
+    if not late and v.overruns <= limits.overruns * v.ticks:
+        return []
+    refused = [name for name, told in v.rights.items() if told != GRANTED]
+    return [f"it ran without {' and '.join(refused)}"] if refused else []
+
+
 def _judged(v: Verdict, limits: Limits, wire: float, frame: float) -> Verdict:
     reasons = []
     if v.ticks and v.overruns > limits.overruns * v.ticks:
@@ -258,6 +269,7 @@ def _judged(v: Verdict, limits: Limits, wire: float, frame: float) -> Verdict:
         for cause, by in (("timing", v.moved.timing), ("the time step", v.moved.step)):
             if not by.position <= most:
                 reasons.append(f"{cause} moved the path by {by.position:.3g} m of {most:.3g} m")
+    reasons += _without(v, limits)
     word: Literal["valid", "invalid"] = "invalid" if reasons else "valid"
     split = None
     if v.round_trip is not None:

@@ -20,7 +20,7 @@ from twin.errors import TwinError
 from twin.loop import Gimbal
 from twin.model import ModelConfig, Seat, TwinModel, load
 from twin.plant import Plant
-from twin.recorder import Recorder
+from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.rows import Rows
 from twin.seat_names import MODELS, is_rig
 from twin.seats import SimulatedGimbal
@@ -32,8 +32,9 @@ if TYPE_CHECKING:
     from twin.rigs.turntable import Turntable
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
-# Each write costs the same however much it holds; a run in real time may be cut off at any moment.
-DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 200_000_000
+# Each write costs the same however much it holds; in real time a viewer may be watching, and the
+# process that writes may be ended by force.
+DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 1_000_000_000
 LARGEST_KEPT = 200_000  # bytes of a motor, model or vehicle file that a recording carries whole
 PATIENCE_S = 2.0
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
@@ -189,7 +190,7 @@ def make_recorder(
     drain_ns: int | None = None,
     rig: "RigGimbal | None" = None,
     real_time: bool | None = None,
-) -> Recorder:
+) -> Sink:
     """The run's recorder, its properties complete enough to repeat the run.
 
     Parameters
@@ -225,12 +226,12 @@ def make_recorder(
     path = config.out or Path("runs")
     if path.is_dir() or not path.suffix:
         path /= f"{command}.rrd"
-    return Recorder(
+    make = DetachedRecorder if real_time else Recorder
+    return make(
         path,
         signals=rows.signals,
         properties=properties,
         model=twin.mj,
         drain_ns=drain_ns or (DRAIN_WALL_NS if real_time else DRAIN_LOCKSTEP_NS),
-        spread=real_time,
         serve=serve,
     )

@@ -2,6 +2,7 @@
 
 import gc
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Protocol, Self
@@ -12,12 +13,14 @@ from numpy.typing import NDArray
 from twin import realtime
 from twin.realtime import Rights
 
+LOOK_NS = 250_000  # between two calls of `meanwhile`
+
 
 class Clock(Protocol):
     """Decides when the next tick may begin; a context manager around the loop."""
 
     def __enter__(self) -> Self:
-        """Take this instant as experiment time zero."""
+        """Take from the process what the loop needs."""
 
     def __exit__(
         self,
@@ -27,8 +30,13 @@ class Clock(Protocol):
     ) -> None:
         """Give back what the clock took from the process."""
 
-    def wait(self, time_ns: int) -> int:
-        """Return when experiment time `time_ns` has come; the lateness [ns]."""
+    def wait(self, time_ns: int, meanwhile: Callable[[], bool] | None = None) -> int:
+        """Return when experiment time `time_ns` has come; the lateness [ns].
+
+        Parameters
+        ----------
+        meanwhile : short; called again and again while there is time and it says true
+        """
 
 
 class Lockstep:
@@ -40,13 +48,15 @@ class Lockstep:
     def __exit__(self, *_: object) -> None:
         return None
 
-    def wait(self, time_ns: int) -> int:  # noqa: ARG002  the seat's signature
+    def wait(self, time_ns: int, meanwhile: Callable[[], bool] | None = None) -> int:  # noqa: ARG002
         """Never late."""
         return 0
 
 
 class Wall:
     """Real time by absolute deadlines, so that lateness never adds up to drift.
+
+    The first `wait` is for the first tick, and returns at once: time counts from there.
 
     Overruns: a tick whose deadline has passed begins at once, and so do those after it until the
     loop has caught up. No tick is skipped and the physics step never changes, so the flight stays
@@ -67,7 +77,7 @@ class Wall:
     def __init__(self, spin_ns: int = 0, *, privileged: bool = True) -> None:
         self._spin = spin_ns
         self._privileged = privileged
-        self._origin = 0
+        self._origin: int | None = None
         self.overruns = 0
         self.rights = Rights()
 
@@ -80,7 +90,7 @@ class Wall:
         if self._privileged:
             self.rights = self._stack.enter_context(realtime.requested())
         self.overruns = 0
-        self._origin = time.monotonic_ns()
+        self._origin = None
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -88,14 +98,21 @@ class Wall:
         gc.enable()
         gc.unfreeze()
 
-    def wait(self, time_ns: int) -> int:
+    def wait(self, time_ns: int, meanwhile: Callable[[], bool] | None = None) -> int:
         """Sleep, then spin, until the deadline; return at once when it has passed."""
-        deadline = self._origin + time_ns
         now = time.monotonic_ns()
+        if self._origin is None:
+            self._origin = now - time_ns
+            return 0
+        deadline = self._origin + time_ns
         if now > deadline:
-            self.overruns += time_ns > 0  # the first deadline passes while the loop is entered
+            self.overruns += 1
             return now - deadline
-        remaining = deadline - self._spin - now
+        end = deadline - self._spin
+        while meanwhile is not None and end - now > 2 * LOOK_NS and meanwhile():
+            time.sleep(LOOK_NS * 1e-9)
+            now = time.monotonic_ns()
+        remaining = end - now
         if remaining > 0:
             time.sleep(remaining * 1e-9)
         now = time.monotonic_ns()

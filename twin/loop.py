@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,17 @@ class Gimbal(Protocol):
 
     def poll(self) -> GimbalState:
         """The latest known state; never blocks."""
+
+
+@runtime_checkable
+class Listening(Protocol):
+    """A gimbal seat that hears more than the loop asks for."""
+
+    def catch_up(self) -> None:
+        """Forget what came before the run, so that the first tick has no more to do than others."""
+
+    def listen(self) -> bool:
+        """Hear what must be dated sooner than by the next poll; whether to call again soon."""
 
 
 class Controller(Protocol):
@@ -81,8 +92,12 @@ def run(
     plant, gimbal, controller, clock = seats.plant, seats.gimbal, seats.controller, seats.clock
     ticks = 0
     time_ns = plant.time_ns
+    listen = None
+    if isinstance(gimbal, Listening):
+        gimbal.catch_up()
+        listen = gimbal.listen
     while time_ns < duration_ns:
-        late = clock.wait(time_ns)
+        late = clock.wait(time_ns, listen)
         if ledger is not None:
             ledger.enter(late)
         angle = controller.update(time_ns * 1e-9, gimbal.poll())

@@ -14,6 +14,7 @@ class Readings:
     frames, states : sensor frames that arrived, and the estimate after each
     age_ns : of the newest sample at the poll; None while nothing is coming [ns]
     round_trip_ns : of the last PING; None while nothing is coming [ns]
+    round_trips : PINGs answered so far
     lost, crc_errors : frames, since the line was opened
     health : of connection and sensors, in words
     ready : whether the rig is connected
@@ -27,6 +28,7 @@ class Readings:
     states: list[GimbalState] = field(default_factory=list)
     age_ns: int | None = None
     round_trip_ns: int | None = None
+    round_trips: int = 0
     lost: int = 0
     crc_errors: int = 0
     health: str = "ok"

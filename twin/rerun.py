@@ -54,6 +54,7 @@ class DelayedGimbal:
         """Pass on what was commanded a delay ago; straight ahead before the first command."""
         self._sent.append(command.angle)
         late = float(np.interp(command.time_ns * 1e-9, self._delays.time, self._delays.value))
+        late = max(0.0, late)  # an estimate of the device's clock may be off by more than the delay
         at = len(self._sent) - 1 - late * 1e9 / self._period
         angle = (0.0, 0.0)
         if at > -1.0:

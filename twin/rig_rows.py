@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hardware.frames import GimbalState, SensorFrame
 from twin.readings import Readings
-from twin.recorder import Recorder
+from twin.recorder import Sink
 
 # One row a frame; the order is that of `_values`.
 FRAME: Final = (
@@ -55,8 +55,10 @@ class RigRows:
         self._readings = readings
         self._last_ns = -1
         self._health = ""
+        self._counts: tuple[int, int, bool] | None = None
+        self._trips = 0
 
-    def bind(self, recorder: Recorder) -> None:
+    def bind(self, recorder: Sink) -> None:
         """Find the places in the recorder's row; the frame's signals lie side by side in it."""
         at = recorder.slices
         self._recorder = recorder
@@ -81,14 +83,17 @@ class RigRows:
                 self._frame[:] = (*_values(frame, state), *taken)
                 recorder.commit(at, wall_origin_ns + at)
         self._frame[:] = np.nan
-        age, trip = r.age_ns, r.round_trip_ns
-        self._tick[:] = (
-            np.nan if age is None else age * 1e-9,
-            np.nan if trip is None else trip * 1e-9,
-            r.lost,
-            r.crc_errors,
-            r.ready,
-        )
+        self._tick[:] = np.nan
+        if r.age_ns is not None:
+            self._tick[0] = r.age_ns * 1e-9
+        # every round trip counts once, and a count only where it changes
+        if r.round_trip_ns is not None and r.round_trips != self._trips:
+            self._trips = r.round_trips
+            self._tick[1] = r.round_trip_ns * 1e-9
+        counts = (r.lost, r.crc_errors, r.ready)
+        if counts != self._counts:
+            self._counts = counts
+            self._tick[2:] = counts
         for level, text in r.news:
             recorder.event(time_ns, text, level)
         if r.health != self._health:

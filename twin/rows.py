@@ -17,7 +17,7 @@ from twin.model import AXES
 from twin.native.layout import number
 from twin.plant import Plant
 from twin.readings import Readings
-from twin.recorder import Recorder
+from twin.recorder import Sink
 from twin.rig_rows import RigRows
 from twin.seats import Pilot
 
@@ -68,7 +68,7 @@ class Rows:
         # tilt x y, airspeed, angle of attack, thrust, setpoint x y, error x y
         self._flow: Array = np.zeros(9)
         self._wall_ns = 0
-        self._recorder: Recorder | None = None
+        self._recorder: Sink | None = None
         self._places: Indices = np.empty(0, np.int64)
         self._addresses: Indices = np.empty(0, np.int64)
         self._sources = self._gather()
@@ -103,7 +103,7 @@ class Rows:
             sources["timing/lateness"] = self._ledger.latest
         return sources
 
-    def bind(self, recorder: Recorder) -> None:
+    def bind(self, recorder: Sink) -> None:
         """Pair every value's address with its place in the row, so that a tick only copies.
 
         Sources and row stay where they are for life: MuJoCo's arrays by its design, the recorder's
@@ -116,6 +116,7 @@ class Rows:
             for k, place in enumerate(range(*recorder.slices[name].indices(recorder.row.size)))
         ]
         self._places, self._addresses = np.array(pairs, np.int64).T.copy()
+        _copy(recorder.row.copy(), self._places, self._addresses)  # its first time takes a tick
         self._wall_ns = time.time_ns()
         if self._rig is not None:
             self._rig.bind(recorder)

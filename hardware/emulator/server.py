@@ -5,6 +5,7 @@ import os
 import socket
 import tempfile
 import time
+from array import array
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
@@ -101,7 +102,8 @@ class PtyPort:
     def read(self) -> bytes:
         """Return what the host has sent."""
         try:
-            return os.read(self._ours, _CHUNK)
+            # a read that finds nothing waits for the kernel's worker, see `hardware.link`
+            return os.read(self._ours, _CHUNK) if _waiting(self._ours) else b""
         except OSError:
             return b""
 
@@ -121,6 +123,16 @@ class PtyPort:
         self.drop()
         if self._folder is not None:
             self._folder.cleanup()
+
+
+def _waiting(terminal: int) -> int:
+    """Bytes that can be read from a terminal now."""
+    import fcntl
+    import termios
+
+    count = array("i", [0])
+    fcntl.ioctl(terminal, termios.FIONREAD, count)
+    return count[0]
 
 
 class TcpPort:

@@ -32,6 +32,12 @@ class ClockEstimate:
 
     Delay is only ever added, and mostly in one direction; the fastest exchanges are the truest
     (minimum-delay filter, as in NTP, RFC 5905 section 10).
+
+    Attributes
+    ----------
+    skew : how fast the device's clock is [1]
+    round_trip_ns : of the latest exchange [ns]
+    added : exchanges so far
     """
 
     def __init__(self, skew: float = 0.0) -> None:
@@ -40,6 +46,7 @@ class ClockEstimate:
         self._at_ns = 0.0
         self.skew = skew  # of an earlier connection, until this one knows better
         self.round_trip_ns = 0
+        self.added = 0
 
     @property
     def count(self) -> int:
@@ -55,6 +62,7 @@ class ClockEstimate:
         """Take in one exchange; device stamps are unwrapped."""
         delay = received_ns - sent_ns - 1000 * (device_out_us - device_in_us)
         self.round_trip_ns = received_ns - sent_ns
+        self.added += 1
         host = (sent_ns + received_ns) // 2
         self._exchanges.append(Exchange(host, (device_in_us + device_out_us) / 2, delay))
         newest = self._exchanges[-1].device_us

@@ -53,6 +53,7 @@ class RigStatistics:
     skipped : frames it had no room to send
     refused : messages the line did not take
     gaps : times without a connection
+    round_trips : answered PINGs of this session
     round_trip_ns, shortest_ns : of the last PING, and without the slow ones [ns]
     skew : how fast the device's clock is [1]
     """
@@ -65,6 +66,7 @@ class RigStatistics:
     skipped: int
     refused: int
     gaps: tuple[Gap, ...]
+    round_trips: int
     round_trip_ns: int
     shortest_ns: int
     skew: float

@@ -38,6 +38,7 @@ GREETING_NS = 100_000_000  # between HELLO_REQUESTs
 SYNC_NS = 10_000_000  # between PINGs while the clock is not known yet
 PING_NS = 200_000_000  # and later
 SYNC_COUNT = 10
+PONG_NS = 20_000_000  # after a PING; then its PONG is taken for lost
 CONNECT_NS = 4_000_000_000  # a Nano's bootloader takes 2 s
 SILENCE_NS = 300_000_000  # without a frame on an open line: hung, or only half plugged in
 TIMEOUT_MS = 100
@@ -105,6 +106,8 @@ class Rig:
         self.gyro_delay = self.fusion.noise.gyro_delay
         self._delay_known = False
         self._latest: Telemetry | None = None
+        self._pong_until = 0  # when an awaited PONG is given up; 0 while none is awaited
+        self._early: list[Frame] = []
 
     def connect(self, timeout_ns: int = CONNECT_NS) -> Hello:
         """Wait until the rig is ready and return its HELLO.
@@ -154,7 +157,8 @@ class Rig:
         ------
         RigError : a device of another version has appeared on the line
         """
-        arrived = self.line.poll()
+        arrived = self._early + self.line.poll()
+        self._early = []
         self.states = []
         if not self.line.connected:
             self._move(Sign.LOST)
@@ -169,6 +173,21 @@ class Rig:
         frames = [f for event in arrived if (f := self._take(event)) is not None]
         self._speak()
         return frames
+
+    def listen(self) -> bool:
+        """Take in a PONG between two polls and keep the rest for the next; whether one is awaited.
+
+        A loop that polls every 4 ms would else date it up to 4 ms late, and the estimate of the
+        device's clock would be wrong by half of that.
+        """
+        if not self._clock() < self._pong_until:
+            return False
+        for event in self.line.poll():
+            if isinstance(event.message, Pong):
+                self._take(event)
+            else:
+                self._early.append(event)
+        return self._pong_until > 0
 
     def send(self, command: GimbalCommand, turntable: float = 0.0) -> int | None:
         """Send a command; return its sequence number, None when it could not be sent.
@@ -242,6 +261,7 @@ class Rig:
             skipped=t.skipped if t else 0,
             refused=s.refused,
             gaps=s.gaps,
+            round_trips=self.estimate.added,
             round_trip_ns=self.estimate.round_trip_ns,
             shortest_ns=self.estimate.shortest_ns,
             skew=self.estimate.skew,
@@ -272,6 +292,7 @@ class Rig:
             self._next_ns = now + GREETING_NS
         elif self.phase in (Phase.SYNCING, Phase.READY):
             self.line.send(Ping(now))
+            self._pong_until = now + PONG_NS
             self._next_ns = now + (PING_NS if self.phase is Phase.READY else SYNC_NS)
 
     def _take(self, event: Frame) -> SensorFrame | None:
@@ -310,6 +331,7 @@ class Rig:
             self._move(Sign.HELLO)
 
     def _sync(self, pong: Pong) -> None:
+        self._pong_until = 0
         start = self._unwrapped(pong.received_us)
         out = start + ((pong.sent_us - pong.received_us) & 0xFFFF_FFFF)
         self.estimate.add(pong.host_ns, self.line.polled_ns, start, out)

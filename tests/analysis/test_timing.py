@@ -78,6 +78,16 @@ def test_a_single_late_tick_in_a_thousand_does_not_spoil_a_run():
     assert verdict.lateness.worst == pytest.approx(0.005)
 
 
+def test_what_the_system_refused_is_named_where_ticks_were_late():
+    rights = {"SCHED_FIFO": "Operation not permitted", "locked memory": "granted"}
+    late = assess(recorded(lateness=2e-3), PERIOD, rights=rights)
+    assert late.reasons[-1] == "it ran without SCHED_FIFO"
+    assert late.text().startswith("invalid: ")
+    assert "without SCHED_FIFO" in late.text()
+    # where nothing was lost, nothing is blamed on it
+    assert assess(recorded(lateness=5e-5), PERIOD, rights=rights).reasons == ()
+
+
 def test_percentiles_are_those_of_an_even_ramp():
     found = percentiles(np.append(np.linspace(0.0, 1.0, 1001), np.nan))
     assert (found.p50, found.p99, found.p999, found.worst) == pytest.approx((0.5, 0.99, 0.999, 1.0))

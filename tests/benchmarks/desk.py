@@ -6,13 +6,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-import serial
-
 from hardware.avr import missing
+from tests.benchmarks.line import echo, served
 from tests.benchmarks.timing import row
 from twin import native
 from twin.rigs import RigOptions, device
@@ -20,18 +17,17 @@ from twin.rigs import RigOptions, device
 TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
 SECONDS = 12.0
 SIMULATED_US = 4_000_000
-FRAME = 64  # bytes of an echo, about a telemetry frame
 
 
 def table() -> Iterator[str]:
     """Lines of the table."""
-    p50, p99 = _echo()
+    p50, p99 = echo("pty")
     yield row("bare pyserial echo over a pty, p50", f"{p50:.2f} ms", "(for comparison)", True)
     yield row("the same, p99", f"{p99:.2f} ms", "(for comparison)", True)
     p50, p99 = _mirror([*TWIN, "rig", "--json"])
     yield row("mirror: device stamp to pose, 500 Hz pty, p50", f"{p50:.2f} ms", "", True)
     yield row("the same, p99", f"{p99:.2f} ms", "< 8 ms", p99 < 8)
-    p50, p99 = _mirror([sys.executable, "-m", "tests.benchmarks.desk_peer", "rig"])
+    p50, p99 = _mirror([sys.executable, "-m", "tests.benchmarks.desk_peer", "rig", "pty"])
     yield row("mirror: last byte arrived to pose, p50", f"{p50:.2f} ms", "", True)
     yield row("the same, p99", f"{p99:.2f} ms", "< 1.5 ms", p99 < 1.5)
     for kind, bound in (("emulator", 0.0), ("firmware", 4.0)):
@@ -45,38 +41,9 @@ def table() -> Iterator[str]:
         yield row(claim, f"{speed:.1f} ×", f"≥ {bound:g} ×" if bound else "", speed >= bound)
 
 
-@contextmanager
-def _served(command: list[str]) -> Iterator[str]:
-    """Port of a process that prints it as JSON in its first line."""
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["port"]
-        finally:
-            process.terminate()
-
-
-def _echo() -> tuple[float, float]:
-    """Round trip of a frame's bytes to another process and back, 500 times a second [ms]."""
-    with _served([sys.executable, "-m", "tests.benchmarks.desk_peer", "echo"]) as url:
-        taken = []
-        with serial.Serial(url, 500_000, timeout=1.0) as port:
-            due = time.monotonic()
-            for k in range(int(SECONDS * 250)):
-                began = time.perf_counter()
-                port.write(bytes(FRAME))
-                port.read(FRAME)
-                if k > 50:
-                    taken.append(time.perf_counter() - began)
-                due += 0.002
-                time.sleep(max(0.0, due - time.monotonic()))
-    p50, p99 = np.percentile(taken, [50, 99]) * 1e3
-    return float(p50), float(p99)
-
-
 def _mirror(command: list[str]) -> tuple[float, float]:
     """Pose age of a mirror in a process of its own [ms]."""
-    with _served(command) as url, tempfile.TemporaryDirectory() as folder:
+    with served(command) as url, tempfile.TemporaryDirectory() as folder:
         out = str(Path(folder, "mirror.rrd"))
         asked = ["mirror", "--gimbal", url, "--duration-s", str(SECONDS), "--out", out, "--json"]
         done = subprocess.run([*TWIN, *asked], capture_output=True, text=True, check=True)

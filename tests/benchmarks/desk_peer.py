@@ -1,4 +1,8 @@
-"""The other end of the line for the desk's benchmarks: an echo, or a rig without any delay.
+"""The other end of the line for the benchmarks: an echo, or a rig without any delay.
+
+    python -m tests.benchmarks.desk_peer echo|rig|prompt pty|tcp
+
+`prompt` answers a PING the moment it arrives; the two others see to the line when they wake.
 
 The rig's stamp is the moment its frame's last byte enters the pseudo-terminal, where the reader
 has it at once; whatever a mirror adds to that stamp is the mirror's own.
@@ -10,26 +14,51 @@ import sys
 import time
 
 from hardware.emulator import Device, Sample
-from hardware.emulator.server import PtyPort
+from hardware.emulator.server import PtyPort, TcpPort
 from hardware.protocol import Board
+from twin import realtime
 
 PERIOD_S = 0.002
 
 
 def main() -> None:
-    """Serve until terminated."""
-    port = PtyPort()
-    print(json.dumps({"port": port.url}), flush=True)
-    {"echo": _echo, "rig": _rig}[sys.argv[1]](port)
+    """Serve until terminated, with what rights there are."""
+    port = PtyPort() if sys.argv[2:] != ["tcp"] else TcpPort()
+    with realtime.requested():
+        print(json.dumps({"port": port.url}), flush=True)
+        {"echo": _echo, "rig": _rig, "prompt": _prompt}[sys.argv[1]](port)
 
 
-def _echo(port: PtyPort) -> None:
+def _wait(port: PtyPort | TcpPort, seconds: float | None) -> None:
+    """Until the host has sent something."""
+    files = [port._ours] if isinstance(port, PtyPort) else [port._listener, port._host]
+    select.select([f for f in files if f is not None], [], [], seconds)
+
+
+def _echo(port: PtyPort | TcpPort) -> None:
     while True:
-        select.select([port._ours], [], [])
+        _wait(port, None)
         port.write(port.read())
 
 
-def _rig(port: PtyPort) -> None:
+def _prompt(port: PtyPort | TcpPort) -> None:
+    rig = Device(Board.EMULATOR, 1)
+    begin = time.monotonic()
+    due = begin + PERIOD_S
+    while True:
+        _wait(port, max(0.0, due - time.monotonic()))
+        now = round((time.monotonic() - begin) * 1e6)
+        if data := port.read():
+            rig.receive(data, now, now)
+            _flush(rig, port)
+        if time.monotonic() >= due:
+            due += PERIOD_S
+            rig.update(now)
+            rig.report(_sample(now))
+            _flush(rig, port)
+
+
+def _rig(port: PtyPort | TcpPort) -> None:
     rig = Device(Board.EMULATOR, 1)
     begin = time.monotonic()
     due = begin
@@ -46,7 +75,7 @@ def _rig(port: PtyPort) -> None:
         time.sleep(max(0.0, due - time.monotonic()))
 
 
-def _flush(rig: Device, port: PtyPort) -> None:
+def _flush(rig: Device, port: PtyPort | TcpPort) -> None:
     port.write(bytes(rig.transmit))
     rig.transmit.clear()
 

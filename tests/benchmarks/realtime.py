@@ -1,6 +1,7 @@
 """How late the wall clock's ticks begin, beside `cyclictest` of the same seconds (Debian rt-tests).
 
-Both wake every 4 ms. `cyclictest` is what C can reach on this machine at this load.
+Both wake every 4 ms. `cyclictest` is what C can reach on this machine at this load. With a rig, the
+emulator behind the port is a process of its own on the same processors.
 """
 
 import json
@@ -13,8 +14,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.recording import read
+from tests.benchmarks.line import echo, peer, served
 from tests.benchmarks.timing import row
 
 SECONDS = int(os.environ.get("TWIN_BENCH_SECONDS", "60"))
@@ -22,35 +25,86 @@ PERIOD_US = 4000
 TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
 RUN = [
     *TWIN, "step", "--clock", "wall", "--control-hz", "250", "--signal", "chirp", "--axis", "x",
-    "--hold-s", "0.2", "--repeats", "1", "--json", "--duration-s", str(SECONDS),
+    "--hold-s", "0.2", "--repeats", "1", "--json",
 ]  # fmt: skip
+RIG = {"pty": [*TWIN, "rig", "--json"], "tcp": [*TWIN, "rig", "--json", "--port", "0"]}
+SHORT = min(SECONDS, 20)  # seconds for a round trip, five of them a second
 
 
 def table() -> Iterator[str]:
     """Lines of the table."""
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder, "run.rrd")
-        beside = _cyclictest()
-        done = subprocess.run([*RUN, "--out", str(out)], capture_output=True, text=True, check=True)
-        timing = json.loads(done.stdout)["timing"]
-        late = read(out)["timing/lateness"].values[:, 0] * 1e6
-        reference = _percentile(beside) if beside else None
+    yield from _run("real time, simulated", [])[0]
+    for kind, command in RIG.items():
+        with served(command) as url:
+            lines, trips = _run(f"hardware in the loop, emulator over a {kind}", ["--gimbal", url])
+        yield from lines
+        yield from _round_trips(kind, trips)
+
+
+def _run(title: str, options: list[str]) -> tuple[list[str], NDArray[np.float64]]:
+    """Lines about one run beside `cyclictest`, and its round trips [ms]."""
+    beside = _cyclictest()
+    timing, late, trips = _recorded(SECONDS, options)
+    reference = _percentile(beside) if beside else None
     p50, p99, p999 = (float(v) for v in np.percentile(late, (50, 99, 99.9)))
     rights = ", ".join(f"{k} {v}" for k, v in timing["rights"].items())
-    yield row(f"real time, {SECONDS} s at 250 Hz, recorded: {rights}", timing["verdict"], "", True)
-    yield row(
-        "lateness p50 / p99 / worst", f"{p50:.0f} / {p99:.0f} / {late.max():.0f} µs", "", True
-    )
-    claim = "lateness p99.9"
+    load = os.getloadavg()[0]
+    why = "; ".join(timing["reasons"])
+    lines = [
+        row(f"{title}, {SECONDS} s at 250 Hz", timing["verdict"], why, True),
+        row("its rights", "", f"{rights}; load {load:.1f}", True),
+        row("lateness p50 / p99 / worst", f"{p50:.0f} / {p99:.0f} / {late.max():.0f} µs", "", True),
+    ]
     if reference is None:
-        yield row(claim, f"{p999:.0f} µs", "cyclictest is not here: apt-get install rt-tests", True)
+        beside_it, good = "cyclictest is not here: apt-get install rt-tests", True
     else:
-        good = p999 <= 3 * reference
-        yield row(claim, f"{p999:.0f} µs", f"≤ 3 × cyclictest, {reference:.0f} µs", good)
+        beside_it, good = f"≤ 3 × cyclictest, {reference:.0f} µs", p999 <= 3 * reference
     overruns = timing["overruns"]
-    yield row("overruns", f"{overruns} of {timing['ticks']}", "none", overruns == 0)
     drift = float(np.median(late[-250:]) - np.median(late[:250]))
-    yield row("drift over the run", f"{drift:+.0f} µs", "< 1 ms", abs(drift) < 1000)
+    lines += [
+        row("lateness p99.9", f"{p999:.0f} µs", beside_it, good),
+        row("overruns", f"{overruns} of {timing['ticks']}", "none", overruns == 0),
+        row("drift over the run", f"{drift:+.0f} µs", "< 1 ms", abs(drift) < 1000),
+    ]
+    return lines, trips
+
+
+def _round_trips(kind: str, trips: NDArray[np.float64]) -> Iterator[str]:
+    """Lines about PING and PONG: what the emulator takes, what a bare line does, what is ours.
+
+    Ours is what a peer that answers at once is seen to take, less a bare echo over the same kind
+    of port: encoding, decoding, and the wait until the loop has time to look.
+    """
+    yield _pair(f"round trip to the emulator over a {kind}", trips)
+    bare = echo(kind)
+    yield row(f"bare pyserial echo over a {kind}", f"{bare[0]:.2f} / {bare[1]:.2f} ms", "", True)
+    with served(peer("prompt", kind)) as url:
+        prompt = _recorded(SHORT, ["--gimbal", url])[2]
+    yield _pair("round trip to a peer that answers at once", prompt)
+    ours = float(np.median(prompt)) - bare[0]
+    yield row("own share of a round trip, p50", f"{ours:.2f} ms", "≤ 0.5 ms", ours <= 0.5)
+
+
+def _pair(claim: str, values: NDArray[np.float64]) -> str:
+    p50, p99 = np.percentile(values, (50, 99))
+    return row(claim, f"{p50:.2f} / {p99:.2f} ms", "p50 / p99", True)
+
+
+def _recorded(
+    seconds: int, options: list[str]
+) -> tuple[dict[str, object], NDArray[np.float64], NDArray[np.float64]]:
+    """Timing of a run as JSON, its lateness [µs] and its round trips [ms]."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "run.rrd")
+        asked = [*RUN, "--duration-s", str(seconds), "--out", str(out), *options]
+        done = subprocess.run(asked, capture_output=True, text=True, check=True)
+        run = read(out)
+    trips = run.series.get("timing/round_trip")
+    return (
+        json.loads(done.stdout)["timing"],
+        run["timing/lateness"].values[:, 0] * 1e6,
+        np.zeros(0) if trips is None else trips.values[:, 0] * 1e3,
+    )
 
 
 def _cyclictest() -> "subprocess.Popen[str] | None":

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import select
 import socket
 import threading
 import time
@@ -103,6 +104,42 @@ def test_polling_an_idle_port_returns_at_once(pty):
             assert link.poll() == []
         # 5 ms each would be a blocking read; a select and a read take some tens of µs.
         assert time.perf_counter() - start < 0.5
+
+
+@posix
+def test_an_idle_port_is_neither_read_nor_waited_for(pty, monkeypatch):
+    # On a terminal both wait for a thread of the kernel, 18 ms at worst, see `Link.poll`.
+    def refuse(*_):
+        raise AssertionError
+
+    with Link(str(pty.name)) as link:
+        monkeypatch.setattr(link._port, "read", refuse)
+        monkeypatch.setattr(select, "select", refuse)
+        assert link.poll() == []
+        assert link.send(Arm()) == 0
+
+
+@posix
+def test_a_message_that_a_full_line_took_in_part_is_completed_first(pty):
+    os.set_blocking(pty.device, False)
+
+    def taken() -> bytes:
+        data, quiet = b"", time.monotonic()
+        while time.monotonic() < quiet + 0.1:  # the kernel carries bytes over in its own time
+            try:
+                data += pty.read()
+                quiet = time.monotonic()
+            except BlockingIOError:
+                time.sleep(0.001)
+        return data
+
+    with Link(str(pty.name)) as link:
+        sent = 0
+        while link.send(Ping(sent)) is not None:
+            sent += 1
+        data = taken()
+        assert link.send(Arm()) is not None
+        assert _messages(data + taken()) == [*map(Ping, range(sent)), Arm()]
 
 
 @posix

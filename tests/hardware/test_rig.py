@@ -93,6 +93,25 @@ def test_every_frame_of_a_poll_has_its_state(skewed):
     assert rig.states[-1] is rig.state
 
 
+def test_a_pong_is_heard_between_polls_and_frames_wait_for_the_next(skewed):
+    device, rig = skewed
+    rig.connect()
+    frames = _advance(rig, device, 20)
+    while not rig.listen():  # until a PING has gone out
+        frames += _advance(rig, device, 1)
+    began = device.time_ns
+    while rig.listen():
+        device.advance_us(1000)
+    # the device's tick is 1 ms, and the PING went out one before
+    assert rig.estimate.round_trip_ns <= device.time_ns - began + 1_000_000
+    assert not rig.listen()
+    device.advance_us(40_000)
+    frames += (late := rig.poll())
+    assert len(late) >= 20
+    assert set(np.diff([f.device_us for f in frames])) == {2000}
+    assert len(rig.states) == len(late)
+
+
 def test_another_low_pass_changes_the_delay_the_fusion_reckons_with(skewed):
     device, rig = skewed
     rig.connect()

@@ -11,13 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin import realtime
-from twin.clock import Ledger, Lockstep, Wall
+from twin.clock import LOOK_NS, Ledger, Lockstep, Wall
 
 MS = 1_000_000
 
 
 def test_lateness_of_single_ticks_does_not_add_up_to_drift():
     with Wall() as clock:
+        clock.wait(0)
         began = time.monotonic_ns()
         for tick in range(1, 101):
             clock.wait(tick * 2 * MS)
@@ -29,6 +30,7 @@ def test_lateness_of_single_ticks_does_not_add_up_to_drift():
 
 def test_a_missed_deadline_returns_at_once_and_says_by_how_much():
     with Wall() as clock:
+        clock.wait(0)
         time.sleep(0.005)
         began = time.monotonic_ns()
         late = clock.wait(MS)
@@ -60,7 +62,7 @@ def test_the_ledger_tells_the_latest_lateness_in_seconds():
 
 def test_only_ticks_that_the_loop_came_late_to_count_as_overruns():
     with Wall(privileged=False) as clock:
-        clock.wait(0)  # passed while the loop was entered
+        clock.wait(0)
         clock.wait(2 * MS)  # slept
         time.sleep(0.009)  # the deadlines at 4 and 8 ms pass
         clock.wait(4 * MS)
@@ -71,11 +73,32 @@ def test_only_ticks_that_the_loop_came_late_to_count_as_overruns():
 
 def test_after_an_overrun_the_loop_catches_up_with_the_deadlines_of_old():
     with Wall(privileged=False) as clock:
+        clock.wait(0)
         time.sleep(0.011)
         late = [clock.wait(k * 4 * MS) for k in (1, 2, 5)]
         elapsed = time.monotonic_ns() - clock._origin
     assert late[0] > late[1] > 0
     assert 20 * MS <= elapsed < 30 * MS  # the fifth deadline, not five periods after the overrun
+
+
+def test_time_counts_from_the_first_wait_whatever_comes_before_it():
+    with Wall(privileged=False) as clock:
+        time.sleep(0.005)  # catching up with a rig, for example
+        assert clock.wait(0) == 0
+    assert clock.overruns == 0
+
+
+def test_what_is_done_meanwhile_is_left_in_time_for_the_deadline():
+    calls = []
+    with Wall(privileged=False) as clock:
+        clock.wait(0)
+        clock.wait(5 * MS, lambda: bool(calls.append(time.monotonic_ns()) or True))
+        ended = time.monotonic_ns()
+        done = len(calls)
+        clock.wait(6 * MS, lambda: bool(calls.append(0)))
+    assert done > 1
+    assert calls[done - 1] < ended - LOOK_NS  # the last 0.25 ms are for sleeping alone
+    assert len(calls) <= done + 1  # false is the end of it
 
 
 def test_a_spinning_wait_ends_within_microseconds_of_its_deadline():

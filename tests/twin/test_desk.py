@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import contextmanager
 from dataclasses import replace
 from math import radians
@@ -17,7 +18,8 @@ import pytest
 from analysis.recording import read
 from hardware.calibration import CalibrationError
 from hardware.calibration import read as read_calibration
-from hardware.emulator import serve
+from hardware.emulator import parse, serve
+from hardware.emulator.cable import Cable
 from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import PROTOCOL, Board, Encoder, default_config, hello
 from tests.twin.test_cli import run as command
@@ -48,6 +50,16 @@ def served(*faults: str, tcp: int | None = None):
             finally:
                 server.stop()
                 thread.join()
+
+
+def pulled_thrice(simulated, begun):
+    """Pull the cable for 0.3 s, 0.8 s apart, once a file tells that the run has begun."""
+    patience = time.monotonic() + 60.0
+    while not begun.exists() and time.monotonic() < patience:
+        time.sleep(0.01)
+    begin = simulated.time_us * 1e-6 + 0.8
+    faults = tuple(parse(f"link:unplug:0.3@{begin + 0.8 * k}") for k in range(3))
+    simulated._cable = Cable(faults, 0)
 
 
 @pytest.fixture(scope="module")
@@ -155,14 +167,13 @@ class TestMirror:
     def test_pulled_and_put_back_three_times_it_goes_on(self, tmp_path, tcp):
         if tcp is None and os.name != "posix":
             pytest.skip("no pseudo-terminals here")
-        at = [1.9, 2.7, 3.5]
-        faults = [f"link:unplug:0.3@{t}" for t in at]
-        with served(*faults, tcp=tcp) as (simulated, url):
-            asked = Mirror(
-                gimbal=url, steer="joystick", duration_s=4.3 - simulated.time_us * 1e-6,
-                out=tmp_path / "m.rrd",
-            )  # fmt: skip
+        with served(tcp=tcp) as (simulated, url):
+            begun = tmp_path / "m.rrd.partial"
+            pulling = threading.Thread(target=pulled_thrice, args=(simulated, begun))
+            pulling.start()
+            asked = Mirror(gimbal=url, steer="joystick", duration_s=4.0, out=tmp_path / "m.rrd")
             result = mirror(asked)
+            pulling.join()
         assert result.ended == "time"
         assert len(result.gaps_s) == 3, result
         run = read(tmp_path / "m.rrd")

@@ -122,8 +122,8 @@ def test_while_the_rig_is_away_the_joints_go_where_its_servos_go(capsys, tmp_pat
     line = f"{FLY} --duration-s 2 --fault link:unplug:0.6@1.5 --on-fault ignore --out {out}"
     command(capsys, *line.split())
     run = read(out)
-    away = run["link/connected"].values[:, 0] == 0.0
-    time = run["gimbal/simulated"].time
+    time, link = run["gimbal/simulated"].time, run["link/connected"]  # recorded where it changes
+    away = link.values[np.searchsorted(link.time, time + 1e-9) - 1, 0] == 0.0
     angle = abs(run["gimbal/simulated"].values).max(axis=1)
     begin = time[away][0]
     # 0.1 s until the rig's own timeout, 0.1 s for its servos; then a joint that follows exactly

@@ -17,7 +17,7 @@ from analysis import recording, schema
 from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer
-from twin.recorder import Recorder, RecorderError, scene, shapes
+from twin.recorder import DetachedRecorder, Recorder, RecorderError, scene, shapes
 from twin.viewer import opening
 
 
@@ -89,13 +89,13 @@ def test_committing_allocates_nothing(tmp_path, capsys):
     assert grown < 200  # the row counter and little else; one float a row would be 72 000
 
 
-def test_a_recording_written_piece_by_piece_is_the_same_recording(tmp_path):
+def test_a_recording_written_by_another_process_is_the_same_recording(tmp_path):
     model = mujoco.MjModel.from_xml_string(runs.SCENE)
-    for name, spread in (("whole.rrd", False), ("pieces.rrd", True)):
+    for name, make in (("here.rrd", Recorder), ("there.rrd", DetachedRecorder)):
         data = mujoco.MjData(model)
-        with Recorder(
+        with make(
             tmp_path / name, signals=runs.SIGNALS, properties={"seed": 7}, model=model,
-            drain_ns=200_000_000, spread=spread,
+            drain_ns=200_000_000,
         ) as recorder:  # fmt: skip
             recorder.event(0, "ignition")
             for tick in range(333):  # ends within a drain
@@ -104,24 +104,34 @@ def test_a_recording_written_piece_by_piece_is_the_same_recording(tmp_path):
                 mujoco.mj_kinematics(model, data)
                 recorder.commit(time_ns, runs.EPOCH_NS + time_ns)
                 recorder.commit_pose(time_ns, data)
-    assert compare(tmp_path / "whole.rrd", tmp_path / "pieces.rrd") == 0
+    assert compare(tmp_path / "here.rrd", tmp_path / "there.rrd") == 0
 
 
-def test_a_commit_of_a_spread_recording_writes_one_piece_at_most(tmp_path, monkeypatch):
-    sent = []
-    with Recorder(
-        tmp_path / "a.rrd", signals=runs.SIGNALS, properties={}, drain_ns=200_000_000, spread=True
-    ) as recorder:
-        whole = recorder._stream.send_columns
-        monkeypatch.setattr(
-            type(recorder._stream), "send_columns", lambda _, *a: (sent.append(a[0]), whole(*a))
-        )
-        recorder.row[:] = 1.0
-        for tick in range(200):
-            before = len(sent)
-            recorder.commit(tick * runs.PERIOD_NS, tick)
-            assert len(sent) - before <= 1
-    assert sent
+def test_rows_that_find_no_room_are_counted_told_and_never_waited_for(tmp_path):
+    recorder = DetachedRecorder(
+        tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}, capacity=8
+    )
+    os.kill(recorder._process.pid, signal.SIGSTOP)  # a disk that takes nothing
+    for tick in range(20):
+        recorder.row[:] = tick
+        recorder.commit(tick, tick)
+    os.kill(recorder._process.pid, signal.SIGCONT)
+    with pytest.raises(RecorderError, match=r"a\.rrd lacks 12 rows"):
+        recorder.close()
+    run = recording.read(tmp_path / "a.rrd")
+    assert run["vehicle/mass"].values[:, 0].tolist() == list(range(8))
+    assert "12 rows lost" in run.events[-1].text
+
+
+def test_a_writer_that_died_is_told_at_the_end_and_disturbs_nobody_before(tmp_path):
+    recorder = DetachedRecorder(tmp_path / "a.rrd", signals=["vehicle/mass"], properties={})
+    recorder._process.kill()
+    recorder._process.wait()
+    recorder.row[:] = 1.0
+    recorder.commit(0, 0)
+    recorder.event(0, "nobody hears this")
+    with pytest.raises(RecorderError, match="process that writes it has ended"):
+        recorder.close()
 
 
 def test_views_of_the_row_stay_valid(tmp_path):

@@ -147,3 +147,11 @@ def test_a_delay_of_two_and_a_half_ticks_is_the_mean_of_two_commands():
     # commands 1, 2, 3 … ; neutral before the first
     assert [x for x, _ in ear.heard] == pytest.approx([0.0, 0.0, 0.5, 1.5, 2.5, 3.5])
     assert [y for _, y in ear.heard] == pytest.approx([0.0, 0.0, -0.5, -1.5, -2.5, -3.5])
+
+
+def test_a_delay_that_was_estimated_below_zero_is_none():
+    ear = Listener()
+    gimbal = DelayedGimbal(ear, Delays(np.zeros(1), np.array([-1.5 * 0.004])), 4_000_000)
+    for k in range(3):
+        gimbal.send(GimbalCommand(k * 4_000_000, (float(k + 1), 0.0)))
+    assert [x for x, _ in ear.heard] == [1.0, 2.0, 3.0]

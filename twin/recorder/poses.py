@@ -1,7 +1,5 @@
 """The moving part of the 3D scene: decimated body poses, trail and thrust arrow."""
 
-from collections.abc import Iterator
-
 import mujoco
 import numpy as np
 import rerun as rr
@@ -103,8 +101,8 @@ class Poses:
         """Experiment times of the poses kept and not yet drained (n,) [ns]."""
         return self._time[: self._n]
 
-    def drain(self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats) -> Iterator[None]:
-        """Take the kept poses out of the ring at the first `next`; send them piece by piece.
+    def drain(self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats) -> None:
+        """Send the kept poses and forget them.
 
         Parameters
         ----------
@@ -113,28 +111,25 @@ class Poses:
         thrust : thrust at each pose (n,) [N]
         """
         n = self._n
-        time = self.times.copy()
+        time = self.times
+        # copies, since Rerun may keep what it is given
         position, attitude, jet = (
             a[:n].copy() for a in (self._position, self._attitude, self._jet)
         )
-        self._n, self.full = 0, False
-        yield
         stamps = columns.times(time, wall)
         for k, body in enumerate(self.moving):
             pose = columns.transforms(position[:, k], attitude[:, k])
             stream.send_columns(f"{schema.WORLD}/{body.name}", stamps, pose)
-            yield
             if k in self.focus:
                 middle = _middles(position[:, k], attitude[:, k], body.centre)
                 stream.send_columns(focus_path(body.name), stamps, columns.translations(middle))
-                yield
             if body.name == VEHICLE:
                 self._drain_trail(stream, time, wall, position[:, k])
-                yield
         if self._nozzle >= 0:
             vectors = (METRES_PER_NEWTON * thrust)[:, None] * jet[:, 1]
             arrows = columns.arrows(jet[:, 0] - vectors, vectors)
             stream.send_columns(f"{schema.WORLD}/thrust", stamps, arrows)
+        self._n, self.full = 0, False
 
     def finish(self, stream: rr.RecordingStream) -> None:
         """Write the whole path as one thin line, visible at any time."""

@@ -4,7 +4,7 @@ import ctypes
 import hashlib
 import json
 import socket
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -18,6 +18,7 @@ from analysis import rrd, schema
 from twin.errors import TwinError
 from twin.recorder import blueprint, columns
 from twin.recorder.poses import Poses
+from twin.recorder.sink import places
 
 THRUST = "vehicle/thrust"
 LOOPBACK = "127.0.0.1"
@@ -48,8 +49,6 @@ class Recorder:
     capacity : rows kept at most before they are written
     drain_ns : experiment time between two writes [ns]; what a killed process loses at most.
         Shorter costs size: every write of a signal takes about 1.5 kB besides its values.
-    spread : write one signal or body a commit instead of all at once, so that no commit of a loop
-        in real time takes long; what a killed process loses grows by as many commits
     serve : port on the loopback interface where a viewer may watch, besides the file
 
     Raises
@@ -69,12 +68,11 @@ class Recorder:
         pose_period_ns: int = 20_000_000,
         capacity: int = 4096,
         drain_ns: int = 1_000_000_000,
-        spread: bool = False,
         serve: int | None = None,
     ) -> None:
         self.path = Path(path)
         self._partial = self.path.with_name(self.path.name + ".partial")
-        self._signals = _signals(signals)
+        self._signals = checked(signals)
         text = _json(properties)
         if serve is not None:
             _free(serve)
@@ -82,19 +80,13 @@ class Recorder:
         self._layout(capacity, drain_ns)
         self._poses = None if model is None else Poses(model, pose_period_ns)
         self._texts: list[tuple[str, int, str, str]] = []
-        self._spread = spread
-        self._writing: Iterator[None] = iter(())
         self._last_wall = 0
         self._open = True
         self._stream = self._start(text, serve)
 
     def _layout(self, capacity: int, drain_ns: int) -> None:
         width = sum(len(s.components) for s in self._signals)
-        ends = np.cumsum([len(s.components) for s in self._signals]).tolist()
-        self.slices: dict[str, slice] = {
-            s.name: slice(end - len(s.components), end)
-            for s, end in zip(self._signals, ends, strict=True)
-        }
+        self.slices = places(self._signals)
         self._scale = np.array([s.scale for s in self._signals for _ in s.components])
         self._block = np.zeros((capacity, width))
         self._time = np.zeros(capacity, dtype=np.int64)
@@ -121,26 +113,19 @@ class Recorder:
             stream.set_sinks(*sinks, default_blueprint=look)
         except (RuntimeError, OSError, ValueError) as error:
             self._partial.unlink(missing_ok=True)
-            raise RecorderError(f"cannot record to {self.path}: {_line(error)}") from None
+            raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
         stream.send_property(schema.PROPERTY, rr.AnyValues(schema=schema.SCHEMA, json=text))
         for name in names:
             stream.log(schema.SIGNALS[name].entity, blueprint.style(name), static=True)
         if self._poses:
             self._poses.start(stream)
-        if self._spread:  # what a first use loads takes a tick and more
-            columns.times(np.zeros(1, np.int64), np.zeros(1, np.int64))
-            columns.scalars(np.zeros((1, 1)))
-            columns.transforms(np.zeros((1, 3)), np.ones((1, 4)))
-            columns.translations(np.zeros((1, 3)))
-            columns.segments(np.zeros((1, 3)), np.ones((1, 3)))
-            columns.arrows(np.zeros((1, 3)), np.ones((1, 3)))
         try:
             # what is static comes first, so a file cut off anywhere still has it
             stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
             _abandon(stream)
             self._partial.unlink(missing_ok=True)
-            raise RecorderError(f"cannot record to {self.path}: {_line(error)}") from None
+            raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
         return stream
 
     def commit(self, time_ns: int, wall_ns: int) -> None:
@@ -156,14 +141,7 @@ class Recorder:
         self._n = n
         if n == self._capacity or time_ns >= self._due:
             self._due = time_ns - time_ns % self._drain_every + self._drain_every
-            if self._spread:
-                self._finish()
-                self._writing = self._pieces()
-                next(self._writing)
-            else:
-                self.drain()
-        elif self._spread:
-            next(self._writing, None)
+            self.drain()
 
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
         """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
@@ -175,47 +153,36 @@ class Recorder:
 
     def event(self, time_ns: int, text: str, level: str = "INFO") -> None:
         """Add a line to the events of the run; level INFO, WARN or ERROR."""
-        self._texts.append((schema.EVENTS, time_ns, text, level))
+        self.text(schema.EVENTS, time_ns, text, level)
 
     def health(self, time_ns: int, text: str) -> None:
         """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
-        self._texts.append((schema.HEALTH, time_ns, text, "INFO"))
+        self.text(schema.HEALTH, time_ns, text, "INFO")
+
+    def text(self, entity: str, time_ns: int, text: str, level: str) -> None:
+        """Add a line to an entity of texts."""
+        self._texts.append((entity, time_ns, text, level))
 
     def estimator(self, time_ns: int, memory: str) -> None:
         """Add what the rig's estimator remembers at `time_ns` [ns], as JSON, for a replay."""
-        self._texts.append((schema.ESTIMATOR, time_ns, memory, "INFO"))
+        self.text(schema.ESTIMATOR, time_ns, memory, "INFO")
 
     def drain(self) -> None:
         """Write what is kept; called by `commit` in time, so seldom of use elsewhere."""
-        self._finish()
-        self._writing = self._pieces()
-        self._finish()
-
-    def _finish(self) -> None:
-        for _ in self._writing:
-            pass
-
-    def _pieces(self) -> Iterator[None]:
-        """Take what is kept out of the way at the first `next`, then write it piece by piece."""
         n = self._n
-        time, wall = self._time[:n].copy(), self._wall[:n].copy()
-        stored = self._block[:n] * self._scale
-        texts, self._texts = self._texts, []
-        poses = self._take_poses(time, wall)
-        self._n = 0
-        if n:
-            self._last_wall = int(wall[-1])
-        yield
-        yield from poses
-        for entity, at, text, level in texts:
+        time, wall = self._time[:n], self._wall[:n]
+        self._send_poses(time, wall)
+        for entity, at, text, level in self._texts:
             stamps = np.array([at], dtype=np.int64)
             when = columns.times(stamps, self._wall_at(stamps, time, wall))
             self._stream.send_columns(entity, when, columns.texts([text], [level]))
-            yield
+        self._texts.clear()
         if n:
-            yield from self._send_rows(stored, time, wall)
+            self._send_rows(self._block[:n] * self._scale, time, wall)
+            self._last_wall = int(wall[-1])
+        self._n = 0
 
-    def _send_rows(self, stored: NDArray[np.float64], time: Stamps, wall: Stamps) -> Iterator[None]:
+    def _send_rows(self, stored: NDArray[np.float64], time: Stamps, wall: Stamps) -> None:
         when = columns.times(time, wall)
         for signal in self._signals:
             values, stamps = stored[:, self.slices[signal.name]], when
@@ -226,12 +193,10 @@ class Recorder:
                 values, stamps = values[there], columns.times(time[there], wall[there])
             if len(values):
                 self._stream.send_columns(signal.entity, stamps, columns.scalars(values))
-            yield
 
-    def _take_poses(self, time: Stamps, wall: Stamps) -> Iterator[None]:
-        """Pieces of the poses kept, which are out of their ring when this returns."""
+    def _send_poses(self, time: Stamps, wall: Stamps) -> None:
         if not self._poses or not self._poses.times.size:
-            return iter(())
+            return
         at = self._poses.times
         thrust = np.zeros(len(at))
         if THRUST in self.slices and self._n:
@@ -239,9 +204,7 @@ class Recorder:
             rows = np.isfinite(known)  # a sensor frame's row knows nothing of the vehicle
             if rows.any():
                 thrust = np.interp(at, time[rows], known[rows])
-        pieces = self._poses.drain(self._stream, self._wall_at(at, time, wall), thrust)
-        next(pieces)
-        return pieces
+        self._poses.drain(self._stream, self._wall_at(at, time, wall), thrust)
 
     def _wall_at(self, at: Stamps, time: Stamps, wall: Stamps) -> Stamps:
         """Time since 1970 of the rows nearest after `at` (k,); the last known one without rows."""
@@ -267,7 +230,7 @@ class Recorder:
             self._stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
             _abandon(self._stream)
-            raise self._unfinished(_line(error)) from None
+            raise self._unfinished(one_line(error)) from None
         self._stream.disconnect()  # writes the footer, and keeps quiet if that fails
         try:
             if not rrd.complete(self._partial):
@@ -293,11 +256,17 @@ class Recorder:
     ) -> None:
         if self._open and error is not None and not isinstance(error, KeyboardInterrupt):
             last = int(self._time[self._n - 1]) if self._n else self._due - self._drain_every
-            self.event(max(last, 0), f"run ended early: {_line(error)}", "ERROR")
+            self.event(max(last, 0), f"run ended early: {one_line(error)}", "ERROR")
         self.close()
 
 
-def _signals(names: Sequence[str]) -> list[schema.Signal]:
+def checked(names: Sequence[str]) -> list[schema.Signal]:
+    """The signals of these names, each once.
+
+    Raises
+    ------
+    RecorderError : there is no such signal, or none was given
+    """
     try:
         found = [schema.signal(name) for name in dict.fromkeys(names)]
     except schema.AnalysisError as error:
@@ -350,5 +319,6 @@ def _abandon(stream: rr.RecordingStream) -> None:
     rr.unregister_shutdown()
 
 
-def _line(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
+    """What went wrong, without line breaks."""
     return " ".join(str(error).split()) or type(error).__name__

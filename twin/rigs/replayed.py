@@ -5,7 +5,7 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Recording
+from analysis.recording import Recording, TimeSeries
 from hardware.calibration import Calibration, parsed
 from hardware.frames import GimbalCommand, GimbalState, HardwareError, Pair, SensorFrame
 from hardware.fusion import BaseMap, Fusion
@@ -61,6 +61,18 @@ def calibration_of(tape: Recording) -> Calibration | None:
     return parsed(text, "the recording's calibration") if isinstance(text, str) else None
 
 
+class _Held:
+    """A signal recorded where it changed."""
+
+    def __init__(self, series: TimeSeries) -> None:
+        self._times, self._values = series.time_ns, series.values[:, 0].tolist()
+
+    def at(self, time_ns: int) -> float:
+        """The value in force at a time [ns]; the first one before it, 0 without any."""
+        k = int(np.searchsorted(self._times, time_ns, side="right")) - 1
+        return float(self._values[max(k, 0)]) if self._values else 0.0
+
+
 class RecordedRig:
     """Stands in for `hardware.rig.Rig`; whatever is sent to it goes nowhere.
 
@@ -97,30 +109,23 @@ class RecordedRig:
         self._delay = tape["sensors/gyro_delay"].values[:, 0].tolist()
         if not len(self._frames) == len(self._taken) == len(self._session) == len(self._delay):
             raise TwinError("the recording's readings have lost some of their columns")
-        ticks = tape["link/connected"]
-        self._ticks = ticks.time_ns
-        self._connected = (ticks.values[:, 0] > 0.0).tolist()
-        lost, damaged = (tape[f"link/{n}"].values[:, 0].tolist() for n in ("lost", "crc_errors"))
-        self._counts = list(zip(lost, damaged, strict=False))
+        self._link = tuple(_Held(tape[f"link/{n}"]) for n in ("connected", "lost", "crc_errors"))
         self._next, self._begun = 0, False
 
-    @property
-    def _tick(self) -> int:
-        """Row of the present tick; the last one beyond the end."""
-        at = int(np.searchsorted(self._ticks, self._plant.time_ns, side="right")) - 1
-        return min(max(at, 0), len(self._counts) - 1)
+    def _then(self, what: int) -> float:
+        return self._link[what].at(self._plant.time_ns)
 
     @property
     def phase(self) -> Phase:
         """Whether the rig was connected then."""
-        return Phase.READY if self._connected[self._tick] else Phase.AWAY
+        return Phase.READY if self._then(0) > 0.0 else Phase.AWAY
 
     @property
     def statistics(self) -> RigStatistics:
         """Losses as they were."""
-        lost, damaged = self._counts[self._tick]
         gaps = () if self.phase is Phase.READY else (Gap(self._plant.time_ns, None, "recorded"),)
-        return RigStatistics(1, round(lost), round(damaged), 0, 0, 0, 0, gaps, 0, 0, 0.0)
+        lost, damaged = round(self._then(1)), round(self._then(2))
+        return RigStatistics(1, lost, damaged, 0, 0, 0, 0, gaps, 0, 0, 0, 0.0)
 
     @property
     def health(self) -> str:
@@ -161,6 +166,10 @@ class RecordedRig:
         if self.gyro_delay != self.fusion.noise.gyro_delay:
             self.fusion.set_gyro_delay(self.gyro_delay)
         return self.fusion.update(self._frames[k])
+
+    def listen(self) -> bool:
+        """Nothing more is to be heard."""
+        return False
 
     def send(self, command: GimbalCommand, turntable: float = 0.0) -> None:
         """Do nothing; what was sent then is on the tape."""

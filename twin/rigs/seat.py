@@ -65,6 +65,9 @@ class SomeRig(Protocol):
     def poll(self) -> list[SensorFrame]:
         """Frames that have arrived."""
 
+    def listen(self) -> bool:
+        """Hear what must be dated between two polls; whether to call again soon."""
+
     def send(self, command: GimbalCommand, turntable: float = 0.0) -> object:
         """Send a command."""
 
@@ -163,6 +166,18 @@ class RigGimbal:
             self.rig.poll()
             self.wait(_STEP_NS)
         self._ready = True
+        if self._drawing is not None:
+            self._drawing.straightened((0.0, 0.0))  # its first time takes milliseconds
+
+    def catch_up(self) -> None:
+        """Take in what has come while the run was being set up; its states count, no row does."""
+        if not self._lockstep:
+            while self.rig.poll():
+                pass
+
+    def listen(self) -> bool:
+        """Hear the answer to a PING when it comes; whether one is awaited."""
+        return self.rig.listen()
 
     def now_ns(self) -> int:
         """Experiment time on the rig's clock [ns]."""
@@ -234,6 +249,7 @@ class RigGimbal:
         r.age_ns = self.now_ns() - newest.time_ns if known else None
         statistics = rig.statistics
         r.round_trip_ns = statistics.round_trip_ns if known and r.frames else None
+        r.round_trips = statistics.round_trips
         r.lost, r.crc_errors = statistics.lost, statistics.crc_errors
         r.health, r.ready = rig.health, self._ready
         r.session, r.gyro_delay = rig.session, rig.gyro_delay

@@ -11,11 +11,13 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from analysis.held import held
 from analysis.rrd import MAGIC
 from twin.errors import TwinError
 
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 30.0
+PATIENCE_S = 5.0  # a killed run's file is complete after 0.2 s; one in flight is opened as it is
 EMPTY_BYTES = 1000  # Rerun writes 100 to 400 for a recording without content
 
 
@@ -38,6 +40,17 @@ def sound(path: Path) -> bool:
     return _rerun("rrd", "verify", str(path)).returncode == 0
 
 
+def _let_finish(path: Path) -> Path:
+    """Where a killed run's file is once the process that writes it has had time to complete it."""
+    if path.suffix != ".partial":
+        return path
+    deadline = time.monotonic() + PATIENCE_S
+    while held(path) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    whole = path.with_suffix("")
+    return whole if whole.exists() and not path.exists() else path
+
+
 def repaired(path: Path) -> Path:
     """Return `path` if it is complete, else a fresh file beside it with all that can be saved.
 
@@ -46,6 +59,7 @@ def repaired(path: Path) -> Path:
     ViewerError
         if the file is missing, is no recording, or nothing can be saved.
     """
+    path = _let_finish(path)
     try:
         with path.open("rb") as file:
             start = file.read(len(MAGIC))

@@ -1,0 +1,244 @@
+"""A recorder whose writing is done by a process of its own, out of a real-time loop's way."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis import schema
+from twin.recorder import ring
+from twin.recorder.sink import places
+from twin.recorder.stream import RecorderError, checked, one_line
+
+CAPACITY = 16_384  # entries: 20 s of a flight with a rig that sends 500 frames a second
+PATIENCE_S = 90.0  # for a slow disk to take the rest
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a recorder is made with, see `Recorder`, and the ring that its rows come through."""
+
+    path: Path
+    signals: tuple[str, ...]
+    properties: dict[str, object]
+    model: mujoco.MjModel | None
+    pose_period_ns: int
+    drain_ns: int
+    serve: int | None
+    ring: ring.Shape
+
+    def write(self, pipe: IO[bytes]) -> None:
+        """Write them as one line of JSON, and the compiled model behind it.
+
+        Raises
+        ------
+        RecorderError : the properties are not JSON
+        OSError : nobody reads
+        """
+        model = b"" if self.model is None else _binary(self.model)
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        values |= {"path": str(self.path), "ring": asdict(self.ring), "model": len(model)}
+        try:
+            line = json.dumps(values, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise RecorderError(f"properties of a run must be JSON: {error}") from None
+        pipe.write(line.encode() + b"\n" + model)
+
+    @classmethod
+    def read(cls, pipe: IO[bytes]) -> Self:
+        """Read what `write` has written."""
+        values = json.loads(pipe.readline())
+        model = pipe.read(values["model"])
+        name = "model.mjb"
+        return cls(
+            **{
+                **values,
+                "path": Path(values["path"]),
+                "signals": tuple(values["signals"]),
+                "ring": ring.Shape(**values["ring"]),
+                "model": mujoco.MjModel.from_binary_path(name, {name: model}) if model else None,
+            }
+        )
+
+
+def _binary(model: mujoco.MjModel) -> bytes:
+    """A compiled model as MuJoCo saves it; the same library reads it back."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+class DetachedRecorder:
+    """As `Recorder`, but a commit only copies a row into shared memory.
+
+    Writing a second of a flight takes 20 ms and more, and a thread for it would hold the
+    interpreter lock meanwhile. The process also outlives the run: when that is killed, it writes
+    what it was given to the last row and closes the file. It has a session of its own, so that
+    signals to the run's process group do not reach it.
+
+    Parameters
+    ----------
+    path, signals, properties, model, pose_period_ns, drain_ns, serve : as for `Recorder`
+    capacity : rows and poses that may wait for a slow disk; more are lost, and the recording and
+        `close` say how many
+
+    Raises
+    ------
+    RecorderError : as `Recorder`, before anything has run
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        signals: Sequence[str],
+        properties: Mapping[str, object],
+        model: mujoco.MjModel | None = None,
+        pose_period_ns: int = 20_000_000,
+        drain_ns: int = 1_000_000_000,
+        serve: int | None = None,
+        capacity: int = CAPACITY,
+    ) -> None:
+        self.path = Path(path)
+        known = checked(signals)
+        self.slices = places(known)
+        width = sum(len(s.components) for s in known)
+        self.row: NDArray[np.float64] = np.full(width, np.nan)
+        self._poses = model is not None
+        self._period, self._due = pose_period_ns, -(2**62)
+        self._last_ns = 0
+        self._open = True
+        nq = 0 if model is None else int(model.nq)
+        try:
+            shape = ring.make(capacity, max(width, nq))
+        except OSError as error:
+            raise RecorderError(f"no memory to record through: {error}") from None
+        try:
+            self._ring = ring.Ring(shape)
+            self._start(
+                Settings(
+                    self.path, tuple(signals), dict(properties), model, pose_period_ns, drain_ns,
+                    serve, shape,
+                )
+            )  # fmt: skip
+        finally:
+            with suppress(OSError):  # both have it open; Windows keeps it until they are done
+                Path(shape.path).unlink()
+
+    def _start(self, settings: Settings) -> None:
+        paths = [str(ROOT), os.environ.get("PYTHONPATH", "")]
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "twin.recorder.writer"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in paths if p)},
+            start_new_session=True,
+        )
+        assert self._process.stdin is not None
+        try:
+            with suppress(BrokenPipeError):  # the answer says why
+                settings.write(self._process.stdin)
+                self._process.stdin.flush()
+            self._answered()
+        except RecorderError:
+            self._leave()
+            raise
+
+    def _answered(self) -> None:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if not line:
+            raise RecorderError(
+                f"cannot finish {self.path}: the process that writes it has ended; "
+                f"`twin view {self.path}.partial` saves what was written"
+            )
+        error = json.loads(line)["error"]
+        if error:
+            raise RecorderError(error)
+
+    def commit(self, time_ns: int, wall_ns: int) -> None:
+        """Take `row` as the state at `time_ns` of the experiment and `wall_ns` since 1970 [ns]."""
+        self._ring.put(ring.Kind.ROW, time_ns, wall_ns, self.row)
+        self._last_ns = time_ns
+
+    def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
+        """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
+        if time_ns < self._due or not self._poses:
+            return
+        self._due = time_ns - time_ns % self._period + self._period
+        self._ring.put(ring.Kind.POSE, time_ns, 0, data.qpos)
+
+    def event(self, time_ns: int, text: str, level: str = "INFO") -> None:
+        """Add a line to the events of the run; level INFO, WARN or ERROR."""
+        self._tell(entity=schema.EVENTS, time_ns=time_ns, text=text, level=level)
+
+    def health(self, time_ns: int, text: str) -> None:
+        """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
+        self._tell(entity=schema.HEALTH, time_ns=time_ns, text=text, level="INFO")
+
+    def estimator(self, time_ns: int, memory: str) -> None:
+        """Add what the rig's estimator remembers at `time_ns` [ns], as JSON, for a replay."""
+        self._tell(entity=schema.ESTIMATOR, time_ns=time_ns, text=memory, level="INFO")
+
+    def _tell(self, **message: object) -> None:
+        assert self._process.stdin is not None
+        with suppress(OSError, ValueError):  # it has ended; `close` says so
+            self._process.stdin.write(json.dumps(message).encode() + b"\n")
+            self._process.stdin.flush()
+
+    def close(self) -> None:
+        """Have the rest written and the file named; a second call does nothing.
+
+        Raises
+        ------
+        RecorderError
+            if not all could be written; the file then keeps its name `<path>.partial`.
+        """
+        if not self._open:
+            return
+        self._open = False
+        lost = self._ring.lost
+        if lost:
+            self.event(self._last_ns, f"{lost} rows lost: the disk was too slow", "ERROR")
+        self._tell(end=True)
+        try:
+            self._answered()
+        finally:
+            self._leave()
+        if lost:
+            raise RecorderError(f"{self.path} lacks {lost} rows: the disk was too slow")
+
+    def _leave(self) -> None:
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None
+            with suppress(OSError):
+                pipe.close()
+        try:
+            self._process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._open and error is not None and not isinstance(error, KeyboardInterrupt):
+            self.event(max(self._last_ns, 0), f"run ended early: {one_line(error)}", "ERROR")
+        self.close()

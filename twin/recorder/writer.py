@@ -1,0 +1,110 @@
+"""The process that writes what a `DetachedRecorder` is given: `python -m twin.recorder.writer`.
+
+Standard input brings the settings, then a line of JSON for every text; its end, or a line that says
+so, is the end of the run. Standard output answers in JSON, once when the file is open
+and once when it is closed.
+"""
+
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+from contextlib import suppress
+from typing import IO
+
+import mujoco
+
+from analysis.held import hold
+from twin.recorder.detached import Settings
+from twin.recorder.ring import Kind, Ring
+from twin.recorder.stream import Recorder, RecorderError
+
+PERIOD_S = 0.02
+KILLED = "the run's process ended without a word; was it killed?"
+
+
+class Writer:
+    """Passes rows from the ring and texts from a queue on to a recorder."""
+
+    def __init__(self, settings: Settings, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._ring = Ring(settings.ring)
+        self._data = None if settings.model is None else mujoco.MjData(settings.model)
+        self._model = settings.model
+        self._last_ns = 0
+        self._texts: queue.SimpleQueue[dict[str, object] | None] = queue.SimpleQueue()
+        self.ended = threading.Event()
+        self.orderly = False
+
+    def listen(self, lines: IO[bytes]) -> None:
+        """Take texts in until the run ends."""
+        for line in lines:
+            told = json.loads(line)
+            if told.get("end"):
+                self.orderly = True
+                break
+            self._texts.put(told)
+        self.ended.set()
+
+    def run(self) -> None:
+        """Write until the run has ended, and then the rest."""
+        while not self.ended.wait(PERIOD_S):
+            self._pass_on(settled=True)
+        self._pass_on(settled=False)
+        if not self.orderly:
+            self._recorder.event(self._last_ns, KILLED, "ERROR")
+
+    def _pass_on(self, *, settled: bool) -> None:
+        recorder = self._recorder
+        while not self._texts.empty():
+            told = self._texts.get()
+            assert told is not None
+            recorder.text(**told)  # type: ignore[arg-type]
+        for kind, time_ns, wall_ns, values in self._ring.take(settled=settled):
+            if kind is Kind.ROW:
+                recorder.row[:] = values[: recorder.row.size]
+                recorder.commit(time_ns, wall_ns)
+                self._last_ns = max(self._last_ns, time_ns)
+            elif self._data is not None:
+                self._data.qpos[:] = values[: self._data.qpos.size]
+                mujoco.mj_kinematics(self._model, self._data)
+                recorder.commit_pose(time_ns, self._data)
+
+
+def main() -> None:
+    """Serve one recording."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the run ends us, whatever ends the run
+    lines = sys.stdin.buffer
+    settings = Settings.read(lines)
+    try:
+        recorder = Recorder(
+            settings.path, signals=settings.signals, properties=settings.properties,
+            model=settings.model, pose_period_ns=settings.pose_period_ns,
+            drain_ns=settings.drain_ns, serve=settings.serve,
+        )  # fmt: skip
+    except RecorderError as error:
+        _answer(str(error))
+        return
+    mark = hold(settings.path.with_name(settings.path.name + ".partial"))
+    writer = Writer(settings, recorder)
+    _answer(None)
+    threading.Thread(target=writer.listen, args=(lines,), daemon=True).start()
+    failed = None
+    try:
+        writer.run()
+        recorder.close()
+    except RecorderError as error:
+        failed = str(error)
+    mark.close()
+    _answer(failed)
+
+
+def _answer(error: str | None) -> None:
+    with suppress(OSError):  # the run's process is gone; the file is what matters
+        os.write(1, json.dumps({"error": error}).encode() + b"\n")
+
+
+if __name__ == "__main__":
+    main()
