@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 PERIOD = 0.02  # s between the instants compared
 NEEDED = ("vehicle/position", "vehicle/attitude")
+LONGEST = 36_000.0  # s
 JUMP = math.radians(0.1)  # of a setpoint; programmes that steer smoothly move less in a tick
 
 
@@ -66,9 +67,9 @@ class PathDifference:
         """Largest distance over the length flown [1]."""
         return self.path_worst / self.length if self.length > 0.0 else math.nan
 
-    def to_dict(self) -> dict[str, float]:
-        """JSON values in SI."""
-        return {**asdict(self), "path_share": self.share}
+    def to_dict(self) -> dict[str, float | None]:
+        """JSON values in SI; None for the share of no way at all."""
+        return {**asdict(self), "path_share": self.share if math.isfinite(self.share) else None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +122,10 @@ def flight_path(recording: Recording) -> FlightPath:
     if not holds_flight(recording):
         raise AnalysisError("no vehicle flew in this recording")
     position, attitude = (recording[name] for name in NEEDED)
+    if not len(position.time) or not len(attitude.time):
+        raise AnalysisError("the vehicle of this recording was nowhere")
+    if not position.time[-1] <= LONGEST:
+        raise AnalysisError(f"a flight of {position.time[-1]:.3g} s; {LONGEST:g} s can be compared")
     time = PERIOD * np.arange(math.floor(position.time[-1] / PERIOD) + 1)
     if len(time) < 2:
         raise AnalysisError(f"a flight of {position.time[-1]:.3g} s is too short to compare")

@@ -15,7 +15,7 @@ import mujoco
 
 from twin import native, overrides
 from twin.clock import Clock, Lockstep, Wall
-from twin.configuration import Run, as_properties
+from twin.configuration import TURNTABLE, Run, as_properties
 from twin.errors import TwinError
 from twin.loop import Gimbal
 from twin.model import ModelConfig, Seat, TwinModel, load
@@ -85,13 +85,20 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
                 vehicle=config.vehicle,
                 mechanism=config.mechanism,
                 motor=motor,
-                overrides=overrides.parse(config.set, config.set_from),
+                overrides=_of_the_plant(config),
                 dt=config.dt,
                 seed=config.seed,
             )
         ),
         config.integrator,
     )
+
+
+def _of_the_plant(config: Run) -> dict[str, float]:
+    """Overrides without those of a turntable, where a rig stands on one beside the plant."""
+    given = overrides.parse(config.set, config.set_from)
+    aside = config.rig_scene == TURNTABLE
+    return {k: v for k, v in given.items() if not (aside and k.startswith(TURNTABLE))}
 
 
 def gimbal_seat(
@@ -121,11 +128,10 @@ def attitude_seat(
     """Who tells the controller how the vehicle lies, once in `period` [s]; None for the truth."""
     if rig is None or rig.base is None:
         return None
+    from twin.rigs.opening import lead
     from twin.rigs.turntable import Turntable
 
-    stand = load(ModelConfig(scene=config.rig_scene, mechanism=config.mechanism)).mj
-    lead = stand.numeric("turntable_lead").data
-    return Turntable(plant, rig, rig.base, (float(lead[0]), float(lead[1])), period)
+    return Turntable(plant, rig, rig.base, lead(rig_options(config)), period)
 
 
 def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
@@ -190,6 +196,7 @@ def make_recorder(
     drain_ns: int | None = None,
     rig: "RigGimbal | None" = None,
     real_time: bool | None = None,
+    tape: "Recording | None" = None,
 ) -> Sink:
     """The run's recorder, its properties complete enough to repeat the run.
 
@@ -197,6 +204,7 @@ def make_recorder(
     ----------
     rig : whose base, if it turns, belongs to the properties
     real_time : whether the run keeps pace with the wall clock; as its configuration says if None
+    tape : recording that is replayed; its files are this run's files, whatever became of them
 
     Raises
     ------
@@ -217,6 +225,8 @@ def make_recorder(
             if isinstance(path, Path) and name not in UNRECORDED
         },
     }
+    if tape is not None:
+        properties["files"] = tape.properties.get("files", {})
     if real_time is None:
         real_time = config.real_time
     if rig is not None and rig.base is not None:

@@ -131,9 +131,12 @@ class Fly(Run):
     """What the controller sees of the attitude: the simulated vehicle (truth), or what gyro and
     accelerometer say on the base of a rig that a third servo turns as the vehicle turns about its
     x axis (base-gyro, the thesis's turntable)."""
-    on_fault: OnFault = "end"
-    """When a rig fails or one of its sensors does: servos to neutral and end the flight, go on with
-    the servos at neutral, or ignore it."""
+    about: Literal["level", "x"] | None = None
+    """Axis that step, doublet and pitch-over turn the nose about: level, across the launch
+    direction, or the vehicle's own x, which a turntable plays (with base-gyro)."""
+    on_fault: OnFault | None = None
+    """When a rig fails or one of its sensors does: servos to neutral and end the flight (as without
+    it), go on with the servos at neutral, or ignore it."""
     repeat: int = 1
     """How often to fly, each time with the next seed: spread of path and answers, and with a rig
     the same for its models; writes a page."""
@@ -162,6 +165,11 @@ class Fly(Run):
             )
         if self.scene == TURNTABLE and self.attitude != "base-gyro":
             raise TwinError("--scene turntable is where a rig stands for --attitude base-gyro")
+
+    @property
+    def turns_about(self) -> str:
+        """Axis of the programme, as told or as the attitude seat has it."""
+        return self.about or ("x" if self.attitude == "base-gyro" else "level")
 
     @property
     def plant_scene(self) -> str:
@@ -201,9 +209,9 @@ class Step(Run):
     """Fastest change of the command; jumps stay jumps without it."""
     control_hz: float = 500.0
     """Rate of commands and of recorded rows."""
-    on_fault: OnFault = "end"
-    """When a rig fails or one of its sensors does: servos to neutral and end the run, go on with
-    the servos at neutral, or ignore it."""
+    on_fault: OnFault | None = None
+    """When a rig fails or one of its sensors does: servos to neutral and end the run (as without
+    it), go on with the servos at neutral, or ignore it."""
 
 
 @dataclass(frozen=True)
@@ -527,6 +535,7 @@ def _check_rig_flags(config: Run) -> None:
         "--calibration": config.calibration is not None,
         "--fault": bool(config.fault),
         "--unit": config.unit is not None,
+        "--on-fault": getattr(config, "on_fault", None) is not None,
     }
     for flag, present in given.items():
         if present and not is_rig(config.gimbal):
@@ -550,7 +559,9 @@ def with_model(config: R, gimbal: str, **changes: object) -> R:
     """The same run with a model in the gimbal seat; what is about a rig alone goes."""
     rig: dict[str, object] = {"calibration": None, "fault": (), "unit": None, "clock": "lockstep"}
     if isinstance(config, Fly):
-        rig |= {"attitude": "truth", "scene": config.plant_scene}
+        rig |= {"attitude": "truth", "scene": config.plant_scene, "about": config.turns_about}
+    if isinstance(config, Fly | Step):
+        rig["on_fault"] = None
     if gimbal != TRANSFER_FUNCTION:
         rig["model"] = None
     return replace(config, **{**rig, "gimbal": gimbal, **changes})  # type: ignore[arg-type]

@@ -61,12 +61,12 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
         gimbal, rig = gimbal_seat(stack, config, plant, tape)
         seen = attitude_seat(config, plant, rig, steps * plant.dt_ns * 1e-9)
         pilot = _pilot(plant, programme, steps, seen)
-        guard = None if rig is None else Guard(pilot, rig.readings, config.on_fault)
+        guard = None if rig is None else Guard(pilot, rig.readings, config.on_fault or "end", seen)
         ledger = Ledger() if real_time else None
         rows = Rows(plant, pilot, rig.readings if rig else None, ledger, seen)
         flight = Flight(plant, rows, pilot.error, target)
         recorder = stack.enter_context(
-            make_recorder(config, "fly", plant.twin, rows, rig=rig, real_time=real_time)
+            make_recorder(config, "fly", plant.twin, rows, rig=rig, real_time=real_time, tape=tape)
         )
         rows.bind(recorder)
         flight.announce = recorder.event
@@ -76,7 +76,7 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
         outcome = run(
             Seats(plant, gimbal, guard or pilot, clock),
             steps_per_tick=steps,
-            duration_ns=round(config.duration_s * 1e9),
+            duration_ns=_length(round(config.duration_s * 1e9), tape),
             command=rows.command,
             each_tick=(rows.write, flight.watch),
             stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
@@ -123,18 +123,18 @@ def step(config: Step, tape: "Recording | None" = None) -> StepResult:
         ledger = Ledger() if real_time else None
         rows = Rows(plant, readings=rig.readings if rig else None, ledger=ledger)
         recorder = stack.enter_context(
-            make_recorder(config, "step", plant.twin, rows, real_time=real_time)
+            make_recorder(config, "step", plant.twin, rows, real_time=real_time, tape=tape)
         )
         rows.bind(recorder)
         sequence = Sequence(plan.times, plan.angles)
-        guard = None if rig is None else Guard(sequence, rig.readings, config.on_fault)
+        guard = None if rig is None else Guard(sequence, rig.readings, config.on_fault or "end")
         if real_time:
             warm_up(plant, gimbal, rows, sequence, steps)
         clock = stack.enter_context(make_clock(real_time=real_time))
         run(
             Seats(plant, gimbal, guard or sequence, clock),
             steps_per_tick=steps,
-            duration_ns=round(plan.duration * 1e9),
+            duration_ns=_length(round(plan.duration * 1e9), tape),
             command=rows.command,
             each_tick=(rows.write,),
             stop=guard.over if guard else lambda: None,
@@ -153,6 +153,13 @@ def step(config: Step, tape: "Recording | None" = None) -> StepResult:
         fault=guard.fault if guard else None,
         timing=judged(recorder.path, clock),
     )
+
+
+def _length(asked_ns: int, tape: "Recording | None") -> int:
+    """How long to run [ns]: a tape ends with its last tick, also where its run was cut off."""
+    if tape is None:
+        return asked_ns
+    return min(asked_ns, int(tape["gimbal/command"].time_ns[-1]) + 1)
 
 
 def warm_up(plant: Plant, gimbal: Gimbal, rows: Rows, controller: Controller, steps: int) -> None:

@@ -30,8 +30,7 @@ def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | Non
     """
     if config.target is None and config.programme != "point":
         launch, _ = launch_of(model)
-        # a turntable turns about the vehicle's x: what is to be seen must happen about it
-        axis = _body_x(model) if config.attitude == "base-gyro" else None
+        axis = _body_x(model) if config.turns_about == "x" else None
         if config.programme == "hold":
             return PROGRAMMES["hold"](launch=launch, axis=axis), None
         angle = math.radians(config.amplitude_deg)

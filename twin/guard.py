@@ -1,10 +1,13 @@
 """What becomes of a run whose rig fails: servos to neutral, and the run ends or goes on."""
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from hardware.frames import GimbalState, Pair
 from twin.loop import Controller
 from twin.readings import Readings
+
+if TYPE_CHECKING:
+    from twin.rigs.turntable import Turntable
 
 OnFault = Literal["end", "neutral", "ignore"]
 SILENT_S = 0.1  # without a reading; fifty frames, and as long as the rig itself waits for a command
@@ -22,14 +25,22 @@ class Guard:
     readings : of the rig
     policy : `end` the run, go on with the servos at `neutral`, or `ignore` the fault and go on as
         the estimate goes on
+    turntable : that the rig stands on, if any; its faults count, and it stops with the servos
 
     Attributes
     ----------
     fault : the first one, in words; None while there was none
     """
 
-    def __init__(self, controller: Controller, readings: Readings, policy: OnFault) -> None:
+    def __init__(
+        self,
+        controller: Controller,
+        readings: Readings,
+        policy: OnFault,
+        turntable: "Turntable | None" = None,
+    ) -> None:
         self._controller, self._readings, self._policy = controller, readings, policy
+        self._turntable = turntable
         self._heard = 0.0
         self.fault: str | None = None
 
@@ -39,6 +50,8 @@ class Guard:
             self.fault = self._found(time, gimbal)
             if self.fault is not None:
                 self._announce()
+                if self._turntable is not None and self._policy != "ignore":
+                    self._turntable.stop()
         wanted = self._controller.update(time, gimbal)  # it sees every tick, whatever it is worth
         return wanted if self.fault is None or self._policy == "ignore" else (0.0, 0.0)
 
@@ -51,7 +64,14 @@ class Guard:
         r = self._readings
         if r.frames:
             self._heard = time
-            return None if gimbal.healthy else r.health
+            # a base that does not turn as it should leads the holder's gyro astray as well
+            if self._turntable is not None and self._turntable.fault is not None:
+                return self._turntable.fault
+            if gimbal.healthy:
+                return None
+            # on a turntable the monitor knows the difference of two gyros only
+            either = self._turntable is not None and r.health.startswith("gyro ")
+            return f"{r.health}, of holder or base" if either else r.health
         if not r.ready:
             lost = [text for _, text in r.news if text.startswith("rig lost")]
             return lost[-1] if lost else "rig away"

@@ -61,6 +61,8 @@ def typed(name: str, value: object, hint: Any) -> Any:  # noqa: ANN401  a type, 
     if hint is Path and isinstance(value, str) and len(value) <= LONGEST and "\0" not in value:
         return Path(value)
     if hint is float and isinstance(value, int | float) and not isinstance(value, bool):
+        if isinstance(value, int) and abs(value) > 2**1000:
+            raise _wrong(name, value, "a number")
         return float(value)
     if hint is int and isinstance(value, bool):
         raise _wrong(name, value, "a whole number")

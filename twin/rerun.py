@@ -93,7 +93,7 @@ def rerun_of(recording: Recording, gimbal: str | None = None) -> Rerun:
     end_ns = int(recording["gimbal/command"].time_ns[-1])
 
     def fly(delays: Delays | None, finer: int) -> Trajectory:
-        return _flown(asked, config, delays, finer, end_ns)
+        return _flown(config, delays, finer, end_ns)
 
     return fly
 
@@ -137,13 +137,13 @@ def _period(config: Run) -> float:
     return 1.0 / hz if hz > 0 else 0.0
 
 
-def _flown(asked: Fly, config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Trajectory:
+def _flown(config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Trajectory:
     plant = make_plant(config, config.motor)
     if finer > 1:
         plant = make_plant(replace(config, dt=plant.dt_ns * 1e-9 / finer), config.motor)
     steps = steps_per_tick(config.control_hz, plant)
     tick_ns = steps * plant.dt_ns
-    programme, _ = setpoint(asked, plant.model)
+    programme, _ = setpoint(config, plant.model)
     pilot = Pilot(plant, AttitudeController(control_config(plant.model)), programme, tick_ns * 1e-9)
     gimbal: Gimbal = SimulatedGimbal(plant)
     if delays is not None:

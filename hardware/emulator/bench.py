@@ -78,7 +78,7 @@ class Bench:
         self._gaussian = Gaussian(rng)
         self._imus = ImuPair(self.parameters.sensors.imus, np.random.default_rng([seed, 4]))
         self._held: dict[str, float] = {}
-        self._frozen: list[int] | None = None
+        self._frozen: dict[str, list[int]] = {}
         self._closed = [False] * 4
         self._shaft: Triple = (0.0, 0.0, 0.0)
         self._watch_switches()
@@ -86,11 +86,10 @@ class Bench:
     def set_pulses(self, pulses: Triple) -> None:
         """Let the servos see pulse widths [s]; call it when a PWM frame begins."""
         servos: tuple[ServoParameters, ...] = self.parameters.plant.servos
-        self._shaft = (
-            servos[0].command(pulses[0]),
-            servos[1].command(pulses[1]),
-            servos[2].command(pulses[2]),
-        )
+        third = servos[2].command(pulses[2])
+        if self.injections and self._value("turntable", "stuck"):
+            third = self._shaft[2]
+        self._shaft = servos[0].command(pulses[0]), servos[1].command(pulses[1]), third
 
     def advance(self, dt: float) -> None:
         """Move everything by dt [s], about 1 ms."""
@@ -103,6 +102,8 @@ class Bench:
         truth = np.array([*gyro, *force, *base_gyro, *base_force])
         if jump:
             truth[:3] += jump
+        if self.injections:
+            truth[6:9] += radians(self._value("base_gyro", "bias"))
         self._imus.advance(dt, truth, c.GYRO_DELAY_S[self.dlpf])
 
     def _watch_switches(self) -> None:
@@ -158,10 +159,11 @@ class Bench:
     def imu_counts(self) -> list[int]:
         """Return both IMUs' registers (12,): gyro and accelerometer of holder, then of base."""
         counts = self._imus.counts()
-        if self.injections and self._value("gyro", "frozen"):
-            self._frozen = self._frozen or counts[:6]
-            return self._frozen + counts[6:]
-        self._frozen = None
+        for name, half in (("gyro", slice(0, 6)), ("base_gyro", slice(6, 12))):
+            if self.injections and self._value(name, "frozen"):
+                counts[half] = self._frozen.setdefault(name, counts[half])
+            else:
+                self._frozen.pop(name, None)
         return counts
 
     def gyro_bias(self) -> Triple:

@@ -30,6 +30,11 @@ VALID: dict[str, dict[str, tuple[float, float, float, str]]] = {
         "bias": (20.0, -500.0, 500.0, "degrees per second"),
         "frozen": (0.0, 0.0, 0.0, "no value"),
     },
+    "base_gyro": {
+        "bias": (20.0, -500.0, 500.0, "degrees per second"),
+        "frozen": (0.0, 0.0, 0.0, "no value"),
+    },
+    "turntable": {"stuck": (0.0, 0.0, 0.0, "no value")},
     "link": {
         "drop": (0.001, 0.0, 1.0, "fraction of bytes"),
         "corrupt": (0.001, 0.0, 1.0, "fraction of bytes"),

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ANGLE, RATE, BIAS, FILTERED = range(4)
+LONGEST_STEP_US = 200_000  # after a longer gap nobody knows what happened: a filter starts afresh
 
 
 @dataclass(frozen=True, slots=True)

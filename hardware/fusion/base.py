@@ -1,12 +1,14 @@
 """Attitude of a base that one servo turns about x, from the IMU on it: gyro, held by gravity."""
 
 from dataclasses import dataclass
-from math import asin, degrees, isfinite, radians, sqrt
+from math import asin, degrees, radians, sqrt
 
 from hardware.frames import HardwareError, SensorFrame, Triple
+from hardware.fusion.axis import LONGEST_STEP_US
 from hardware.protocol import Flags, constants
 
-LONGEST_STEP_US = 200_000  # after a longer gap the gyro cannot say what happened meanwhile
+TRAVELS = 300.0, 10_000.0  # rad/s of pulse: a hobby servo turns 97° per ms, 1700
+LONGEST_PULSE_S = 3e-3
 LARGEST_BIAS = radians(40.0)  # twice the data sheet's zero-rate output
 LARGEST_TILT = radians(20.0)  # of a base that stands at neutral
 LARGEST_SCALE = 0.1  # the data sheets say ±3 % each for gyro and accelerometer
@@ -37,13 +39,10 @@ class BaseMap:
 
     def __post_init__(self) -> None:
         """Refuse what would make an attitude out of nonsense."""
-        bias = max(abs(b) for b in self.gyro_bias)
-        limits = (
-            ("tilt at neutral", abs(self.tilt), LARGEST_TILT),
-            ("gyro bias", bias, LARGEST_BIAS),
-        )
+        limits = [("tilt at neutral", self.tilt, LARGEST_TILT)]
+        limits += [("gyro bias", b, LARGEST_BIAS) for b in self.gyro_bias]
         for name, value, limit in limits:
-            if not value <= limit:
+            if not abs(value) <= limit:
                 raise HardwareError(
                     f"base IMU: {name} of {degrees(value):.1f}°; at most {degrees(limit):.0f} is"
                     " plausible: is it mounted the right way round, and did the base stand still?"
@@ -54,8 +53,10 @@ class BaseMap:
                     f"base IMU: a scale of {scale:.2f}; gyro and accelerometer do not agree on how"
                     " far the base turns: is x the axis of the turntable?"
                 )
-        if not (isfinite(self.centre) and isfinite(self.travel) and self.travel != 0.0):
-            raise HardwareError("turntable: centre and travel must be numbers, travel not zero")
+        lowest, highest = TRAVELS
+        if not lowest <= abs(self.travel) <= highest or not 0.0 < self.centre < LONGEST_PULSE_S:
+            turn, middle = degrees(self.travel) * 1e-3, self.centre * 1e3
+            raise HardwareError(f"turntable: {turn:.3g}° per ms about {middle:.3g} ms is no servo")
 
     def rate(self, reading: Triple) -> Triple:
         """Angular rate of the base from a reading of its gyro [rad/s]."""

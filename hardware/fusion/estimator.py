@@ -11,12 +11,22 @@ from hardware.calibration.result import Calibration
 from hardware.faults import POTENTIOMETERS, Monitor, Prediction, Reading, Remedy
 from hardware.faults.memory import number
 from hardware.frames import GimbalState, HardwareError, Pair, SensorFrame, Triple
-from hardware.fusion.axis import ANGLE, BIAS, RATE, Array, Noise, predict, process_noise, transition
+from hardware.fusion.axis import (
+    ANGLE,
+    BIAS,
+    LONGEST_STEP_US,
+    RATE,
+    Array,
+    Noise,
+    predict,
+    process_noise,
+    transition,
+)
 from hardware.fusion.axis import update as take_in
 from hardware.fusion.base import BaseMap
 from hardware.protocol import Flags
 
-LONGEST_STEP_US = 200_000  # after a longer gap the filter starts afresh
+LARGEST, SLACK = 1e6, 1e-9  # of a remembered state, and of a covariance's negative eigenvalue
 _KEPT_STEPS = 256
 _MAP_ANGLE = radians(5.0)  # where a calibration's uncertainty is quoted
 
@@ -90,16 +100,18 @@ class Fusion:
         """
         try:
             x, P = (np.array(memory[k], dtype=np.float64) for k in ("x", "P"))
-            if x.shape != (2, 4) or P.shape != (2, 4, 4) or not np.isfinite(P).all():
+            if x.shape != (2, 4) or P.shape != (2, 4, 4):
                 raise ValueError("states or covariances of another shape")
-            if not np.isfinite(x).all():
-                raise ValueError("states that are no numbers")
+            if not (np.abs(x) < LARGEST).all() or not (np.abs(P) < LARGEST).all():
+                raise ValueError("states or covariances that no filter has")
+            if not all(np.linalg.eigvalsh(p + p.T)[0] > -SLACK * np.trace(p) for p in P):
+                raise ValueError("a covariance that is none")
             last = memory["last_us"]
             self.set_gyro_delay(number(memory["gyro_delay"]))
             self._last_us = None if last is None else int(number(last))
             self.x[:], self.P[:] = x, P
             self.monitor.restore(memory["monitor"])
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise HardwareError(f"no memory of a sensor fusion: {error}") from None
 
     def update(self, frame: SensorFrame) -> GimbalState:

@@ -276,6 +276,7 @@ class Rig:
         if new in (Phase.GREETING, Phase.SYNCING):
             self.estimate = ClockEstimate(self.estimate.skew)
             self._device_us = None
+            self._delay_known = False
             self.fusion.restart()
         elif new is Phase.READY:
             self.session += 1
@@ -323,9 +324,10 @@ class Rig:
                 f"the calibration is of rig {self.calibration.rig:08x}, this one is "
                 f"{hello.build:08x}; run `twin calibrate` on it"
             )
+        # Within a session only a low-pass that was set anew makes the gyro later.
+        self._delay_known &= self.hello is not None and self.hello.dlpf == hello.dlpf
         self.hello = hello
         self._converter = Converter(hello)
-        self._delay_known = False
         # Number 0 is a boot; any other answers our request and changes nothing once we are ready.
         if self.phase is Phase.GREETING or sequence == 0:
             self._move(Sign.HELLO)

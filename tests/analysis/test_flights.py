@@ -89,6 +89,14 @@ def test_a_recording_without_a_vehicle_is_no_flight():
         flight_path(empty)
 
 
+def test_a_flight_of_years_is_refused_and_one_that_stood_still_has_no_share():
+    far = recording(np.array([0.0, 3e7]), np.zeros((2, 3)), quaternion(np.zeros(2)))
+    with pytest.raises(AnalysisError, match="can be compared"):
+        flight_path(far)
+    still = recording(TIME, np.zeros((len(TIME), 3)), quaternion(0 * TIME))
+    assert path_difference(*[flight_path(still)] * 2).to_dict()["path_share"] is None
+
+
 def stepped(jumps):
     """Nose answering a step of 0.1 rad at 3 s as a second-order system, ω 4 rad/s, ζ 0.5."""
     t = np.clip(TIME - 3.0, 0, None)

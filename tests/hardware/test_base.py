@@ -96,8 +96,10 @@ def test_after_a_gap_it_believes_gravity():
         ({"gyro_bias": (0.0, 1.0, 0.0)}, "gyro bias"),
         ({"gyro_scale": 1.3}, "a scale of 1.30"),
         ({"tilt_scale": float("nan")}, "a scale of nan"),
-        ({"travel": 0.0}, "travel not zero"),
-        ({"centre": float("inf")}, "must be numbers"),
+        ({"gyro_bias": (0.0, 0.0, float("nan"))}, "gyro bias"),
+        ({"travel": 0.0}, "is no servo"),
+        ({"travel": 1e-308}, "is no servo"),
+        ({"centre": float("inf")}, "is no servo"),
     ],
 )
 def test_an_implausible_map_is_refused_in_one_line(change, told):
@@ -164,6 +166,13 @@ class TestMemory:
             lambda m: m["monitor"]["axes"][0].update(distance=[0.0]),
             lambda m: m["monitor"].update(axes=[]),
             lambda m: m.update(monitor=None),
+            lambda m: m.update(last_us=10**400),
+            lambda m: m.update(last_us=10**300),
+            lambda m: m["monitor"]["tracks"][0].update(score=10**400),
+            lambda m: m["monitor"]["axes"][0].update(free=1e200),
+            lambda m: m.update(x=[[10**400] * 4] * 2),
+            lambda m: m.update(P=(-np.array(m["P"])).tolist()),
+            lambda m: m.update(P=(1e308 * np.sign(m["P"])).tolist()),
         ],
     )
     def test_somebody_elses_memory_is_refused_in_one_line(self, change):

@@ -63,8 +63,10 @@ def test_the_vehicles_joints_go_where_the_rig_was_measured(pair):
 
 
 def test_compare_says_how_far_they_part(capsys, tmp_path, pair):
+    apart = path_difference(*(flight_path(read(p)) for p in pair))
     out = str(tmp_path / "c.rrd")
     code, text, _ = command(capsys, "compare", *map(str, pair), "--out", out)
     assert code == 0
-    assert "flights, under power" in text
-    assert "of the way" in text or " % of " in text
+    told = next(line for line in text.splitlines() if line.startswith("flights, under power"))
+    assert f"{math.degrees(apart.attitude_rms):.2f}° rms" in told
+    assert f"{apart.path_worst:.2f} m at most" in told

@@ -69,6 +69,26 @@ def test_gusts_make_every_flight_another(tmp_path):
     assert seat.spread.worst > 0.01
 
 
+def test_a_rig_that_fails_at_once_is_named_and_not_compared(capsys, tmp_path):
+    line = f"--repeat 2 --duration-s 2 --fault link:unplug:1@0.95 --json --out {tmp_path / 'f'}"
+    code, text, _ = command(capsys, "fly", "--gimbal", "emulator", *line.split())
+    assert code == 1
+    told = json.loads(text)
+    assert len(told["seats"][0]["faults"]) == 2
+    assert told["differences"] == {}
+
+
+def test_a_turntables_flights_are_compared_with_models_that_turn_the_same_way(tmp_path):
+    result = repeat(
+        Fly(
+            gimbal="emulator", attitude="base-gyro", programme="step", at_s=1.0, duration_s=4.0,
+            repeat=2, out=tmp_path,
+        )
+    )  # fmt: skip
+    for apart in result.differences.values():
+        assert np.degrees(apart.attitude_rms) < 1.5
+
+
 @pytest.mark.parametrize(
     ("more", "told"),
     [
@@ -76,6 +96,7 @@ def test_gusts_make_every_flight_another(tmp_path):
         ("--repeat 5000", "2 to 1000"),
         ("--repeat 3 --out a.rrd", "a folder, or the report"),
         ("--repeat 3 --gimbal linkage --unit 2", "about a rig"),
+        ("--gimbal linkage --on-fault neutral", "about a rig"),
     ],
 )
 def test_what_cannot_be_repeated_is_one_line(capsys, tmp_path, monkeypatch, more, told):

@@ -20,6 +20,7 @@ from twin import native
 from twin.configuration import Fly, Replay, Step, as_properties
 from twin.errors import TwinError
 from twin.experiments import fly, step
+from twin.loop import run
 from twin.model import ModelConfig, load
 from twin.recalled import configuration_of, typed
 from twin.replay import differences, replay
@@ -155,7 +156,9 @@ def rig_flight(tmp_path_factory):
     calibration = folder / "calibration.json"
     with native.installed():
         bench = load(ModelConfig(scene="bench")).mj
-        write_calibration(calibration, drawn(bench, parameters(bench, 3)))
+        known = drawn(bench, parameters(bench, 3))
+        x, y = known.zero  # 5 µs off, half a degree: not what a replay would make up by itself
+        write_calibration(calibration, replace(known, zero=(x + 5e-6, y - 5e-6)))
     out = folder / "hil.rrd"
     fly(
         Fly(
@@ -211,6 +214,40 @@ def test_another_integrator_flies_the_same_angles(rig_flight, tmp_path):
     assert 0.0 < differs["vehicle/position"].largest < 0.1
 
 
+def test_a_cable_that_is_out_at_time_zero_is_replayed_too(tmp_path):
+    out = tmp_path / "gap.rrd"
+    fault = ("link:unplug:0.02@0.895",)  # the rig was powered 0.9 s before
+    fly(Fly(gimbal="emulator", fault=fault, on_fault="ignore", duration_s=1.0, out=out))
+    sessions = read(out)["sensors/session"].values
+    assert sessions[0] == 2.0  # the first frame already belongs to another one than the memory
+    found = replay(Replay(out))
+    assert found.identical, [d for d in found.differences if not d.equal]
+
+
+def test_a_run_that_was_cut_off_is_replayed_up_to_there(tmp_path, monkeypatch):
+    out = tmp_path / "cut.rrd"
+
+    def interrupted(seats, **more):
+        return run(seats, **{**more, "duration_ns": 600_000_000})
+
+    with monkeypatch.context() as patch:
+        patch.setattr("twin.experiments.run", interrupted)
+        fly(Fly(gimbal="emulator", duration_s=5.0, out=out))
+    found = replay(Replay(out))
+    assert found.identical, [d for d in found.differences if not d.equal]
+
+
+def test_a_turntables_tape_without_its_map_is_refused(tmp_path, monkeypatch):
+    out = tmp_path / "turntable.rrd"
+    fly(Fly(gimbal="emulator", attitude="base-gyro", out=out, duration_s=0.5))
+    tape = read(out)
+    for base in (None, {}, {**tape.properties["base"], "tilt": 10**400}):
+        changed = replace(tape, properties={**tape.properties, "base": base})
+        monkeypatch.setattr("twin.replay.read", lambda _, changed=changed: changed)
+        with pytest.raises((TwinError, HardwareError), match=r"map of the base|base\.tilt"):
+            replay(Replay(out, out=tmp_path / "a.rrd"))
+
+
 def test_a_rig_that_is_named_is_asked_anew(rig_flight, tmp_path):
     with pytest.raises(CalibrationError, match="cannot read"):  # its calibration is gone
         replay(Replay(rig_flight, gimbal="emulator", out=tmp_path / "a.rrd"))
@@ -248,14 +285,23 @@ def test_a_turntables_flight_repeats_itself(tmp_path, monkeypatch):
     ("change", "told"),
     [
         (lambda t: replace(t, estimator=""), "estimator's memory"),
-        (lambda t: replace(t, estimator="[]"), "no JSON object"),
-        (lambda t: replace(t, estimator="{" * 9000), "no JSON object"),
-        (lambda t: replace(t, estimator="{}"), "no memory"),
+        (lambda t: replace(t, estimator="[]"), "estimator remembers"),
+        (lambda t: replace(t, estimator="{" * 9000), "estimator remembers"),
+        (lambda t: replace(t, estimator='{"session": 1, "fusion": {}}'), "no memory"),
         (lambda t: replace(t, estimator=" " * 200_000), "something is wrong"),
         (lambda t: without(t, "sensors/taken"), "no sensors/taken"),
+        (lambda t: without(t, "sensors/gyro"), "no sensors/gyro"),
+        (lambda t: without(t, "sensors/device_time"), "no sensors/device_time"),
         (lambda t: without(t, "link/connected"), "no link/connected"),
+        (lambda t: with_values(t, "link/lost", lambda v: v[:0]), "no link/lost"),
         (lambda t: shorter(t, "sensors/session"), "lost some of their columns"),
+        (lambda t: with_values(t, "sensors/taken", lambda v: v * np.nan), "no device sends"),
+        (lambda t: with_values(t, "sensors/session", lambda v: v + 1e300), "no device sends"),
+        (lambda t: with_values(t, "sensors/gyro", lambda v: v + 1e300), "no device sends"),
+        (lambda t: with_values(t, "sensors/device_time", lambda v: v + 1e300), "no device sends"),
+        (lambda t: with_values(t, "sensors/taken", lambda v: v[::-1]), "run backwards"),
         (lambda t: with_calibration(t, "nonsense"), "calibration is not JSON"),
+        (lambda t: with_calibration(t, None), "does not hold the calibration"),
     ],
 )
 def test_a_tape_that_lacks_something_is_refused_in_one_line(
@@ -276,6 +322,12 @@ def without(tape, name):
 def shorter(tape, name):
     cut = replace(tape[name], time=tape[name].time[:-1], values=tape[name].values[:-1])
     return replace(tape, series={**tape.series, name: cut})
+
+
+def with_values(tape, name, change):
+    values = change(tape[name].values)
+    changed = replace(tape[name], time=tape[name].time[: len(values)], values=values)
+    return replace(tape, series={**tape.series, name: changed})
 
 
 def with_calibration(tape, text):

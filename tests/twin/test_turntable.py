@@ -20,7 +20,7 @@ from twin.configuration import Fly
 from twin.experiments import fly
 from twin.model import ModelConfig, load
 from twin.rigs import BenchPlant, RigOptions, open_rig
-from twin.rigs.opening import opened
+from twin.rigs.opening import lead, opened
 from twin.rigs.turntable import _twist, find_base
 
 needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
@@ -185,3 +185,42 @@ def test_a_turntable_that_does_not_turn_is_told():
             find_base(seat)
         seat.close()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("turntable:stuck@8", "the base stands at"),
+        ("base_gyro:frozen@8", "base IMU frozen"),
+        ("base_gyro:bias:60@8", "gyro bias, of holder or base"),
+    ],
+)
+def test_a_base_that_lies_or_stands_still_is_named_and_all_servos_go_neutral(tmp_path, fault, told):
+    result, run = flown(
+        tmp_path / "a.rrd", "emulator", programme="step", at_s=4.5, amplitude_deg=20.0,
+        fault=(fault,), on_fault="neutral", duration_s=7.0,
+    )  # fmt: skip
+    assert told in result.fault
+    at = next(e.time for e in run.events if e.level == "ERROR")
+    pulse = run["sensors/pulse"]
+    later = pulse.time > at + 0.1
+    # neutral by the device's own clock ticks
+    np.testing.assert_allclose(pulse.values[later][:, 2], 1.5e-3, atol=1e-6)
+
+
+def test_a_vehicle_that_turns_over_does_not_throw_the_base_from_stop_to_stop(tmp_path):
+    _, run = flown(
+        tmp_path / "a.rrd", "emulator", fault=("potentiometer_x_a:stuck@6",), on_fault="ignore",
+        duration_s=12.0, set=("control_kp=0", "control_kd=0", "control_ki=0"),
+    )  # fmt: skip
+    assert abs(run["turntable/simulated"].values).max() > radians(120)  # it does turn over
+    third = run["sensors/pulse"].values[:, 2]
+    assert np.abs(np.diff(third)).max() < 3e-4  # of 1 ms between the stops
+
+
+def test_a_turntables_own_parameters_reach_its_scene(tmp_path):
+    _, run = flown(tmp_path / "a.rrd", "emulator", duration_s=0.2, set=("turntable_lead[0]=0.01",))
+    assert run.properties["configuration"]["set"] == ["turntable_lead[0]=0.01"]
+    with native.installed():
+        told = lead(RigOptions("emulator", overrides={"turntable_lead[0]": 0.01}))
+    assert told[0] == 0.01

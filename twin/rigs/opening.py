@@ -10,7 +10,7 @@ from analysis.recording import Recording
 from hardware.calibration import Calibration
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse
-from hardware.fusion import BaseMap
+from hardware.frames import Pair
 from hardware.link import Link
 from hardware.rig import Rig, in_process
 from twin.errors import TwinError
@@ -22,7 +22,7 @@ from twin.rigs.seat import RigGimbal
 from twin.rigs.turntable import find_base
 from twin.seat_names import SIMULATED, check_seat, is_rig
 
-OF_THE_MECHANISM = "gimbal_"
+OF_THE_RIG = ("gimbal_", TURNTABLE)
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class RigOptions:
     faults : of a simulated rig, see `hardware.emulator.parse`
     seed : of a simulated rig's noise
     mechanism : MJCF file in place of the reference mechanism
-    overrides : named parameters; those of the mechanism count for a simulated rig
+    overrides : named parameters; those of mechanism and turntable count for a rig
     scene : what it stands on: `bench`, or `turntable` whose base turns
     watch : neither arm nor command it
     fuse : estimate angles; a calibration has no use for it
@@ -55,6 +55,12 @@ class RigOptions:
     fuse: bool = True
 
 
+def lead(options: RigOptions) -> Pair:
+    """What a turntable is told ahead, per rate [s] and per acceleration [s²]."""
+    first, second = _model(options, TURNTABLE).mj.numeric("turntable_lead").data.tolist()
+    return first, second
+
+
 def device(options: RigOptions) -> Device:
     """The simulated rig of a seat, over a scene of its own.
 
@@ -70,7 +76,8 @@ def device(options: RigOptions) -> Device:
 
 def _model(options: RigOptions, scene: str) -> TwinModel:
     """A scene with the rig's mechanism; the bench is the one that knows the limit switches."""
-    ours = {k: v for k, v in options.overrides.items() if k.startswith(OF_THE_MECHANISM)}
+    names = OF_THE_RIG if scene == TURNTABLE else OF_THE_RIG[:1]
+    ours = {k: v for k, v in options.overrides.items() if k.startswith(names)}
     return load(ModelConfig(scene=scene, mechanism=options.mechanism, overrides=ours))
 
 
@@ -86,13 +93,13 @@ def open_rig(
     """
     if tape is not None:
         assert plant is not None
-        seat, base = _replayed(options, plant, tape)
+        seat = _replayed(options, plant, tape)
     else:
-        seat, base = opened(options, plant), None
+        seat = opened(options, plant)
     try:
         seat.start()
-        if options.scene == TURNTABLE:
-            seat.base = base or find_base(seat)
+        if options.scene == TURNTABLE and seat.base is None:
+            seat.base = find_base(seat)
             seat.settle()
         yield seat
     finally:
@@ -127,18 +134,17 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
     )
 
 
-def _replayed(
-    options: RigOptions, plant: Plant, tape: Recording
-) -> tuple[RigGimbal, BaseMap | None]:
+def _replayed(options: RigOptions, plant: Plant, tape: Recording) -> RigGimbal:
     from twin.rigs.replayed import RecordedRig, base_of, calibration_of
 
     bench = _model(options, "bench").mj
-    calibration = calibration_of(tape)
+    calibration = calibration_of(tape, given=options.calibration is not None)
     if calibration is None:
         simulated = options.seat in SIMULATED
         calibration = drawn(bench, parameters(bench, options.unit) if simulated else None)
+    turns = options.scene == TURNTABLE
     seat = RigGimbal(
-        RecordedRig(tape, calibration, plant),
+        RecordedRig(tape, calibration, plant, turns=turns),
         plant,
         clock=lambda: plant.time_ns,
         wait=lambda _: None,
@@ -146,7 +152,8 @@ def _replayed(
         live=False,
         drawing=drawing(bench),
     )
-    return seat, base_of(tape)
+    seat.base = base_of(tape) if turns else None
+    return seat
 
 
 def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:

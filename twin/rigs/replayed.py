@@ -20,45 +20,57 @@ from twin.rigs.tape import recorded_frames
 
 Array = NDArray[np.float64]
 NEEDED = (
+    "gimbal/command",
     "sensors/taken",
     "sensors/session",
     "sensors/gyro_delay",
     "sensors/potentiometer",
+    "sensors/gyro",
+    "sensors/device_time",
+    "sensors/flags",
     "link/connected",
     "link/lost",
     "link/crc_errors",
 )
+OF_A_TURNTABLE = ("sensors/base_gyro", "sensors/base_accelerometer")
+LARGEST_READING = 1e6  # rad/s, m/s² and fractions of a supply stay far below
 LONGEST_MEMORY = 100_000  # characters; an estimator remembers some three thousand
 
 
-def base_of(tape: Recording) -> BaseMap | None:
-    """Map of the base that a recorded rig stood on; None where it did not turn.
+def base_of(tape: Recording) -> BaseMap:
+    """Map of the turning base that a recorded rig stood on.
 
     Raises
     ------
-    TwinError, HardwareError : it is no such map
+    TwinError, HardwareError : there is none, or it is no such map
     """
     values = tape.properties.get("base")
-    if values is None:
-        return None
     names = BaseMap.__dataclass_fields__
     if not isinstance(values, dict) or set(values) != set(names):
-        raise TwinError("the recording's map of the base IMU is not one")
+        raise TwinError("the recording has no map of the base IMU that its controller saw")
     kinds = {"gyro_bias": tuple[float, float, float]}
     return BaseMap(**{n: typed(f"base.{n}", values[n], kinds.get(n, float)) for n in names})
 
 
-def calibration_of(tape: Recording) -> Calibration | None:
+def calibration_of(tape: Recording, *, given: bool) -> Calibration | None:
     """The calibration that a recorded run was given, as its recording keeps it; None without one.
+
+    Parameters
+    ----------
+    given : whether the run's configuration names one
 
     Raises
     ------
-    HardwareError : it is no sound calibration
+    TwinError, HardwareError : it is missing, or no sound calibration
     """
+    if not given:
+        return None
     files = tape.properties.get("files")
     kept = files.get("calibration") if isinstance(files, dict) else None
     text = kept.get("text") if isinstance(kept, dict) else None
-    return parsed(text, "the recording's calibration") if isinstance(text, str) else None
+    if not isinstance(text, str):
+        raise TwinError("the recording does not hold the calibration that its run was given")
+    return parsed(text, "the recording's calibration")
 
 
 class _Held:
@@ -84,31 +96,28 @@ class RecordedRig:
     tape : recording of a run with a rig
     calibration : that the run had
     plant : whose time is the experiment's
+    turns : whether it stood on a turntable, whose readings must be there then
 
     Raises
     ------
     TwinError : the recording lacks what a replay needs
     """
 
-    def __init__(self, tape: Recording, calibration: Calibration, plant: Plant) -> None:
-        missing = [name for name in NEEDED if name not in tape.series]
-        if missing or not tape.estimator:
-            lacks = ", ".join(missing) or "the estimator's memory"
-            raise TwinError(f"the recording has no {lacks}: its rig's readings cannot be repeated")
+    def __init__(
+        self, tape: Recording, calibration: Calibration, plant: Plant, *, turns: bool = False
+    ) -> None:
+        _check(tape, turns=turns)
         self.calibration = calibration
         self.fusion = Fusion(calibration)
         self.states: list[GimbalState] = []
         self.hello: Hello | None = None
-        self.session = 0
         self.gyro_delay = 0.0
-        self._memory = _memory(tape.estimator)
+        self._memory, self.session = _memory(tape.estimator)
         self._plant = plant
         self._frames = recorded_frames(tape, tape["sensors/potentiometer"].time_ns)
         self._taken = np.rint(tape["sensors/taken"].values[:, 0] * 1e9).astype(np.int64)
         self._session = tape["sensors/session"].values[:, 0].astype(np.int64).tolist()
         self._delay = tape["sensors/gyro_delay"].values[:, 0].tolist()
-        if not len(self._frames) == len(self._taken) == len(self._session) == len(self._delay):
-            raise TwinError("the recording's readings have lost some of their columns")
         self._link = tuple(_Held(tape[f"link/{n}"]) for n in ("connected", "lost", "crc_errors"))
         self._next, self._begun = 0, False
 
@@ -159,13 +168,17 @@ class RecordedRig:
         return frames
 
     def _fused(self, k: int) -> GimbalState:
-        if self.session and self._session[k] != self.session:
+        if self._session[k] != self.session:
             self.fusion.restart()
         self.session = self._session[k]
         self.gyro_delay = self._delay[k]
         if self.gyro_delay != self.fusion.noise.gyro_delay:
             self.fusion.set_gyro_delay(self.gyro_delay)
-        return self.fusion.update(self._frames[k])
+        try:
+            return self.fusion.update(self._frames[k])
+        except (ArithmeticError, ValueError) as error:
+            at = self._frames[k].time_ns * 1e-9
+            raise TwinError(f"the recorded reading at {at:.3f} s is none: {error}") from None
 
     def listen(self) -> bool:
         """Nothing more is to be heard."""
@@ -184,15 +197,35 @@ class RecordedRig:
         """Do nothing."""
 
 
-def _memory(text: str) -> dict[str, object]:
+def _check(tape: Recording, *, turns: bool) -> None:
+    """Refuse a recording that lacks what a replay takes from it."""
+    needed = (*NEEDED, *OF_A_TURNTABLE) if turns else NEEDED
+    missing = [n for n in needed if n not in tape.series or not len(tape[n].time)]
+    if missing or not tape.estimator:
+        lacks = ", ".join(missing) or "the estimator's memory"
+        raise TwinError(f"the recording has no {lacks}: its rig's readings cannot be repeated")
+    readings = [n for n in needed if n.startswith("sensors/")]
+    lengths = {len(tape[n].time) for n in readings}
+    if len(lengths) > 1:
+        raise TwinError("the recording's readings have lost some of their columns")
+    for name in readings:
+        largest = 1e9 if name == "sensors/device_time" else LARGEST_READING
+        if not (np.abs(tape[name].values) < largest).all():  # NaN neither
+            raise TwinError(f"the recording's {name} holds numbers that no device sends")
+    if (np.diff(tape["sensors/taken"].values[:, 0]) < 0.0).any():
+        raise TwinError("the recording's sensors/taken run backwards")
+
+
+def _memory(text: str) -> tuple[dict[str, object], int]:
+    """What the estimator remembered, and the session it was in."""
     if len(text) > LONGEST_MEMORY:
-        raise TwinError(
-            f"the estimator's memory is {len(text)} characters long; something is wrong"
-        )
+        raise TwinError(f"the estimator's memory is of {len(text)} characters; something is wrong")
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):
         found = None
-    if not isinstance(found, dict):
-        raise HardwareError("the estimator's memory is no JSON object")
-    return found
+    fusion = found.get("fusion") if isinstance(found, dict) else None
+    session = found.get("session") if isinstance(found, dict) else None
+    if not isinstance(fusion, dict) or not isinstance(session, int):
+        raise HardwareError("the estimator's memory is not what a rig's estimator remembers")
+    return fusion, session

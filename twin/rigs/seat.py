@@ -128,7 +128,7 @@ class RigGimbal:
         self.turntable = 0.0
         self.base: BaseMap | None = None
         self._origin = 0
-        self._started = False
+        self._started = self._caught_up = False
         self._fresh_ns = 0
         self._heard = False
         self._next_command = 0
@@ -171,9 +171,15 @@ class RigGimbal:
 
     def catch_up(self) -> None:
         """Take in what has come while the run was being set up; its states count, no row does."""
-        if not self._lockstep:
+        if self._live and not self._lockstep:
             while self.rig.poll():
                 pass
+        else:
+            self.rig.poll()
+        self._stale = self.rig.fusion.state(0)
+        memory = {"session": self.rig.session, "fusion": self.rig.fusion.snapshot()}
+        self.readings.opening = json.dumps(memory, allow_nan=False)
+        self._caught_up = True
 
     def listen(self) -> bool:
         """Hear the answer to a PING when it comes; whether one is awaited."""
@@ -200,7 +206,10 @@ class RigGimbal:
     def poll(self) -> GimbalState:
         """The latest estimate, in experiment time; frames and states are in `readings`."""
         if not self._started:
-            self._begin()
+            if not self._caught_up:
+                self.catch_up()
+            self._origin = self._clock() - (self._plant.time_ns if self._plant else 0)
+            self._started = True
         if self._lockstep and self._plant is not None:
             behind = self._plant.time_ns - self.now_ns()
             if behind > 0:
@@ -217,14 +226,6 @@ class RigGimbal:
             ctrl = self._plant.data.ctrl
             ctrl[self._ids[0]], ctrl[self._ids[1]] = state.angle
         return state
-
-    def _begin(self) -> None:
-        """Experiment time begins; what the rig said before belongs to no row of the run."""
-        self.rig.poll()
-        self._origin = self._clock() - (self._plant.time_ns if self._plant else 0)
-        self._stale = self.rig.fusion.state(0)
-        self.readings.opening = json.dumps(self.rig.fusion.snapshot(), allow_nan=False)
-        self._started = True
 
     def _neutral_unless_fresh(self, state: GimbalState, now_ns: int) -> GimbalState:
         if self.readings.states:

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.frames import GimbalCommand, HardwareError, Pair, SensorFrame
+from hardware.frames import GimbalCommand, HardwareError, Pair, SensorFrame, Triple
 from hardware.fusion import BaseAttitude, BaseMap
 from hardware.fusion.base import tilt
+from hardware.protocol import Flags
 from twin.plant import Plant
 from twin.rigs.seat import COMMAND_NS, RigGimbal
 
@@ -23,6 +24,9 @@ SWING_S = 200e-6  # s of pulse either way, 19° of a hobby servo
 STOPS = (0.0, SWING_S, -SWING_S, 0.0)
 HOLD_NS, LOOK_NS = 800_000_000, 300_000_000  # at a stop, and how long of it is looked at
 NEUTRAL_S = 1.5e-3
+DEAF_S = 0.1  # without a reading of the base's IMU
+FROZEN = 25  # equal gyro readings in a row: its noise moves the last digit every time
+ASTRAY, ASTRAY_S = math.radians(10.0), 0.3  # from where it was sent, for how long
 LEAST_TURN = 0.4  # of what the pulses ask of a usual servo
 FEWEST = 20  # frames to a look
 
@@ -110,6 +114,7 @@ class Turntable:
     simulated, measured, sigma : (1,) turn about the launch's x axis of the vehicle, of the base as
         its IMU tells it, and the standard deviation of the latter [rad]
     reach : turn that the servo's pulses reach either way [rad]
+    fault : what is wrong with base or servo, in words; None while all is well
     """
 
     def __init__(
@@ -129,7 +134,12 @@ class Turntable:
         low, high = seat.rig.turntable_limits
         ends = (abs(low - base.centre), abs(high - base.centre))
         self.reach = min(ends) * abs(base.travel)
-        self._beyond = False
+        self.fault: str | None = None
+        self._beyond = self._stopped = False
+        self._last_turn = self._unwound = 0.0
+        self._deaf = self._astray = 0.0  # s
+        self._reading: Triple | None = None
+        self._equal = 0
 
     @property
     def rms(self) -> float:
@@ -138,21 +148,56 @@ class Turntable:
 
     def update(self) -> None:
         """Take in the frames of this tick, tell the servo where to go, renew what is seen."""
+        self._deaf += self._period
         for frame in self._seat.readings.frames:
             self._filter.update(frame)
+            self._listen(frame)
         attitude, rate = self._plant.attitude.tolist(), self._plant.rate.tolist()
         turn, speed = _twist(self._launch, attitude, rate)
         acceleration = (speed - self._speed) / self._period
         self._speed = speed
-        self._play(turn + self._lead[0] * speed + self._lead[1] * acceleration)
+        # a vehicle that turns over goes on from 180°; its base must not jump to the other stop
+        self._unwound += math.remainder(turn - self._last_turn, 2.0 * math.pi)
+        self._last_turn = turn
+        self._play(self._unwound + self._lead[0] * speed + self._lead[1] * acceleration)
         seen = self._filter
         off, faster = seen.angle - turn, seen.rate - speed
         self.simulated[0], self.measured[0], self.sigma[0] = turn, seen.angle, seen.sigma
         self._square += off * off
         self._count += 1
         self._see(attitude, rate, off, faster)
+        self._follow()
+
+    def stop(self) -> None:
+        """Send the base to neutral and play no more."""
+        self._stopped = True
+        self._seat.turntable = 0.0
+
+    def _listen(self, frame: SensorFrame) -> None:
+        if not frame.flags & Flags.BASE_IMU:
+            return
+        self._deaf = 0.0
+        self._equal = self._equal + 1 if frame.base_gyro == self._reading else 0
+        self._reading = frame.base_gyro
+
+    def _follow(self) -> None:
+        """Whether the base is where it was sent, and its IMU says anything."""
+        sent = min(max(self._unwound, -self.reach), self.reach)
+        astray = not self._stopped and abs(float(self.measured[0]) - sent) > ASTRAY
+        self._astray = self._astray + self._period if astray else 0.0
+        if self._deaf > DEAF_S:
+            self.fault = f"no reading of the base IMU for {DEAF_S:g} s"
+        elif self._equal >= FROZEN:
+            self.fault = "base IMU frozen"
+        elif self._astray > ASTRAY_S:
+            told = math.degrees(float(self.measured[0]))
+            self.fault = f"the base stands at {told:.0f}°, sent to {math.degrees(sent):.0f}°"
+        else:
+            self.fault = None
 
     def _play(self, turn: float) -> None:
+        if self._stopped:
+            return
         beyond = abs(turn) > self.reach
         if beyond and not self._beyond:
             told = f"{math.degrees(turn):.0f}° asked of the turntable, which reaches"

@@ -37,7 +37,7 @@ class SeatFlights:
     Attributes
     ----------
     gimbal : who had the seat
-    results, paths : of each flight
+    results, paths : of each flight; a flight that a fault ended has no path here
     repeats : whether each flight is the one before to the last bit; then only two were flown
     spread : of the paths; None for a single flight
     figures : over the flights, with their intervals
@@ -121,8 +121,8 @@ def repeat(config: Fly) -> RepeatResult:
     others = MODELS if is_rig(config.gimbal) else ()
     names = (config.gimbal, *(m for m in others if m != config.gimbal))
     seats = tuple(_seat(config, name, folder) for name in names)
-    first = seats[0].paths[0]
-    differences = {s.gimbal: path_difference(first, s.paths[0]) for s in seats[1:]}
+    flown = seats[0].paths
+    differences = {s.gimbal: path_difference(flown[0], s.paths[0]) for s in seats[1:] if flown}
     result = RepeatResult(seats, differences, str(page), time.perf_counter() - began)
     render(sections(result), "Repeated flights", page, result.as_dict())
     return result
@@ -147,19 +147,25 @@ def _seat(config: Fly, gimbal: str, folder: Path) -> SeatFlights:
         _progress(gimbal, k, config.repeat)
         out = folder / f"{name}-{k + 1:02d}.rrd"
         result = fly(_one(config, gimbal, config.seed + k, out))
-        recording = read(out)
         results.append(result)
+        if not _counts(result, config):
+            continue  # it flew to no end that could be compared
+        recording = read(out)
         paths.append(flight_path(recording))
         if (found := attitude_step(recording)) is not None:
             steps.append(found)
-        same = k > 0 and _equal(paths[-1], paths[-2])
+        same = len(paths) > 1 and _equal(paths[-1], paths[-2])
         if same and k == 1:  # nothing random in it: more flights would tell nothing
             break
     _progress(gimbal, config.repeat, config.repeat)
     scatter = spread(paths) if len(paths) > 1 else None
     told = slice(1) if same else slice(None)  # a flight repeated to the last bit is one flight
-    figures = _figures(results[told], steps[told])
+    figures = _figures([r for r in results if _counts(r, config)][told], steps[told])
     return SeatFlights(gimbal, tuple(results), tuple(paths), same, scatter, figures)
+
+
+def _counts(result: FlightResult, config: Fly) -> bool:
+    return result.passed or config.on_fault == "ignore"
 
 
 def _one(config: Fly, gimbal: str, seed: int, out: Path) -> Fly:

@@ -18,6 +18,8 @@ _SHOWN = 30  # flights of a seat drawn; more are a smear
 def sections(result: "RepeatResult") -> tuple[Section, ...]:
     """Sections of the page."""
     found = [_paths(result), _numbers(result)]
+    if any(r.fault for seat in result.seats for r in seat.results):
+        found.append(_faults(result))
     if result.differences:
         found.append(_differences(result))
     return tuple(found)
@@ -79,6 +81,18 @@ def _row(
     interval = f"{low:.3g} to {high:.3g}" if math.isfinite(low) else "–"
     shown = f"{value:.3g}" if math.isfinite(value) else "not reached"
     return (gimbal, name, Cell(shown, "number"), unit, Cell(str(n), "number"), interval)
+
+
+def _faults(result: "RepeatResult") -> Section:
+    rows = tuple(
+        (seat.gimbal, Cell(str(k + 1), "number"), r.fault)
+        for seat in result.seats
+        for k, r in enumerate(seat.results)
+        if r.fault is not None
+    )
+    caption = "What went wrong first in each of these flights; they count in nothing above."
+    table = Table(("gimbal", "flight", "fault"), rows, caption)
+    return Section("faults", "Flights with a fault", (), (table,))
 
 
 def _differences(result: "RepeatResult") -> Section:
