@@ -274,6 +274,28 @@ def test_another_step_than_the_matrices_were_made_for_fails_loudly():
         make("ab2").step(model, data, 1, dt=0.0012)
 
 
+def test_a_division_by_zero_is_seen_in_the_state():
+    """A step of nothing, in model and matrices alike: NaN, not an actuator that stays still."""
+    model, data = build()
+    model.opt.timestep = 0.0
+    for axis in "xy":
+        model.numeric(f"tf_gimbal_{axis}").data[1] = 0.0
+    data.qpos[:] = 0.01
+    with native.installed():
+        mujoco.mj_forward(model, data)
+    assert not np.isfinite(data.act_dot).all()
+
+
+def test_a_servo_faster_than_any_is_refused_before_it_makes_a_flight_slow():
+    """A pole of 10⁸ /s would take half a million Runge–Kutta steps a millisecond."""
+    servo = Servo(rate_limit=5.0, structure="speed")
+    fast = TransferFunctionModel.second_order(1e8, 1.0, 0.01)
+    with pytest.raises(TwinError, match=r"axis x.*2e\+08 /s.*at most 20000 /s") as caught:
+        build(model=TransferFunctionModel(fast.channels, servo=servo))
+    assert "\n" not in str(caught.value)
+    build(model=TransferFunctionModel.second_order(1e8, 1.0, 0.01))  # exact whatever its poles
+
+
 def test_the_two_axes_and_their_order_come_from_the_names():
     straight = coupled((0.012, 0.007, 0.02, 0.0))
     turned = TransferFunctionModel(
