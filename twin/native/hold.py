@@ -75,8 +75,8 @@ def _packed_speed(channel: Channel, servo: Servo, dt: float, axis: str) -> tuple
     loop = speed_loop(channel.num, channel.den)
     if not max(loop[1:]) <= FASTEST_SERVO:
         raise TwinError(
-            f"the identified servo of axis {axis} answers with {max(loop[1:]):g} /s, a speed-bounded"
-            f" one may with at most {FASTEST_SERVO:g} /s: identify it again, or give it"
+            f"the identified servo of axis {axis} answers with {max(loop[1:]):g} /s, a speed-"
+            f"bounded one may with at most {FASTEST_SERVO:g} /s: identify it again, or give it"
             ' "structure": "command"'
         )
     shift, rest = whole_steps(channel.delay, dt)
