@@ -38,6 +38,7 @@ def balance(model: mujoco.MjModel) -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def centre_of_pressure(model: mujoco.MjModel) -> float:
+    """Of nose and fins: where the air acts as the angle of attack goes to zero."""
     slopes, stations = (
         np.array([model.numeric(f"air_{part}_{what}").data[0] for part in ("nose", "fin")])
         for what in ("slope", "z")
@@ -71,7 +72,8 @@ def test_reference_vehicle_is_1_m_by_54_mm_around_the_gimbal_pivot() -> None:
     np.testing.assert_allclose(model.body("gimbal_mount").pos, 0, atol=1e-12)
 
 
-def test_reference_vehicle_is_stable_by_at_most_one_calibre() -> None:
+def test_reference_vehicle_is_stable_by_at_most_one_calibre_as_the_angle_goes_to_zero() -> None:
+    """Barrowman's terms alone; tests/twin/test_stability.py has what crossflow makes of it."""
     model = load("flight.xml")
     margins = []
     for t in (0.0, 99.0):
