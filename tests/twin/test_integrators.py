@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from twin import native
+from twin.configuration import Converge
 from twin.errors import TwinError
 from twin.integrators import NAMES, AdamsBashforth, coefficients, make
+from twin.plant import Plant
+from twin.study import flights
 
 # Coefficients as printed in E. Hairer et al., Solving Ordinary Differential Equations I, §III.1
 PRINTED = {
@@ -245,3 +249,42 @@ def test_every_integrator_counts_time(name):
     stepper.step(model, data, 2, dt=0.005)
     assert data.time == pytest.approx(0.04, abs=1e-15)
     assert model.opt.timestep == 0.01
+
+
+@pytest.fixture(scope="module")
+def steered():
+    """Positions each 0.2 s of a launch steered at 250 Hz, by integrator, step and memory."""
+    config = Converge(flight="closed-loop", duration_s=2.0)
+
+    class Remembering(flights.StudyPlant):
+        advance = Plant.advance  # as `twin fly` does: the memory goes on over commands
+
+    def fly(name: str, dt: float, remember: bool) -> np.ndarray:
+        track = []
+        with pytest.MonkeyPatch.context() as patch, native.installed():
+            if remember:
+                patch.setattr(flights, "StudyPlant", Remembering)
+            loop = flights.Loop(flights.load_for(config)(dt), name, config, 4_000_000)
+            every = flights.INTERVAL_NS
+            plant = loop.plant
+
+            def keep(time_ns: int) -> None:
+                if time_ns % every == 0:
+                    track.append(plant.position.copy())
+
+            loop.run(2 * 10**9, keep)
+        return np.array(track)
+
+    return fly
+
+
+@pytest.mark.parametrize("name", ["ab2", "ab3"])
+def test_memory_over_commands_costs_a_flight_at_1_ms_no_accuracy(steered, name):
+    """Against RK4 at a quarter of the step; docs/integrators.md has the whole table."""
+    truth = steered("rk4", 0.25e-3, remember=False)
+    kept, renewed = (
+        np.linalg.norm(steered(name, 1e-3, remember) - truth, axis=1).max()
+        for remember in (True, False)
+    )
+    assert kept < 1.1 * renewed
+    assert kept < 5e-3  # m; implicitfast, the default, errs 8 mm in 3 s (docs/convergence.md)

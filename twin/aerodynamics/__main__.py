@@ -5,14 +5,14 @@ from pathlib import Path
 
 import mujoco
 
-from twin.aerodynamics.silhouette import strip_table
+from twin.aerodynamics.silhouette import NODES, strip_table
 
 
 def main() -> None:
     """Compile the file, slice its geometry and print `<numeric>` elements to paste into it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("vehicle", type=Path, help="MJCF file with a body 'vehicle'")
-    parser.add_argument("--nodes", type=int, default=32, help="stations in all")
+    parser.add_argument("--nodes", type=int, default=NODES, help="stations in all")
     options = parser.parse_args()
     try:
         model = mujoco.MjModel.from_xml_path(str(options.vehicle))

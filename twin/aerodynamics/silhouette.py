@@ -4,20 +4,23 @@ For setting a model up, not for flying it: loads trimesh.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.aerodynamics import revolve
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
 Width = Callable[[Array], Array]
 
-_SEGMENTS = 256  # of a circle: mean width of the polygon within (π/256)²/6 = 3e-5
+NODES = 40  # stations of a vehicle: 1e-4 of the integral of magnitudes wherever the flow turns
 _FEW_LEVELS = 4  # a prism or plate, whose every level of vertices is a kink; a round mesh has more
+_LEAST = 4  # stations of a panel; a fin taper needs them
 _SHORTEST_PANEL = 1e-2  # m; closer edges are one edge
+_NEAR = 3e-3  # m; how far from an edge its trace is looked for
+_STRAIGHT = 1e-6  # of the largest width; the end of a fin leaves 1e-2, a nose on its tube 2e-4
 
 
 def silhouette(vertices: Array, faces: NDArray[np.int64]) -> Width:
@@ -26,18 +29,22 @@ def silhouette(vertices: Array, faces: NDArray[np.int64]) -> Width:
     The mean width of a slice is the perimeter of its convex hull over π (Cauchy's theorem), so
     fins count alike at every roll angle. Axis z; `vertices` (n, 3) [m], `faces` (m, 3).
     """
-    import trimesh
     from scipy.spatial import ConvexHull
 
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    slice_at: Any = trimesh.intersections.mesh_plane
+    pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    _, once = np.unique(pairs @ [len(vertices), 1], return_index=True)
+    first, second = vertices[pairs[once].T]  # ends of every edge, (k, 3) each
 
     def width(z: Array) -> Array:
         result = np.zeros(np.size(z))
         for k, station in enumerate(np.ravel(z)):
-            lines = slice_at(mesh, (0.0, 0.0, 1.0), (0.0, 0.0, station))
-            if len(lines):
-                result[k] = ConvexHull(lines.reshape(-1, 3)[:, :2]).area / np.pi
+            before, after = first[:, 2] - station, second[:, 2] - station
+            cut = before * after < 0
+            share = (before[cut] / (before[cut] - after[cut]))[:, None]
+            points = first[cut] + share * (second[cut] - first[cut])
+            points = np.vstack([points, first[before == 0], second[after == 0]])
+            if len(points) > 2:
+                result[k] = ConvexHull(points[:, :2]).area / np.pi
         return result.reshape(np.shape(z))
 
     return width
@@ -67,7 +74,7 @@ def _vanishes(width: Width, low: float, high: float) -> bool:
     return bool(near < 0.1 * far)
 
 
-def strip_table(model: mujoco.MjModel, nodes: int = 32) -> tuple[Array, Array]:
+def strip_table(model: mujoco.MjModel, nodes: int = NODES) -> tuple[Array, Array]:
     """Stations (nodes,) [m] and areas (nodes,) [m²] of the body `vehicle` and all it carries.
 
     Joints stand at their zero; geometry that may touch (collision) or lies in a hidden group (3 and
@@ -75,22 +82,28 @@ def strip_table(model: mujoco.MjModel, nodes: int = 32) -> tuple[Array, Array]:
 
     Raises
     ------
-    TwinError : no body `vehicle`, no geometry, or fewer than three nodes a panel
+    TwinError : no body `vehicle`, no geometry, or too few nodes for its panels
     """
     vertices, faces, extents = _geometry(model)
-    edges = _edges(extents)
+    width = silhouette(vertices, faces)
+    edges = _edges(extents, width)
     lengths = np.diff(edges)
-    if nodes < 3 * lengths.size:
-        raise TwinError(f"{nodes} stations are too few; {lengths.size} panels need three each")
-    counts = np.full(lengths.size, 3)
+    if nodes < _LEAST * lengths.size:
+        raise TwinError(f"{nodes} stations are too few; {lengths.size} panels need {_LEAST} each")
+    counts = np.full(lengths.size, _LEAST)
     for _ in range(nodes - int(counts.sum())):
         counts[np.argmax(lengths / counts)] += 1
-    return strips(silhouette(vertices, faces), list(edges), [int(c) for c in counts])
+    return strips(width, list(edges), [int(c) for c in counts])
 
 
-def _edges(extents: Array) -> Array:
-    """Stations where the outline jumps or kinks, those closer than the shortest panel merged."""
+def _edges(extents: Array, width: Width) -> Array:
+    """Stations where the outline jumps or kinks, those closer than the shortest panel merged.
+
+    A part may end inside another: there the width does not change, and no panel need end.
+    """
     ends = np.unique(extents)
+    bend = np.abs(width(ends - _NEAR) - 2 * width(ends) + width(ends + _NEAR))
+    ends = ends[bend > _STRAIGHT * width(ends).max()]
     keep = np.concatenate([[True], np.diff(ends) > _SHORTEST_PANEL])
     return np.asarray(ends[keep])
 
@@ -115,6 +128,7 @@ def _geometry(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64], Array]:
         points, triangles = _shape(model, geom)
         points = points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
         points = (points - origin) @ rotation
+        points, triangles = revolve.refined(points, triangles, silhouette(points, triangles))
         vertices.append(points)
         faces.append(triangles + count)
         count += len(points)
@@ -139,7 +153,7 @@ def _shape(model: mujoco.MjModel, geom: int) -> tuple[Array, NDArray[np.int64]]:
         points = model.mesh_vert[first : first + number].astype(float)
         return points, model.mesh_face[start : start + count].astype(np.int64)
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        shape = make.cylinder(radius=size[0], height=2 * size[1], sections=_SEGMENTS)
+        shape = make.cylinder(radius=size[0], height=2 * size[1], sections=revolve.SEGMENTS)
     elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
         shape = make.capsule(radius=size[0], height=2 * size[1])
         shape.apply_translation([0, 0, -shape.bounds.mean(axis=0)[2]])

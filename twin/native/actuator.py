@@ -19,12 +19,12 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 from mujoco.introspect import structs
-from numba import cfunc, njit, types
+from numba import cfunc, types
 from numpy.typing import NDArray
 
 from analysis.transfer_function import TransferFunctionModel, speed
 from twin.errors import TwinError
-from twin.native.cache import fingerprint
+from twin.native.cache import fingerprint, jit
 from twin.native.hold import AXES, BEFORE, MARK, OUTPUT, PHASE, REGISTERS, advance, packed
 from twin.native.inverse import torques
 from twin.native.layout import (
@@ -120,7 +120,7 @@ def phases(model: mujoco.MjModel) -> NDArray[np.intp]:
     return np.asarray(model.actuator_actadr[ours], dtype=np.intp)
 
 
-@njit
+@jit
 def _acceleration(
     y: Array, share: float, smooth: bool, dt: float, feedback: float, q: float, v: float
 ) -> float:
@@ -141,7 +141,7 @@ def _acceleration(
     return change + 2.0 * w * (speed - v) + w * w * (position - q)
 
 
-@njit
+@jit
 def _commands(m: int, d: int, first: int, out: Array) -> None:
     """Commands (2,) of both axes within their control ranges [rad]."""
     n, nu = size(m, _NACTUATOR), size(m, _NU)
@@ -154,7 +154,7 @@ def _commands(m: int, d: int, first: int, out: Array) -> None:
             out[j] = min(max(out[j], bounds[2 * u]), bounds[2 * u + 1])
 
 
-@njit
+@jit
 def _act(m: int, d: int, index: int) -> None:
     n = size(m, _NACTUATOR)
     parameters = floats(m, _DYNPRM, n * _NDYN)[index * _NDYN : (index + 1) * _NDYN]
@@ -216,7 +216,9 @@ def _act(m: int, d: int, index: int) -> None:
 def _callback() -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
     version = fingerprint() + sha256(Path(speed.__file__).read_bytes()).hexdigest()
 
-    @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
+    @cfunc(
+        types.float64(types.voidptr, types.voidptr, types.int32), cache=True, error_model="numpy"
+    )
     def act_dyn(model, data, index):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
         """`mjcb_act_dyn`: activation rates and torques of transfer-function actuators."""
         if len(version) == 0:

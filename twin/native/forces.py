@@ -95,6 +95,30 @@ def thrust_at(time: Array, thrust: Array, t: float) -> float:
 
 
 @jit
+def jet_damping(
+    nozzle: Vector, source: Vector, spread: float, up: Vector, w: Vector, flow: float
+) -> tuple[Vector, Vector, Vector]:
+    """Where the gas in a turning motor loads it, with which force [N] and torque [N m].
+
+    The Coriolis force -2 ω×u dm of every element on its way from the `source` [m] to the `nozzle`
+    [m]. Along a line ∫u dm is `flow` [kg/s] times the way, so the sum acts in the middle of it.
+    Where the grain burns all along a stretch `spread` [m] about the source, the moment of inertia
+    of that stretch is missing from the sum. `w` is the motor's own rate [rad/s]; neither the
+    vehicle's centre of mass nor the pivot enters.
+    Source: Thomson, Introduction to Space Dynamics (1961), on variable mass and jet damping;
+    Cornelisse, Schöyer & Wakker, Rocket Propulsion and Spaceflight Dynamics (1979), whose Coriolis
+    force and moment these are, for a channel.
+    """
+    way = (nozzle[0] - source[0], nozzle[1] - source[1], nozzle[2] - source[2])
+    turned = cross(w, way)
+    load = (-2.0 * flow * turned[0], -2.0 * flow * turned[1], -2.0 * flow * turned[2])
+    middle = (source[0] + 0.5 * way[0], source[1] + 0.5 * way[1], source[2] + 0.5 * way[2])
+    k, roll = flow * spread * spread / 12.0, w[0] * up[0] + w[1] * up[1] + w[2] * up[2]
+    torque = (k * (w[0] - roll * up[0]), k * (w[1] - roll * up[1]), k * (w[2] - roll * up[2]))
+    return middle, load, torque
+
+
+@jit
 def _motor(m: int, d: int, data: Array, index: Array) -> None:
     t = number(d, _TIME) - _value(data, index, _IGNITION)
     force = thrust_at(_array(data, index, _CURVE_TIME), _array(data, index, _CURVE_THRUST), t)
@@ -108,29 +132,21 @@ def _motor(m: int, d: int, data: Array, index: Array) -> None:
     axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
     up = (axis[2], axis[5], axis[8])
 
-    # the gas leaves the grain with one lateral velocity and the nozzle with another
+    none = (0.0, 0.0, 0.0)
+    push = (force * up[0], force * up[1], force * up[2])
+    apply_force(m, d, body, nozzle, push, none)
+
     full = _value(data, index, _PROPELLANT_MASS)
-    flow = force * full / impulse
     grain = int(index[PROPELLANT])
     burnt = 1.0 - floats(m, _MASS, nbody)[grain] / full
     source = vector(floats(d, _XIPOS, 3 * nbody), grain)
+    back, spread = 0.0, _value(data, index, _GRAIN_LENGTH)  # of a bore that burns along its length
     if _value(data, index, _BURN) != 0.0:
-        back = 0.5 * (1.0 - burnt) * _value(data, index, _GRAIN_LENGTH)
-        source = (source[0] - back * up[0], source[1] - back * up[1], source[2] - back * up[2])
-    vehicle = int(index[VEHICLE])
-    com = vector(floats(d, _COM, 3 * nbody), vehicle)
+        back, spread = 0.5 * (1.0 - burnt) * spread, 0.0
+    source = (source[0] - back * up[0], source[1] - back * up[1], source[2] - back * up[2])
     _, w = velocity_at(m, d, body, nozzle)
-    at_exit = cross(w, (nozzle[0] - com[0], nozzle[1] - com[1], nozzle[2] - com[2]))
-    at_grain = cross(w, (source[0] - com[0], source[1] - com[1], source[2] - com[2]))
-    jet = (
-        force * up[0] - flow * at_exit[0],
-        force * up[1] - flow * at_exit[1],
-        force * up[2] - flow * at_exit[2],
-    )
-    none = (0.0, 0.0, 0.0)
-    apply_force(m, d, body, nozzle, jet, none)
-    inflow = (flow * at_grain[0], flow * at_grain[1], flow * at_grain[2])
-    apply_force(m, d, body, source, inflow, none)
+    middle, load, torque = jet_damping(nozzle, source, spread, up, w, force * full / impulse)
+    apply_force(m, d, body, middle, load, torque)
 
 
 @jit

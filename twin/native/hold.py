@@ -9,7 +9,6 @@ own speed is bounded, followed by gain, k, w, limit, dead band and the rest of t
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from analysis.transfer_function import (
@@ -21,6 +20,8 @@ from analysis.transfer_function import (
     whole_steps,
 )
 from analysis.transfer_function.speed import move
+from twin.errors import TwinError
+from twin.native.cache import jit
 
 Array = NDArray[np.float64]
 
@@ -33,10 +34,19 @@ _HEAD: Final = 6
 _PER_INPUT: Final = 5
 _SPEED: Final = -1
 _LOOP: Final = 6
+# 1/s; a hobby servo's poles lie at 10 to 300. Its Runge–Kutta steps are 0.2 of the fastest time
+# constant, so this one takes 100 of them in a millisecond, some 2 µs.
+FASTEST_SERVO: Final = 2e4
 
 
 def packed(model: TransferFunctionModel, axis: str, dt: float) -> tuple[list[float], int]:
-    """Parameters of one output after mark, dt and feedback, and how many states they need."""
+    """Parameters of one output after mark, dt and feedback, and how many states they need.
+
+    Raises
+    ------
+    TwinError
+        A speed-bounded servo is faster than any servo is, and would take a flight for ever.
+    """
     servo = model.servo or Servo()
     at_speed = servo.structure == "speed"
     bounds = (0.0, 0.0) if at_speed else (servo.rate_limit, servo.dead_band)
@@ -45,7 +55,7 @@ def packed(model: TransferFunctionModel, axis: str, dt: float) -> tuple[list[flo
     for input_ in AXES:
         channel = model.channel(axis, input_)
         if at_speed and not channel.zero:
-            part, size = _packed_speed(channel, servo, dt)
+            part, size = _packed_speed(channel, servo, dt, axis)
         else:
             part, size = _packed_linear(channel, dt)
         data += part
@@ -61,16 +71,23 @@ def _packed_linear(channel: Channel, dt: float) -> tuple[list[float], int]:
     return [float(v) for v in data], len(c.now) + c.memory
 
 
-def _packed_speed(channel: Channel, servo: Servo, dt: float) -> tuple[list[float], int]:
+def _packed_speed(channel: Channel, servo: Servo, dt: float, axis: str) -> tuple[list[float], int]:
+    loop = speed_loop(channel.num, channel.den)
+    if not max(loop[1:]) <= FASTEST_SERVO:
+        raise TwinError(
+            f"the identified servo of axis {axis} answers with {max(loop[1:]):g} /s, a speed-"
+            f"bounded one may with at most {FASTEST_SERVO:g} /s: identify it again, or give it"
+            ' "structure": "command"'
+        )
     shift, rest = whole_steps(channel.delay, dt)
     late = 1 if rest > 0.0 else 0
     limit = servo.rate_limit or np.inf
     head = [_SPEED, shift, late, shift + late, 0.0]
-    loop = [*speed_loop(channel.num, channel.den), limit, servo.dead_band, rest]
-    return [float(v) for v in head + loop], 2 + shift + late
+    tail = [*loop, limit, servo.dead_band, rest]
+    return [float(v) for v in head + tail], 2 + shift + late
 
 
-@njit
+@jit
 def _advance_speed(
     p: Array, dt: float, act: Array, following: Array, place: int, now: float, before: float
 ) -> float:
@@ -84,7 +101,7 @@ def _advance_speed(
     return gain * y
 
 
-@njit
+@jit
 def _shape(
     act: Array, now: Array, j: int, command: float, dt: float, rate: float, dead_band: float
 ) -> float:
@@ -109,7 +126,7 @@ def _shape(
     return reached + 0.5 * step
 
 
-@njit
+@jit
 def advance(p: Array, act: Array, following: Array, commands: Array) -> None:
     """One exact step of one axis: `following` from `act`, under the commands (2,) [rad]."""
     dt, rate, dead_band, backlash = p[1], p[3], p[4], p[5]

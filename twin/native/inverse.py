@@ -7,9 +7,9 @@ constraints and of other actuators; those are left to the caller's feedback.
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.native.cache import jit
 from twin.native.layout import DATA, MODEL, floats, integers, size
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ _XFRC, _XIPOS, _COM, _CDOF = (
 _WRENCH: Final = 6
 
 
-@njit
+@jit
 def torques(m: int, d: int, x: int, y: int, wanted_x: float, wanted_y: float):  # type: ignore[no-untyped-def]  # noqa: ANN201
     """Torques on the dofs x and y that give them the wanted accelerations.
 
@@ -51,7 +51,7 @@ def torques(m: int, d: int, x: int, y: int, wanted_x: float, wanted_y: float):  
     )
 
 
-@njit
+@jit
 def unit_response(m: int, d: int, nv: int, dof: int, out: Array) -> None:
     """Acceleration (nv,) of a unit torque on one dof: a column of M⁻¹ from MuJoCo's LᵀDL."""
     count, start = integers(m, _ROWNNZ, nv), integers(m, _ROWADR, nv)
@@ -69,7 +69,7 @@ def unit_response(m: int, d: int, nv: int, dof: int, out: Array) -> None:
             out[i] -= L[k] * out[column[k]]
 
 
-@njit
+@jit
 def smooth_force(m: int, d: int, nv: int, out: Array) -> None:
     """Generalised force (nv,) of everything but actuators and constraints."""
     passive, bias = floats(d, _PASSIVE, nv), floats(d, _BIAS, nv)
@@ -87,7 +87,7 @@ def smooth_force(m: int, d: int, nv: int, out: Array) -> None:
             _add_wrench(m, d, nv, bodies, body, wrench, out)
 
 
-@njit
+@jit
 def _add_wrench(m: int, d: int, nv: int, bodies: int, body: int, wrench: Array, out: Array) -> None:
     """Add what a force and torque at a body's centre of mass does to the dofs that move it."""
     centre, com = floats(d, _XIPOS, 3 * bodies), floats(d, _COM, 3 * bodies)

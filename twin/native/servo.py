@@ -10,9 +10,9 @@ from typing import Final
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twin.native.cache import jit
 from twin.native.layout import DATA, MODEL, characters, floats, integers, number, size
 
 _DCMOTOR: Final = int(mujoco.mjtGain.mjGAIN_DCMOTOR)
@@ -49,7 +49,7 @@ _LENGTH, _VELOCITY = DATA["actuator_length"], DATA["actuator_velocity"]
 _CTRL, _ACT, _PASSIVE = DATA["ctrl"], DATA["act"], DATA["qfrc_passive"]
 
 
-@njit
+@jit
 def dead_bands(m: int, d: int) -> None:
     """Add what the dead bands of all servos of a model change to `qfrc_passive`.
 
@@ -67,7 +67,7 @@ def dead_bands(m: int, d: int) -> None:
             _dead_band(m, d, k, n, user[k * width])
 
 
-@njit
+@jit
 def _dead_band(m: int, d: int, k: int, n: int, half: float) -> None:
     if integers(m, _TRNTYPE, n)[k] != _JOINT:
         return
@@ -82,7 +82,7 @@ def _dead_band(m: int, d: int, k: int, n: int, half: float) -> None:
     floats(d, _PASSIVE, size(m, _NV))[dof] += prm[_CONSTANT] / prm[_RESISTANCE] * change
 
 
-@njit
+@jit
 def drive(prm: NDArray[np.float64], error: float, rate: float) -> float:
     """Winding voltage of a `dcmotor` [V] from its gain parameters, error [rad] and rate [rad/s]."""
     torque = prm[_GAIN] * error - prm[_DAMPING] * rate
@@ -91,7 +91,7 @@ def drive(prm: NDArray[np.float64], error: float, rate: float) -> float:
     return float(max(-limit, min(limit, voltage)) if limit > 0 else voltage)
 
 
-@njit
+@jit
 def _set_point(m: int, d: int, k: int, n: int) -> float:
     """Commanded angle as the actuator sees it: clamped to its range, then slewed."""
     u = integers(m, _CTRLADR, n)[k]
