@@ -8,8 +8,11 @@ import pytest
 
 from analysis import recording
 from analysis.transfer_function import TransferFunctionModel
+from hardware.avr import missing
 from tests.twin.test_cli import run
 from twin.model import REFERENCE_GIMBAL
+
+needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +126,34 @@ def test_anybodys_table_gives_the_model_that_made_it(capsys, table, tmp_path):
     assert found["fit"] > 95.0
 
 
+# what bends a servo's answer: then a transfer function is all there is to know of it
+STRAIGHT = ("gimbal_backlash=0", "gimbal_servo_dead_band=0", "gimbal_servo_slew=0")
+
+
+@pytest.mark.parametrize("rig", ["emulator", pytest.param("firmware", marks=needs_avr)])
+def test_a_model_from_pulses_predicts_another_multisine_of_a_linear_rig(capsys, tmp_path, rig):
+    """97 % is the issue's figure; from commands even a perfectly linear gimbal gives 96.8 %, since
+    a mean wait for the pulse frame is not the wait of each command.
+    """
+    from twin.configuration import Step
+    from twin.experiments import step
+
+    for name, seed in (("fitted", 0), ("other", 7)):
+        step(
+            Step(
+                gimbal=rig, signal="multisine", amplitude_deg=3.0, band_hz=(0.5, 8.0), axis="x",
+                repeats=2, set=STRAIGHT, seed=seed, out=tmp_path / f"{name}.rrd",
+            )
+        )  # fmt: skip
+    found = told(
+        capsys, "identify", str(tmp_path / "fitted.rrd"), "--from-pulses",
+        "--check", str(tmp_path / "other.rrd"), "--out", str(tmp_path / "m.json"),
+    )  # fmt: skip
+    assert min(found["checks"][str(tmp_path / "other.rrd")]) >= 97.0
+    assert any("pulse frame" in w for w in found["warnings"])
+    assert TransferFunctionModel.read(tmp_path / "m.json").source["input"] == "pulses"
+
+
 MISTAKES = [
     ("identify", "name a recording"),
     ("identify missing.rrd", "missing.rrd"),
@@ -143,6 +174,8 @@ MISTAKES = [
     ("identify back.csv --time t --input u --angle pot", "stamps must increase"),
     ("identify steps.rrd --unit deg", "--unit is about tables"),
     ("identify steps.rrd --angle gimbal/measured", "gimbal/measured"),
+    ("identify steps.rrd --from-pulses", "no sensors/pulse"),
+    ("identify run.csv --from-pulses --time t --input u --angle pot", "is a table"),
     ("identify --linkage steps.rrd multisine.rrd", "takes one recording"),
     ("identify --linkage run.csv --time t --input u --angle pot", "x and y"),
     ("identify --linkage steps.rrd --parameters gimbal_servo_gian", "gimbal_servo_gain"),
