@@ -120,7 +120,7 @@ def lateness(frames: PulseFrames, wanted: Callable[[Array], Array]) -> float:
     errors = []
     for late in trials:
         commands = wanted(frames.begin - late)
-        errors.append(float(np.abs(commands - _fitted(frames.pulse, commands)).sum()))
+        errors.append(float(np.abs(commands - fitted(frames.pulse, commands)).sum()))
     best = np.array(errors) < 1.001 * min(errors) + 1e-9
     return float(trials[best].mean())
 
@@ -138,7 +138,7 @@ def asked(frames: PulseFrames, wanted: Callable[[Array], Array], name: str) -> t
     """
     late = lateness(frames, wanted)
     commands = wanted(frames.begin - late)
-    found = _fitted(frames.pulse, commands)
+    found = fitted(frames.pulse, commands)
     far = np.abs(commands - found).max(axis=1) > _FAR * float(np.ptp(commands))
     if far.mean() > _MOST_ASTRAY:
         raise IdentificationError(
@@ -148,11 +148,11 @@ def asked(frames: PulseFrames, wanted: Callable[[Array], Array], name: str) -> t
     return found, late
 
 
-def _fitted(pulse: Array, commands: Array) -> Array:
-    """Polynomial of the pulses through most of the commands (m, k)."""
+def fitted(pulse: Array, commands: Array, order: int = _POWERS) -> Array:
+    """Polynomial of the pulses (m, axes) through most of the commands (m, k), at the pulses."""
     middle, scale = pulse.mean(axis=0), np.maximum(np.ptp(pulse, axis=0), _TICK)
     x = (pulse - middle) / scale
-    powers = [p for p in np.ndindex(*(_POWERS + 1,) * x.shape[1]) if sum(p) <= _POWERS]
+    powers = [p for p in np.ndindex(*(order + 1,) * x.shape[1]) if sum(p) <= order]
     design = np.stack([np.prod(x ** np.array(p), axis=1) for p in powers], axis=1)
     # what a width rounded to the timer's tick leaves open
     least = 2.0 * _TICK * float((commands.std(axis=0) / np.maximum(pulse.std(axis=0), _TICK)).max())
