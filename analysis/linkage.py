@@ -32,9 +32,13 @@ _DIFFERENCE = 0.1
 _PLACES = 32
 _WIDTH = 0.35  # standard deviation of their logarithms; servos of one kind differ by half
 _DAMPING = (1e-3, 1e3)  # of a search step, over the slopes' own curvature; a stall costs its ratio
-_PLANES = (6.0, 4.0, 3.0, 3.0, 3.0, 3.0)  # deviations across which each is laid
+# Deviations across which each plane is laid, and how far at least: where the noise is far below the
+# dents only places closer and closer around it tell the minimum.
+_PLANES = (
+    (6.0, 2e-2), (4.0, 1e-2), (3.0, 5e-3), (3.0, 2e-3),
+    (3.0, 1e-3), (3.0, 1e-3), (3.0, 5e-4), (3.0, 5e-4),
+)  # fmt: skip
 _LAST = 4  # planes whose mean is the estimate: their scatter is what the dents leave open
-_NEAREST = 0.01  # across which a plane is laid at least
 _THREADS = 2
 _SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
 _VAGUE = 0.5  # deviation over value: beyond, the recording does not tell the parameter
@@ -293,17 +297,20 @@ class _Problem:
         n = len(x)
         return np.asarray((found[:, :n] - found[:, n:]) / (ahead - behind))
 
-    def plane(self, x: Array, jacobian: Array, width: float, seed: int) -> tuple[Array, Array]:
+    def plane(
+        self, x: Array, jacobian: Array, across: tuple[float, float], seed: int
+    ) -> tuple[Array, Array]:
         """Residual at x (rows,) and slopes (rows, knobs) of the plane through places around it.
 
         Parameters
         ----------
         jacobian : slopes as known so far; they say how far the fit tells each direction
-        width : deviations across which the places lie
+        across : where the places lie: deviations, and a distance that is added
         """
+        width, least = across
         residual = self.residuals(x, self.parameters.copy())[0][0]
         covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.var(residual)
-        spread = np.linalg.cholesky(width**2 * covariance + _NEAREST**2 * np.eye(len(x)))
+        spread = np.linalg.cholesky(width**2 * covariance + least**2 * np.eye(len(x)))
         low, high = (b[:, None] for b in self.parameters.get_bounds())
         places = np.clip(x[:, None] + spread @ self._draws(seed), low, high)
         found = self.residuals(places, self.parameters.copy())[0][0]
@@ -382,8 +389,8 @@ def _estimates(problem: _Problem, x: Array) -> tuple[tuple[Estimate, ...], float
     """
     jacobian = problem.slope(x)
     ends = []
-    for turn, width in enumerate(_PLANES):
-        residual, jacobian = problem.plane(x, jacobian, width, turn + 1)
+    for turn, across in enumerate(_PLANES):
+        residual, jacobian = problem.plane(x, jacobian, across, turn + 1)
         x = problem.lowest(x, residual, jacobian)
         ends.append(x)
     last = np.array(ends[-_LAST:])
