@@ -25,14 +25,20 @@ Array = NDArray[np.float64]
 Build = Callable[[Mapping[str, float]], mujoco.MjModel]
 
 DELAY = "delay"
-# Of a parameter's scale. Stick, play and dead band make the loss rough and full of small minima:
-# the search begins at the best of many places, with slopes taken wide enough to see past them, and
-# looks around once more between its stages.
-_DIFFERENCES = (0.07, 0.02)
-_DIFFERENCE = 5e-3
-_PLACES = 64
-_WIDE = 20.0  # deviations; of the places looked at between the stages
+# Relative. Stick, play and dead band make the loss rough: slopes between near neighbours are of the
+# dents, not of the valley, and promise deviations several times too small. So the search takes its
+# slopes across a wide difference, and ends with planes laid through many places around it.
+_DIFFERENCE = 0.1
+_PLACES = 32
 _WIDTH = 0.35  # standard deviation of their logarithms; servos of one kind differ by half
+_DAMPING = (1e-3, 1e3)  # of a search step, over the slopes' own curvature; a stall costs its ratio
+# Deviations across which each plane is laid, and how far at least: where the noise is far below the
+# dents only places closer and closer around it tell the minimum.
+_PLANES = (
+    (6.0, 2e-2), (4.0, 1e-2), (3.0, 5e-3), (3.0, 2e-3),
+    (3.0, 1e-3), (3.0, 1e-3), (3.0, 5e-4), (3.0, 5e-4),
+)  # fmt: skip
+_LAST = 4  # planes whose mean is the estimate: their scatter is what the dents leave open
 _THREADS = 2
 _SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
 _VAGUE = 0.5  # deviation over value: beyond, the recording does not tell the parameter
@@ -131,7 +137,7 @@ def fit_linkage(
     build: Build,
     joints: Sequence[str] = ("gimbal_x", "gimbal_y"),
     *,
-    most: int = 8,
+    most: int = 6,
 ) -> LinkageFit:
     """Fit physical parameters to a recording.
 
@@ -141,7 +147,7 @@ def fit_linkage(
     knobs : parameters; one called `delay` shifts the answer instead of changing the model
     build : a compiled model with the given values; called on one thread, models may share nothing
     joints : whose angles were read
-    most : iterations of each stage of the search
+    most : iterations of the search
 
     Raises
     ------
@@ -157,14 +163,8 @@ def fit_linkage(
     problem = _Problem(moves, tuple(knobs), build, tuple(joints))
     start = problem.start
     before = problem.fits(start, np.ones(len(moves.time), dtype=bool))
-    x = problem.best(start[:, None] * np.exp(_WIDTH * problem.draws))
-    ends = []
-    for difference in _DIFFERENCES:
-        x, jacobian = problem.descended(x, difference, most)
-        ends.append(x)
-        x = problem.best(x[:, None] + problem.along(jacobian, x))
-    x, _ = problem.descended(x, _DIFFERENCE, most)
-    estimates, spread = _estimates(problem, x, x - ends[-1])
+    x = problem.descended(problem.best(), most)
+    estimates, spread, x = _estimates(problem, x)
     train = ~moves.held_out
     fits = problem.fits(x, train), problem.fits(x, ~train)
     notes = _warnings(problem, x, estimates, fits[1], spread)
@@ -172,7 +172,10 @@ def fit_linkage(
 
 
 class _Problem:
-    """The residual as `mujoco.sysid` wants it; parameters are in units of their scale."""
+    """The residual as `mujoco.sysid` wants it.
+
+    Parameters are logarithms over their start; those that may be zero are in units of their start.
+    """
 
     def __init__(
         self, moves: Moves, knobs: tuple[Knob, ...], build: Build, joints: tuple[str, ...]
@@ -180,12 +183,13 @@ class _Problem:
         sysid = _sysid()
         self.moves, self.knobs, self._build, self.joints = moves, knobs, build, joints
         self.scale = np.array([abs(k.start) or k.high - k.low for k in knobs])
-        self.start: Array = np.array([k.start for k in knobs]) / self.scale
+        self.positive = np.array([k.low > 0.0 for k in knobs])
+        self.start: Array = self._coordinates([k.start for k in knobs])
+        low = self._coordinates([k.low for k in knobs])
+        high = self._coordinates([k.high for k in knobs])
         self.parameters = sysid.ParameterDict()
-        for k, scale in zip(knobs, self.scale, strict=True):
-            self.parameters.add(
-                sysid.Parameter(k.name, k.start / scale, k.low / scale, k.high / scale)
-            )
+        for k, at, least, most in zip(knobs, self.start, low, high, strict=True):
+            self.parameters.add(sysid.Parameter(k.name, at, least, most))
         model = build({k.name: k.start for k in knobs if k.name != DELAY})
         self._trajectory = self._measured(model)
         self._address = [self._joint(model, name) for name in joints]
@@ -214,9 +218,17 @@ class _Problem:
             state=None,
         )
 
+    def _coordinates(self, values: Sequence[float]) -> Array:
+        ratio = np.array(values) / self.scale
+        return np.where(self.positive, np.log(np.where(self.positive, ratio, 1.0)), ratio)
+
+    def amounts(self, x: Array) -> Array:
+        """Parameters (knobs,) in their own units."""
+        return np.asarray(self.scale * np.where(self.positive, np.exp(x), x))
+
     def values(self, x: Array) -> dict[str, float]:
         """Parameters by name, in their own units."""
-        return {k.name: float(v) for k, v in zip(self.knobs, x * self.scale, strict=True)}
+        return {k.name: float(v) for k, v in zip(self.knobs, self.amounts(x), strict=True)}
 
     def _model(self, parameters: Any) -> mujoco.MjModel:  # noqa: ANN401
         values = self.values(parameters.as_vector())
@@ -260,44 +272,80 @@ class _Problem:
             columns.append(np.interp(self.moves.time - late, t, y) - self.moves.angle[:, j])
         return np.stack(columns, axis=1), measured, measured
 
-    @property
-    def draws(self) -> Array:
-        """Evenly spread normal draws (knobs, places); the first is zero."""
+    def _draws(self, seed: int) -> Array:
+        """Evenly spread normal draws (knobs, places), several for each knob."""
         from scipy.stats import qmc
 
-        found = qmc.MultivariateNormalQMC(np.zeros(len(self.knobs)), seed=0).random(_PLACES).T
-        found[:, 0] = 0.0
-        return np.asarray(found)
+        size = max(_PLACES, 1 << (4 * len(self.knobs)).bit_length())
+        engine = qmc.MultivariateNormalQMC(np.zeros(len(self.knobs)), seed=seed)
+        return np.asarray(engine.random(size).T)
 
-    def best(self, places: Array) -> Array:
-        """The best of several places (knobs, places)."""
+    def best(self) -> Array:
+        """The best of the start and places around it."""
         low, high = (b[:, None] for b in self.parameters.get_bounds())
-        tried = np.clip(places, low, high)
+        places = self.start[:, None] + _WIDTH * self._draws(0)
+        tried = np.clip(np.hstack([self.start[:, None], places]), low, high)
         left = self.residuals(tried, self.parameters.copy())[0][0]
         return np.asarray(tried[:, int(np.argmin(np.sum(left**2, axis=0)))])
 
-    def along(self, jacobian: Array, x: Array) -> Array:
-        """Draws around x as the fit would scatter, but wide (knobs, places)."""
-        left = self.residuals(x, self.parameters.copy())[0][0]
-        covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.var(left)
-        value, vector = np.linalg.eigh(covariance)
-        return np.asarray(_WIDE * (vector * np.sqrt(np.clip(value, 0.0, None))) @ self.draws)
+    def slope(self, x: Array) -> Array:
+        """∂residual/∂x (rows, knobs) across a wide difference, in one batch of rollouts."""
+        low, high = self.parameters.get_bounds()
+        ahead, behind = np.minimum(x + _DIFFERENCE, high), np.maximum(x - _DIFFERENCE, low)
+        both = np.hstack([x[:, None] + np.diag(ahead - x), x[:, None] + np.diag(behind - x)])
+        found = self.residuals(both, self.parameters.copy())[0][0]
+        n = len(x)
+        return np.asarray((found[:, :n] - found[:, n:]) / (ahead - behind))
 
-    def descended(self, x: Array, difference: float, most: int) -> tuple[Array, Array]:
-        """Where `mujoco.sysid` gets from x, and the slope there."""
+    def plane(
+        self, x: Array, jacobian: Array, across: tuple[float, float], seed: int
+    ) -> tuple[Array, Array]:
+        """Residual at x (rows,) and slopes (rows, knobs) of the plane through places around it.
+
+        Parameters
+        ----------
+        jacobian : slopes as known so far; they say how far the fit tells each direction
+        across : where the places lie: deviations, and a distance that is added
+        """
+        width, least = across
+        residual = self.residuals(x, self.parameters.copy())[0][0]
+        covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.var(residual)
+        spread = np.linalg.cholesky(width**2 * covariance + least**2 * np.eye(len(x)))
+        low, high = (b[:, None] for b in self.parameters.get_bounds())
+        places = np.clip(x[:, None] + spread @ self._draws(seed), low, high)
+        found = self.residuals(places, self.parameters.copy())[0][0]
+        design = np.vstack([np.ones(places.shape[1]), places - x[:, None]]).T
+        plane = np.linalg.lstsq(design, found.T, rcond=1e-9)[0]
+        return np.asarray(plane[0]), np.asarray(plane[1:].T)
+
+    def lowest(self, x: Array, residual: Array, jacobian: Array) -> Array:
+        """Where a plane says that the loss is least, within the bounds."""
+        from scipy.optimize import lsq_linear
+
+        low, high = self.parameters.get_bounds()
+        tiny = 1e-9 * (high - low)  # SciPy wants room between the bounds and where it starts
+        found = lsq_linear(jacobian, -residual, (low - x - tiny, high - x + tiny))
+        return np.asarray(np.clip(x + found.x, low, high))
+
+    def descended(self, x: Array, most: int) -> Array:
+        """Where `mujoco.sysid` gets from x with wide slopes."""
         self.parameters.update_from_vector(x)
+        least, largest = _DAMPING
         _, found = _sysid().optimize(
             self.parameters,
             self.residuals,
             optimizer="mujoco",
             verbose=False,
             output=io.StringIO(),  # of the search's own log, which nothing else silences
-            eps=difference,
-            xtol=1e-4,
+            jacobian=lambda at, _: self.slope(at.ravel()),
+            mu_min=least,
+            mu_max=largest,
+            mu_factor=10.0**0.5,
+            xtol=1e-3,
             max_iters=most,
             x_scale="jac",
         )
-        return np.asarray(found.x, dtype=np.float64).ravel(), np.asarray(found.jac)
+        return np.asarray(found.x, dtype=np.float64).ravel()
 
     def fits(self, x: Array, rows: NDArray[np.bool_]) -> tuple[float, ...]:
         """NRMSE fit [%] of each axis over some readings."""
@@ -333,18 +381,20 @@ def _at_rest(model: mujoco.MjModel) -> Array:
     return state
 
 
-def _estimates(problem: _Problem, x: Array, last: Array) -> tuple[tuple[Estimate, ...], float]:
+def _estimates(problem: _Problem, x: Array) -> tuple[tuple[Estimate, ...], float, Array]:
     """Values with deviations: from the Jacobian or, where moves disagree more, the bootstrap.
 
-    A rough loss leaves the search somewhere near the minimum: how far it moved at `last` is added.
+    The loss is rough, and its lowest dent is not its minimum. Planes through many places around x
+    see past the dents; where they end one after the other scatters by what the dents leave open.
     """
-    low, high = problem.parameters.get_bounds()
-    step = _DIFFERENCE * np.maximum(1.0, np.abs(x))
-    ahead, behind = np.minimum(x + step, high), np.maximum(x - step, low)
-    candidates = np.hstack([x[:, None] + np.diag(ahead - x), x[:, None] + np.diag(behind - x)])
-    both = problem.residuals(candidates, problem.parameters.copy())[0][0]
-    n = len(x)
-    jacobian = (both[:, :n] - both[:, n:]) / (ahead - behind)
+    jacobian = problem.slope(x)
+    ends = []
+    for turn, across in enumerate(_PLANES):
+        residual, jacobian = problem.plane(x, jacobian, across, turn + 1)
+        x = problem.lowest(x, residual, jacobian)
+        ends.append(x)
+    last = np.array(ends[-_LAST:])
+    x = last.mean(axis=0)
     residual = problem.residuals(x, problem.parameters.copy())[0][0]
     covariance, _ = _sysid().calculate_intervals([residual], jacobian)
     std = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
@@ -355,11 +405,17 @@ def _estimates(problem: _Problem, x: Array, last: Array) -> tuple[tuple[Estimate
         other = np.sqrt(np.clip(np.diag(np.atleast_2d(drawn)), 0.0, None))
         spread = float(np.median(other / np.maximum(std, 1e-300)))
         std = np.where(other > _SPREAD * std, other, std)
-    std = np.hypot(std, last)
-    return tuple(
-        Estimate(k.name, float(v), float(s), k.unit)
-        for k, v, s in zip(problem.knobs, x * problem.scale, std * problem.scale, strict=True)
-    ), spread
+    std = np.hypot(std, last.std(axis=0, ddof=1))
+    values = problem.amounts(x)
+    std = std * np.where(problem.positive, values, problem.scale)
+    return (
+        tuple(
+            Estimate(k.name, float(v), float(s), k.unit)
+            for k, v, s in zip(problem.knobs, values, std, strict=True)
+        ),
+        spread,
+        x,
+    )
 
 
 def _warnings(
@@ -370,7 +426,7 @@ def _warnings(
     spread: float,
 ) -> tuple[str, ...]:
     found = []
-    for k, v, e in zip(problem.knobs, x * problem.scale, estimates, strict=True):
+    for k, v, e in zip(problem.knobs, problem.amounts(x), estimates, strict=True):
         if min(v - k.low, k.high - v) < 1e-3 * (k.high - k.low):
             found.append(f"{k.name}: ended at its bound, {v:.4g}; the recording asks for more")
         elif not e.std <= _VAGUE * abs(e.value) and k.name != DELAY:

@@ -399,6 +399,9 @@ class Identify:
     """Seconds per unit of the time column, for example 1e-3."""
     commands: Path | None = None
     """Table of the commands with time stamps of their own."""
+    from_pulses: Flag = False
+    """Take the pulses of a rig for its commands, from when they were in force: the delay is then
+    without the wait for the next pulse frame."""
     gyro_delay_ms: float = 0.0
     """Delay of the gyro's own filter, taken out."""
     initial: Literal["rest", "free"] = "rest"

@@ -2,6 +2,11 @@
 
 Every signal is a list of levels held from tick to tick, so the same description moves servos in
 MuJoCo, an identified model and a rig over a wire, and the recording holds what each was told.
+
+A rig takes up commands when its next pulse frame begins, 50 times a second, so a command waits 0 to
+20 ms. Held levels would all wait alike if their holds were multiples of the frame, and a delay
+identified from them would be that of one phase. So their changes are spread evenly over the phases
+of a frame: the identified delay is the mean, and repeats of one step see different waits.
 """
 
 import math
@@ -26,6 +31,7 @@ LONGEST = 3600.0  # s of one test
 CLEAN = 0.443  # a held random level's power is halved at 0.443 of its clock rate (sinc² = 1/2)
 REGISTER = (3, 16)  # stages of the shift register; SciPy has primitive polynomials for 2 to 32
 FINER = 1.0 / math.sqrt(2.0)  # ratio of neighbouring steps of a staircase
+FRAME = 0.02  # s; between two pulses of a hobby servo, `hardware.protocol` PWM_PERIOD_US
 
 
 @dataclass(frozen=True)
@@ -38,12 +44,13 @@ class Excitation:
     amplitude : largest angle either way from zero [rad]
     axis : axis excited; `both` takes one after the other
     repeats : steps per direction, periods, or sweeps
-    hold : rest before and after, and between steps [s]
+    hold : rest before and after, and at least between steps [s]; each is up to a pulse frame
+        longer, to spread them over its phases
     duration : of one sweep of a chirp, one period of triangle or dog-leg [s]
     band : lowest and highest frequency of chirp, prbs and multisine [Hz]
     smallest : last step of a staircase [rad]
     rate_limit : fastest the command may change [rad/s]; None leaves jumps as they are
-    seed : of the random signals' phases
+    seed : of the random signals' phases, and of the phases of the pulse frame
 
     Raises
     ------
@@ -104,25 +111,55 @@ class Excitation:
                 f"--band-hz {self.band[0]:g} {self.band[1]:g}: at {1.0 / tick:g} commands a second"
                 f" the upper one can be {0.25 / tick:g} at most"
             )
+        chosen = (0, 1) if self.axis == "both" else (AXES.index(self.axis),)
+        if self.signal in _LEVELS:
+            turns = self._held(_LEVELS[self.signal](self), tick, len(chosen))
+        else:
+            turns = self._repeated(tick, len(chosen))
+        if self.rate_limit is not None:
+            turns = [_limited(t, self.rate_limit * tick) for t in turns]
+        angles = np.zeros((sum(map(len, turns)), 2))
+        begin = 0
+        for axis, levels in zip(chosen, turns, strict=True):
+            end = begin + len(levels)
+            angles[begin:end, axis] = np.clip(levels, -self.amplitude, self.amplitude)
+            begin = end
+        changes = np.flatnonzero(np.any(np.diff(angles, axis=0) != 0.0, axis=1)) + 1
+        rows = np.concatenate([[0], changes])
+        return Plan(rows * tick, angles[rows], len(angles) * tick)
+
+    def _repeated(self, tick: float, axes: int) -> list[Array]:
+        """Rest, whole periods and rest for every axis, one level a tick."""
         rest = np.zeros(_ticks(self.hold, tick))
         period = _PERIODS[self.signal](self, tick)
-        chosen = (0, 1) if self.axis == "both" else (AXES.index(self.axis),)
-        seconds = (2 * len(rest) + self.repeats * len(period)) * len(chosen) * tick
+        self._check((2 * len(rest) + self.repeats * len(period)) * axes * tick)
+        return [np.concatenate([rest, np.tile(period, self.repeats), rest])] * axes
+
+    def _held(self, levels: Array, tick: float, axes: int) -> list[Array]:
+        """The same for levels (k,) that are held, each begun at another phase of a pulse frame."""
+        hold, frame = _ticks(self.hold, tick), _frame(tick)
+        moves = self.repeats * len(levels)
+        self._check((moves + 2) * (hold + frame) * axes * tick)
+        told = np.concatenate([[0.0], np.tile(levels, self.repeats)])
+        turns, now = [], 0
+        for axis in range(axes):
+            phases = _phases(self.repeats, len(levels), np.random.default_rng([self.seed, axis]))
+            counts = []
+            for phase in (phases * frame).astype(int):
+                # no hold is shorter than asked; it ends when the frame next has that phase
+                counts.append(hold + int(phase - now - hold) % frame)
+                now += counts[-1]
+            counts.append(2 * hold)  # the last level and the rest, both zero
+            now += counts[-1]
+            turns.append(np.repeat(told, counts))
+        return turns
+
+    def _check(self, seconds: float) -> None:
         if seconds > LONGEST:
             raise TwinError(
                 f"--signal {self.signal} with these flags takes {seconds:.0f} s;"
                 f" {LONGEST:.0f} are the most"
             )
-        levels = np.concatenate([rest, np.tile(period, self.repeats), rest])
-        if self.rate_limit is not None:
-            levels = _limited(levels, self.rate_limit * tick)
-        levels = np.clip(levels, -self.amplitude, self.amplitude)
-        angles = np.zeros((len(levels) * len(chosen), 2))
-        for turn, axis in enumerate(chosen):
-            angles[turn * len(levels) : (turn + 1) * len(levels), axis] = levels
-        changes = np.flatnonzero(np.any(np.diff(angles, axis=0) != 0.0, axis=1)) + 1
-        rows = np.concatenate([[0], changes])
-        return Plan(rows * tick, angles[rows], len(angles) * tick)
 
 
 @dataclass(frozen=True)
@@ -149,20 +186,34 @@ def _ticks(seconds: float, tick: float) -> int:
     return max(1, round(seconds / tick))
 
 
-def _back_and_forth(amplitudes: Array, count: int) -> Array:
-    """To +a, zero, −a and zero for every amplitude, `count` ticks each."""
-    return np.repeat(np.outer(amplitudes, (1.0, 0.0, -1.0, 0.0)).ravel(), count)
+def _frame(tick: float) -> int:
+    """Phases of a pulse frame that commands of this tick can meet."""
+    return max(1, round(FRAME / tick))
 
 
-def _steps(e: Excitation, tick: float) -> Array:
-    return _back_and_forth(np.array([e.amplitude]), _ticks(e.hold, tick))
+def _phases(repeats: int, moves: int, rng: np.random.Generator) -> Array:
+    """Phases (repeats · moves,) in 0…1 at which moves begin, spread evenly twice over.
+
+    All of them stand at equal distances, and so do those of the repeats of every one move.
+    """
+    coarse = np.argsort(rng.random((repeats, moves)), axis=0)
+    fine = (rng.permutation(moves) + 0.5) / moves
+    return np.asarray((coarse + fine) / repeats).ravel()
 
 
-def _staircase(e: Excitation, tick: float) -> Array:
+def _back_and_forth(amplitudes: Array) -> Array:
+    """To +a, zero, −a and zero for every amplitude."""
+    return np.outer(amplitudes, (1.0, 0.0, -1.0, 0.0)).ravel()
+
+
+def _steps(e: Excitation) -> Array:
+    return _back_and_forth(np.array([e.amplitude]))
+
+
+def _staircase(e: Excitation) -> Array:
     """Ever smaller steps, √2 apart: each leaves zero and returns, so it must cross any play."""
     count = 1 + round(math.log(e.smallest / e.amplitude) / math.log(FINER))
-    sizes = np.geomspace(e.amplitude, e.smallest, count)
-    return _back_and_forth(sizes, _ticks(e.hold, tick))
+    return _back_and_forth(np.geomspace(e.amplitude, e.smallest, count))
 
 
 def _chirp(e: Excitation, tick: float) -> Array:
@@ -177,12 +228,15 @@ def _chirp(e: Excitation, tick: float) -> Array:
 def _prbs(e: Excitation, tick: float) -> Array:
     """Maximum-length sequence of ±amplitude (Golomb, Shift Register Sequences, 1967).
 
-    Its lines stand at multiples of the lower frequency or closer, of half the power at the upper.
+    Its lines stand at multiples of the lower frequency or closer, of half the power or more at the
+    upper. Its clock has no divisor with the pulse frame in common, so that it meets every phase.
     """
     from scipy.signal import max_len_seq
 
     low, high = e.band
     clock = _ticks(CLEAN / high, tick)
+    while math.gcd(clock, _frame(tick)) > 1:
+        clock -= 1
     stages = math.ceil(math.log2(1.0 / (low * clock * tick) + 1.0))
     stages = min(max(stages, REGISTER[0]), REGISTER[1])
     state = int(np.random.default_rng(e.seed).integers(1, 2**stages))
@@ -245,10 +299,12 @@ def _limited(levels: Array, most: float) -> Array:
     return out
 
 
+# Levels that are held, and signals that are given tick by tick.
+_LEVELS: Mapping[str, Callable[[Excitation], Array]] = MappingProxyType(
+    {"steps": _steps, "staircase": _staircase}
+)
 _PERIODS: Mapping[str, Callable[[Excitation, float], Array]] = MappingProxyType(
     {
-        "steps": _steps,
-        "staircase": _staircase,
         "chirp": _chirp,
         "prbs": _prbs,
         "multisine": _multisine,

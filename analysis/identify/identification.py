@@ -190,6 +190,10 @@ def _evidence(
     )  # fmt: skip
 
 
+def _std(channel: ChannelFit, figure: str) -> float:
+    return next((e.std for e in channel.estimates if e.name.endswith(figure)), 0.0)
+
+
 def _warnings(axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float) -> list[str]:
     """One line for everything a reader must know before quoting a figure."""
     found = []
@@ -224,7 +228,7 @@ def _warnings(axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float) -
     for channel in row:
         if channel.delay > 0.98 * longest:
             found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")
-        if channel.delay < 0.0:
+        if channel.delay + 1.96 * _std(channel, "delay") < 0.0:
             found.append(
                 f"{name}: delay {1e3 * channel.delay:.1f} ms: the command came before the sample "
                 "that first shows it; give commands stamps of their own"

@@ -1,17 +1,22 @@
 """Records out of the twin's own recordings."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify.errors import IdentificationError
+from analysis.identify.pulses import asked, pulse_frames
 from analysis.identify.records import Initial, Record, merge_stamps, record
 
 if TYPE_CHECKING:  # reading recordings brings Rerun with it
     from analysis.recording import Recording, TimeSeries
 
 Array = NDArray[np.float64]
+# s; how much earlier than its stamp a pulse may have been in force: half a reading, and what a
+# simulated rig's semi-implicit step is ahead of continuous time
+PULSE_SLACK = 1e-3
 
 
 def from_recording(
@@ -23,6 +28,7 @@ def from_recording(
     components: tuple[str, ...] = ("x", "y"),
     gyro_delay: float = 0.0,
     initial: Initial = "rest",
+    pulses: bool = False,
     name: str = "recording",
 ) -> Record:
     """Record of the gimbal's axes from signals of a recording.
@@ -32,6 +38,8 @@ def from_recording(
     command, angle, rate : names of signals; angle or rate may be None
     components : of each, the axes
     gyro_delay : delay of the gyro's own filter [s]
+    pulses : take as commands what the pulses of a rig asked for, when they did: an identified delay
+        is then that of servo and gimbal alone, without the wait for the rig's next pulse frame
 
     Raises
     ------
@@ -49,10 +57,28 @@ def from_recording(
         time, a, r = rates[0], None, rates[1]
     else:
         raise IdentificationError(f"{name}: neither angle nor rate; give at least one")
-    return record(
+    found_record = record(
         time, commands[1], angle=a, rate=r, command_time=commands[0], gyro_delay=gyro_delay,
         initial=initial, name=name, inputs=components, outputs=components,
     )  # fmt: skip
+    return _by_pulses(found_record, recording, components) if pulses else found_record
+
+
+def _by_pulses(r: Record, recording: "Recording", components: tuple[str, ...]) -> Record:
+    """The record with its commands as the rig passed them on."""
+    frames = pulse_frames(recording, components, r.name)
+    values, _ = asked(frames, r.held_input, r.name)
+    time = frames.stamp(r.time)
+    new = np.diff(time, prepend=-np.inf) > 0.0
+    return replace(
+        r,
+        time=time[new],
+        input_time=frames.begin,
+        input=values,
+        angle=None if r.angle is None else r.angle[new],
+        rate=None if r.rate is None else r.rate[new],
+        slack=PULSE_SLACK,
+    )
 
 
 def _columns(series: "TimeSeries", components: tuple[str, ...]) -> tuple[Array, Array]:

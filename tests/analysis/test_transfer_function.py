@@ -291,10 +291,15 @@ def test_the_shipped_reference_is_a_plausible_nine_gram_servo():
     assert model.inputs == model.outputs == ("x", "y")
     for axis in "xy":
         c = model.channel(axis, axis)
-        assert abs(c.frequency_response([0.0])[0] - 1) < 0.02
+        # nozzle up on the bench the motor's weight pushes outwards: docs/desk.md
+        assert 1.0 < c.frequency_response([0.0])[0].real < 1.08
         # field notes: 9 g servo, delay of the 20 ms class; −90° well above the attitude loop
         assert 0.005 <= c.delay <= 0.03
         assert 30 < abs(c.poles[0]) < 90
+        # identified, not guessed: every figure with its deviation
+        for figure in ("gain", "delay", "natural frequency", "damping"):
+            assert model.std[f"{axis}/{axis} {figure}"] > 0.0
+        assert min(model.fit[axis]) > 80.0
 
 
 def test_discretising_a_model_is_quick():

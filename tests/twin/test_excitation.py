@@ -34,13 +34,58 @@ def test_steps_go_to_both_sides_and_back_axis_by_axis():
     x = [0, 0.1, 0, -0.1, 0, 0.1, 0, -0.1, 0]
     np.testing.assert_array_equal(plan.angles[:, 0], x + [0] * 8)
     np.testing.assert_array_equal(plan.angles[:, 1], [0] * 8 + x)
-    np.testing.assert_allclose(np.diff(plan.times)[:7], 0.5, atol=1e-12)
+    held = np.diff(plan.times)
+    assert held.min() >= 0.5 - 1e-12  # at least as long as asked
+    assert np.delete(held, 8).max() < 0.5 + 0.02  # and a pulse frame longer at most
+    assert 1.5 - 1e-12 <= held[8] < 1.52  # last zero, rest after x, rest before y
+
+
+def waits(plan, latest: float) -> np.ndarray:
+    """How long each change waits for the frames of a rig that begin at `latest` + 20 ms · k."""
+    return (latest - plan.times[1:]) % 0.02
+
+
+@pytest.mark.parametrize("hold", [0.5, 0.8, 0.337])
+@pytest.mark.parametrize("latest", [0.0, 0.0007, 0.0133])
+def test_steps_wait_half_a_pulse_frame_on_average_wherever_a_rig_begins_its_frames(hold, latest):
+    """Ten phases 2 ms apart average to 10 ± 1 ms for any rig; 24 changes on them to 0.5 ms more.
+
+    Multiples of 20 ms would all wait alike, anything from 0 to 20 ms.
+    """
+    for seed in range(5):
+        plan = Excitation("steps", repeats=3, hold=hold, seed=seed).plan(TICK)
+        assert waits(plan, latest).mean() == pytest.approx(0.01, abs=1.5e-3)
+        for axis in (0, 1):
+            own = np.flatnonzero(np.diff(plan.angles[:, axis]) != 0.0)
+            assert waits(plan, latest)[own].mean() == pytest.approx(0.01, abs=2e-3)
+
+
+def test_repeats_of_one_step_wait_differently_as_evenly_as_they_can():
+    """Four repeats: one in each quarter of the frame, for each of the four moves."""
+    plan = Excitation("steps", axis="x", repeats=4, hold=0.5, seed=3).plan(0.0005)
+    phase = (plan.times[1:] % 0.02).reshape(4, 4)  # repeats, moves
+    np.testing.assert_array_equal(
+        np.sort(phase // 0.005, axis=0), np.arange(4)[:, None] + phase[:1] * 0
+    )
+    gaps = np.diff(np.sort(phase.ravel()))
+    np.testing.assert_allclose(
+        gaps, 0.02 / 16, atol=0.0005 + 1e-9
+    )  # a tick: commands come at ticks
+
+
+def test_a_staircase_and_a_prbs_meet_every_phase_of_the_pulse_frame():
+    for e in (
+        Excitation("staircase", hold=0.4, repeats=1),
+        Excitation("prbs", band=(0.5, 0.443 / 0.04)),  # its natural clock is two frames
+    ):
+        phases = np.unique(np.rint(e.plan(TICK).times[1:] / TICK) % 10)
+        np.testing.assert_array_equal(phases, np.arange(10))
 
 
 def test_a_prbs_has_the_autocorrelation_of_a_maximum_length_sequence():
     """Golomb: N ones of A², and −A²/N at every other shift; exact but for rounding."""
     wave = period("prbs", amplitude=0.05, band=(0.5, 8.0))
-    clock = round(0.443 / 8.0 / TICK)
+    clock = 27  # 0.443/8 Hz are 27.7 ticks; 28 would share a divisor with the ten of a frame
     chips = wave[::clock]
     n = len(chips)
     assert np.array_equal(np.repeat(chips, clock), wave)
@@ -82,7 +127,8 @@ def test_a_chirp_takes_as_long_for_every_octave():
 
 def test_a_staircase_descends_evenly_to_the_smallest_step():
     wave = period("staircase", amplitude=0.08, smallest=0.001)
-    levels = wave[::250]
+    begins = np.flatnonzero(np.diff(wave, prepend=0.0))
+    levels = wave[begins]
     sizes = levels[::4]
     np.testing.assert_array_equal(levels[2::4], -sizes)
     assert not levels[1::4].any()
@@ -139,7 +185,7 @@ def test_every_signal_stays_within_its_amplitude_and_starts_and_ends_at_rest(
         assert not plan.angles[:, 1 if axis == "x" else 0].any()
 
 
-@pytest.mark.parametrize("signal", ["prbs", "multisine"])
+@pytest.mark.parametrize("signal", ["prbs", "multisine", "steps"])
 def test_a_seed_repeats_itself_and_another_differs(signal):
     one, same, other = (sampled(Excitation(signal, seed=s).plan(TICK)) for s in (1, 1, 2))
     np.testing.assert_array_equal(one, same)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from analysis import recording
+from analysis.transfer_function import TransferFunctionModel
 from twin.configuration import Fly, Step
 from twin.errors import TwinError
 from twin.experiments import fly, step
+from twin.model import REFERENCE_GIMBAL
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
 CONE = [(0, 0), (15, 0), (-15, 0), (30, 0), (-30, 0), (0, 15), (0, -15), (0, 30), (0, -30)]
@@ -104,7 +106,12 @@ def test_a_step_ends_at_the_command(tmp_path, gimbal):
     command = series["gimbal/command"].values
     reached = series["gimbal/simulated"].values
     last = np.flatnonzero(np.diff(command, axis=0).any(axis=1))  # end of every hold
-    error = np.abs(reached[last] - command[last]).max()
+    gain = np.ones(2)
+    if gimbal == "transfer-function":  # identified on a bench: the motor's weight pushes outwards
+        model = TransferFunctionModel.read(REFERENCE_GIMBAL)
+        own = [model.channel(a, a) for a in "xy"]
+        gain = np.array([c.num[-1] / c.den[-1] for c in own])
+    error = np.abs(reached[last] - gain * command[last]).max()
     # at the shaft: half the backlash 0.25°, dead band 0.25°, friction and weight over the servo's
     # stiffness (0.006 + 0.007 N m)/1.8 N m/rad = 0.4°; the horn of 8 mm on an arm of 20.5 mm makes
     # 0.35° of them at the gimbal. The identified model has none of these.

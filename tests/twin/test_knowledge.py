@@ -2,14 +2,18 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from analysis import recording
 from analysis.transfer_function import TransferFunctionModel
+from hardware.avr import missing
 from tests.twin.test_cli import run
 from twin.model import REFERENCE_GIMBAL
+
+needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
 
 
 @pytest.fixture(scope="module")
@@ -43,17 +47,18 @@ def test_the_flown_model_is_found_again_within_its_intervals_and_flies(
     """99.9 % intervals, since there are 16 of them; nothing couples, so nothing is fitted there."""
     out = tmp_path / "model.json"
     found = told(capsys, "identify", str(made / f"{signal}.rrd"), "--out", str(out))
-    truth = TransferFunctionModel.read(REFERENCE_GIMBAL).channels[0][0]
-    omega = math.sqrt(truth.den[2])
-    known = {
-        "gain": 1.0,
-        "delay": truth.delay,
-        "natural frequency": omega,
-        "damping": truth.den[1] / 2.0 / omega,
-    }
+    flown = TransferFunctionModel.read(REFERENCE_GIMBAL)
+    known = {}
+    for axis in "xy":
+        truth = flown.channel(axis, axis)
+        omega = math.sqrt(truth.den[2])
+        known[f"{axis}/{axis} gain"] = truth.num[0] / truth.den[2]
+        known[f"{axis}/{axis} delay"] = truth.delay
+        known[f"{axis}/{axis} natural frequency"] = omega
+        known[f"{axis}/{axis} damping"] = truth.den[1] / 2.0 / omega
     assert len(found["estimates"]) == 8
     for e in found["estimates"]:
-        value = known[e["name"].split(" ", 1)[1]]
+        value = known[e["name"]]
         assert abs(e["value"] - value) < 3.3 * e["std"]
         assert e["std"] < 0.01 * value
     model = TransferFunctionModel.read(out)
@@ -123,6 +128,34 @@ def test_anybodys_table_gives_the_model_that_made_it(capsys, table, tmp_path):
     assert found["fit"] > 95.0
 
 
+# what bends a servo's answer: then a transfer function is all there is to know of it
+STRAIGHT = ("gimbal_backlash=0", "gimbal_servo_dead_band=0", "gimbal_servo_slew=0")
+
+
+@pytest.mark.parametrize("rig", ["emulator", pytest.param("firmware", marks=needs_avr)])
+def test_a_model_from_pulses_predicts_another_multisine_of_a_linear_rig(capsys, tmp_path, rig):
+    """97 % is the issue's figure; from commands even a perfectly linear gimbal gives 96.8 %, since
+    a mean wait for the pulse frame is not the wait of each command.
+    """
+    from twin.configuration import Step
+    from twin.experiments import step
+
+    for name, seed in (("fitted", 0), ("other", 7)):
+        step(
+            Step(
+                gimbal=rig, signal="multisine", amplitude_deg=3.0, band_hz=(0.5, 8.0), axis="x",
+                repeats=2, set=STRAIGHT, seed=seed, out=tmp_path / f"{name}.rrd",
+            )
+        )  # fmt: skip
+    found = told(
+        capsys, "identify", str(tmp_path / "fitted.rrd"), "--from-pulses",
+        "--check", str(tmp_path / "other.rrd"), "--out", str(tmp_path / "m.json"),
+    )  # fmt: skip
+    assert min(found["checks"][str(tmp_path / "other.rrd")]) >= 97.0
+    assert any("pulse frame" in w for w in found["warnings"])
+    assert TransferFunctionModel.read(tmp_path / "m.json").source["input"] == "pulses"
+
+
 MISTAKES = [
     ("identify", "name a recording"),
     ("identify missing.rrd", "missing.rrd"),
@@ -143,6 +176,8 @@ MISTAKES = [
     ("identify back.csv --time t --input u --angle pot", "stamps must increase"),
     ("identify steps.rrd --unit deg", "--unit is about tables"),
     ("identify steps.rrd --angle gimbal/measured", "gimbal/measured"),
+    ("identify steps.rrd --from-pulses", "no sensors/pulse"),
+    ("identify run.csv --from-pulses --time t --input u --angle pot", "is a table"),
     ("identify --linkage steps.rrd multisine.rrd", "takes one recording"),
     ("identify --linkage run.csv --time t --input u --angle pot", "x and y"),
     ("identify --linkage steps.rrd --parameters gimbal_servo_gian", "gimbal_servo_gain"),
@@ -183,7 +218,14 @@ def test_a_comparison_reports_the_delay_between_two_motions_and_checks_the_fit(
     from twin.configuration import Step
     from twin.experiments import step
 
-    late = TransferFunctionModel.second_order(50.0, 0.7, 0.018 + 0.007)
+    shipped = TransferFunctionModel.read(REFERENCE_GIMBAL)
+    late = replace(
+        shipped,
+        channels=tuple(
+            tuple(replace(c, delay=0.0 if c.zero else c.delay + 0.007) for c in row)
+            for row in shipped.channels
+        ),
+    )
     late.write(tmp_path / "late.json")
     step(
         Step(
@@ -253,3 +295,25 @@ def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(capsys,
     assert code == 0
     compared = told(capsys, "compare", str(file), str(again), "--out", str(tmp_path / "c.rrd"))
     assert compared["axes"][0]["as_is"]["fit"] > 99.0
+
+
+def test_the_linkage_behind_a_rig_is_found_within_its_intervals(capsys, tmp_path):
+    """By pulses and raw potentiometers of an emulated Nano. 3.3 deviations: 99.9 %, since there are
+    three values; ten rigs of five parameters: tests/benchmarks/linkage.py.
+    """
+    changed = {"gimbal_servo_motor_constant": 0.34, "gimbal_servo_gain": 2.1}
+    file, out = tmp_path / "rig.rrd", tmp_path / "set.json"
+    sets = [a for name, value in changed.items() for a in ("--set", f"{name}={value}")]
+    code, _, _ = run(
+        capsys, "step", "--gimbal", "emulator", "--signal", "multisine", "--axis", "x",
+        "--amplitude-deg", "6", "--repeats", "2", "--hold-s", "0.4", "--band-hz", "0.5", "8",
+        "--out", str(file), *sets,
+    )  # fmt: skip
+    assert code == 0
+    found = told(
+        capsys, "identify", "--linkage", str(file), "--out", str(out),
+        "--parameters", *changed, "delay",
+    )  # fmt: skip
+    for e in found["estimates"]:
+        assert abs(e["value"] - {**changed, "delay": 0.0}[e["name"]]) < 3.3 * e["std"]
+        assert e["std"] < 0.01 * e["value"] or e["name"] == "delay"

@@ -137,6 +137,11 @@ def _notes(config: Identify, source: Given) -> list[str]:
     notes = []
     if source.simulated:
         notes.append("simulated angles are exact; they were read as by a sensor of 0.01° noise")
+    if config.from_pulses:
+        notes.append(
+            "delays count from the pulses; a command waits 10 ms more on average for its pulse"
+            " frame, which a flight with this model lacks"
+        )
     inputs = source.records[0].inputs
     if len(inputs) == 1 and not config.both:
         notes.append(
@@ -151,6 +156,7 @@ def _write(config: Identify, model: IdentifiedModel, notes: tuple[str, ...], out
         "made_by": "twin identify",
         "files": [p.name for p in config.sources],
         "warnings": list(notes),
+        "input": "pulses" if config.from_pulses else "commands",
         "servo_structure": [b.structure for b in model.servo] if model.servo else None,
     }
     if config.both and len(model.inputs) == len(model.outputs) == 1:

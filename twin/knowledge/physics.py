@@ -5,30 +5,25 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
-from analysis.identify import Record
 from twin import native, overrides
 from twin.assembly import compiled
 from twin.configuration import Identify
 from twin.errors import TwinError
+from twin.knowledge.moves import moves_of
 from twin.knowledge.screen import quantity, screen, writable
 from twin.knowledge.sources import given
-from twin.mechanism import Kinematics
 from twin.mechanism.servo import apply_servo
 from twin.model import AXES, ModelConfig, load
 
 if TYPE_CHECKING:
-    from analysis.linkage import Knob, LinkageFit, Moves
-
-Array = NDArray[np.float64]
+    from analysis.linkage import Knob, LinkageFit
 
 # What a knob of one name sets; others set the parameter of their own name.
 BACKLASH, FRICTION = "gimbal_backlash", "friction"
@@ -55,7 +50,6 @@ UNITS: Mapping[str, str] = {
     "armature": "kg·m²",
     "delay": "s",
 }
-SETTLED = 0.03  # s; a pulse frame and a sensor frame
 RANGE = 5.0  # factor either way; units of one kind of servo differ by half
 SHORTEST_DELAY, LONGEST_DELAY = -0.005, 0.06  # s
 
@@ -129,7 +123,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
         bench = _Bench(config, known)
         knobs = [bench.knob(name) for name in _names(config, simulated=source.simulated)]
         fit = fit_linkage(
-            _moves(source.records[0], config.sources[0], bench.model), knobs, bench.built
+            moves_of(source.records[0], config.sources[0], bench.model), knobs, bench.built
         )
     values = {e.name: e.value for e in fit.estimates}
     late = values.pop(DELAY, 0.0)
@@ -188,55 +182,6 @@ class _Bench:
         apply_servo(model)
         native.bind(model)
         return model
-
-
-def _moves(r: Record, file: Path, model: mujoco.MjModel) -> "Moves":
-    """The record's commands as servo angles, one a physics step."""
-    from analysis.linkage import LinkageError, Moves
-
-    if r.angle is None or tuple(r.outputs) != AXES or tuple(r.inputs) != AXES:
-        raise LinkageError(
-            f"{r.name}: --linkage needs commands and angles of x and y; it has commands of"
-            f" {', '.join(r.inputs)}" + ("" if r.angle is not None else " and no angles")
-        )
-    origin = min(r.time[0], 0.0)
-    steps = int(np.ceil((r.time[-1] - origin) / model.opt.timestep)) + 1
-    at = origin + model.opt.timestep * np.arange(steps)
-    shaft = Kinematics(model).servo_from_gimbal
-    control = _pulsed(r, file, shaft, at)
-    if control is None:
-        control = shaft(r.held_input(at + 1e-9))
-    return Moves(np.asarray(control), r.time - origin, r.angle, r.input_time[r.changes()] - origin)
-
-
-def _pulsed(r: Record, file: Path, shaft: Callable[[Array], Array], at: Array) -> Array | None:
-    """Servo angles (n, 2) from the pulses a rig latched, which say when a command took effect.
-
-    A command waits up to 20 ms for its pulse frame. Travel and centre of each servo come from the
-    pulses and commands that had settled; None where there are no pulses or too few of those.
-    """
-    from analysis import recording
-
-    if file.suffix.lower() != ".rrd":
-        return None
-    series = recording.read(file).series
-    if "gimbal/measured" not in series or "sensors/pulse" not in series:
-        return None
-    pulses = series["sensors/pulse"]
-    wanted = shaft(r.held_input(pulses.time))
-    changes = np.concatenate([[-1.0], r.input_time[r.changes()]])
-    since = pulses.time - changes[np.searchsorted(changes, pulses.time, side="right") - 1]
-    columns = []
-    for k, axis in enumerate(AXES):
-        pulse = pulses.column(axis)
-        settled = (since > SETTLED) & np.isfinite(pulse)
-        if settled.sum() < 20 or np.ptp(pulse[settled]) == 0.0:
-            return None
-        line = np.polynomial.Polynomial.fit(pulse[settled], wanted[settled, k], 1)
-        good = np.isfinite(pulse)
-        row = np.searchsorted(pulses.time[good], at + 1e-9, side="right") - 1
-        columns.append(line(pulse[good])[np.clip(row, 0, None)])
-    return np.stack(columns, axis=1)
 
 
 def _write(path: Path, content: Mapping[str, float]) -> None:

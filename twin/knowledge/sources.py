@@ -68,6 +68,7 @@ def _recorded(config: Identify, file: Path) -> tuple[Record, bool]:
         rate=config.rate,
         gyro_delay=1e-3 * config.gyro_delay_ms,
         initial=config.initial,
+        pulses=config.from_pulses,
         name=str(file),
     )
     exact = angle == "gimbal/simulated"
@@ -83,6 +84,8 @@ def _as_read(r: Record) -> Record:
 def _tabled(config: Identify, file: Path) -> Record:
     from analysis import tables
 
+    if config.from_pulses:
+        raise TwinError(f"--from-pulses is about recordings of a rig; {file} is a table")
     if not config.time or not config.input:
         raise TwinError(
             f"{file}: name its columns: --time t --input u1,u2 --angle pot1,pot2 --rate gyro1,gyro2"

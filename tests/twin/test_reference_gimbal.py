@@ -1,0 +1,41 @@
+"""The shipped model of the gimbal against the rig it was identified from, in flight."""
+
+import numpy as np
+import pytest
+
+from analysis import recording
+from analysis.recording import Recording
+from twin.configuration import Fly
+from twin.experiments import fly
+
+ATTITUDE_DEG, PATH = 1.5, 0.02  # the issue's figures: rms, and of the distance flown
+
+
+def nose(run: Recording, times: np.ndarray) -> np.ndarray:
+    """Direction of the body's z axis (n, 3): third column of the rotation of a quaternion."""
+    attitude = run["vehicle/attitude"]
+    w, x, y, z = attitude.values.T
+    axis = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    return np.stack([np.interp(times, attitude.time, a) for a in axis], axis=1)
+
+
+def place(run: Recording, times: np.ndarray) -> np.ndarray:
+    position = run["vehicle/position"]
+    return np.stack([np.interp(times, position.time, p) for p in position.values.T], axis=1)
+
+
+@pytest.mark.parametrize("programme", ["step", "doublet"])
+def test_a_flight_of_the_model_and_of_the_rig_agree(tmp_path, programme):
+    """Eight seconds hold both programmes; whole flights: docs/identification.md."""
+    runs = []
+    for gimbal in ("emulator", "transfer-function"):
+        out = tmp_path / f"{gimbal}.rrd"
+        fly(Fly(gimbal=gimbal, programme=programme, duration_s=8.0, out=out))
+        runs.append(recording.read(out))
+    times = np.arange(0.0, 7.9, 0.01)
+    noses, places = ([f(r, times) for r in runs] for f in (nose, place))
+    angle = np.degrees(np.linalg.norm(np.cross(*noses), axis=1))  # small: sine for arc
+    assert 0.01 < np.sqrt(np.mean(angle**2)) < ATTITUDE_DEG  # and not the same flight twice
+    flown = np.linalg.norm(np.diff(places[0], axis=0), axis=1).sum()
+    assert flown > 100.0
+    assert np.linalg.norm(places[0] - places[1], axis=1).max() < PATH * flown
