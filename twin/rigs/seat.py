@@ -17,6 +17,8 @@ LONGEST_SETTLE_NS = 3_000_000_000
 # A servo looks at its pulse every 20 ms; more commands than the rig sends frames tell it nothing.
 COMMAND_NS = 2_000_000
 _STEP_NS = 1_000_000
+# Frames come every 2 ms and spend 2 ms on the line; a backlog of a second is worked off in 0.1 s.
+FRESH_NS, LONGEST_CATCH_UP_NS = 10_000_000, 500_000_000
 
 
 class RigGimbal:
@@ -87,9 +89,13 @@ class RigGimbal:
 
     def catch_up(self) -> None:
         """Take in what has come while the run was being set up; its states count, no row does."""
-        if not self._lockstep:
-            while self.rig.poll():
-                pass
+        began = self._clock()
+        while not self._lockstep and self._clock() - began < LONGEST_CATCH_UP_NS:
+            self.rig.poll()
+            state = self.rig.state
+            if state is not None and self._clock() - state.time_ns < FRESH_NS:
+                return
+            self.wait(_STEP_NS)  # a terminal hands out what it has kept piece by piece
 
     def listen(self) -> bool:
         """Hear the answer to a PING when it comes; whether one is awaited."""
