@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,9 +45,8 @@ def table() -> Iterator[str]:
 def _run(title: str, options: list[str]) -> tuple[list[str], NDArray[np.float64]]:
     """Lines about one run beside `cyclictest`, and its round trips [ms]."""
     beside = _cyclictest()
-    before = _stolen()
     timing, late, trips = _recorded(SECONDS, options)
-    stolen = _stolen() - before
+    stolen = timing["stolen_s"] * 1e3
     reference = _reference(beside) if beside else None
     p50, p99, p999 = (float(v) for v in np.percentile(late, (50, 99, 99.9)))
     rights = ", ".join(f"{k} {v}" for k, v in timing["rights"].items())
@@ -96,7 +96,7 @@ def _pair(claim: str, values: NDArray[np.float64]) -> str:
 
 def _recorded(
     seconds: int, options: list[str]
-) -> tuple[dict[str, object], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[dict[str, Any], NDArray[np.float64], NDArray[np.float64]]:
     """Timing of a run as JSON, its lateness [µs] and its round trips [ms]."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "run.rrd")
@@ -111,22 +111,13 @@ def _recorded(
     )
 
 
-def _stolen() -> float:
-    """Time that the host has withheld from this virtual machine, all processors together [ms]."""
-    try:
-        words = Path("/proc/stat").read_text().split(maxsplit=9)
-    except OSError:
-        return 0.0
-    return float(words[8]) * 1e3 / os.sysconf("SC_CLK_TCK")
-
-
 def _cyclictest() -> "subprocess.Popen[str] | None":
     """Threads on every processor: a virtual machine's may stand still one by one."""
     tool = shutil.which("cyclictest")
     if tool is None:
         return None
     return subprocess.Popen(
-        [tool, "-q", "-m", "-p", "40", "-t", "-a", "-d", "0", "-i", str(PERIOD_US), "-h", "20000",
+        [tool, "-q", "-m", "-p", "40", "-t", "-a", "-i", str(PERIOD_US), "-h", "20000",
          "-D", str(SECONDS)],
         stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
     )  # fmt: skip
