@@ -109,8 +109,9 @@ class Verdict:
     Attributes
     ----------
     word : whether timing left the run what it was meant to be
-    reasons : every limit that was broken, and the rights that were missing where that is why
+    reasons : every limit that was broken, and what the machine denied where ticks were late
     overruns : ticks that were not begun in time because the loop was busy
+    stolen : time that the host withheld from a virtual machine meanwhile [s]
     lateness, sensor_age, round_trip, delay : None where not recorded; `delay` is the loop's
     """
 
@@ -126,6 +127,7 @@ class Verdict:
     split: Split | None
     moved: Moved | None
     rights: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    stolen: float = 0.0
 
     def as_dict(self) -> dict[str, object]:
         """JSON values in SI; None where unknown."""
@@ -141,6 +143,7 @@ class Verdict:
             "period_s": self.period,
             "overruns": self.overruns,
             "rights": dict(self.rights),
+            "stolen_s": self.stolen,
             **values,
         }
 
@@ -188,6 +191,7 @@ def assess(
     frame: float = 0.0,
     limits: Limits | None = None,
     rights: Mapping[str, str] = MappingProxyType({}),
+    stolen: float = 0.0,
 ) -> Verdict:
     """Judge one recording.
 
@@ -199,6 +203,7 @@ def assess(
     wire : time of a round trip's bytes on the line [s]
     frame : mean wait for the next pulse [s]
     rights : what the loop asked the system for, and "granted" or why not
+    stolen : time that the host withheld from this virtual machine, all processors together [s]
 
     Raises
     ------
@@ -226,6 +231,7 @@ def assess(
         split=None,
         moved=None if rerun is None else moved(recording, delays, rerun),
         rights=rights,
+        stolen=stolen,
     )
     return _judged(found, limits or Limits(), wire, frame)
 
@@ -244,13 +250,16 @@ def moved(recording: Recording, delays: Delays | None, rerun: Rerun) -> Moved:
     )
 
 
-def _without(v: Verdict, limits: Limits) -> list[str]:
-    """What the system refused, where ticks were late."""
+def _blamed(v: Verdict, limits: Limits) -> list[str]:
+    """What the machine denied the loop, where ticks were late."""
     late = v.lateness is not None and v.lateness.p99 > limits.lateness * v.period
     if not late and v.overruns <= limits.overruns * v.ticks:
         return []
     refused = [name for name, told in v.rights.items() if told != GRANTED]
-    return [f"it ran without {' and '.join(refused)}"] if refused else []
+    blamed = [f"it ran without {' and '.join(refused)}"] if refused else []
+    if v.stolen > v.period:
+        blamed.append(f"the host withheld {v.stolen * 1e3:.0f} ms from this virtual machine")
+    return blamed
 
 
 def _judged(v: Verdict, limits: Limits, wire: float, frame: float) -> Verdict:
@@ -269,7 +278,7 @@ def _judged(v: Verdict, limits: Limits, wire: float, frame: float) -> Verdict:
         for cause, by in (("timing", v.moved.timing), ("the time step", v.moved.step)):
             if not by.position <= most:
                 reasons.append(f"{cause} moved the path by {by.position:.3g} m of {most:.3g} m")
-    reasons += _without(v, limits)
+    reasons += _blamed(v, limits)
     word: Literal["valid", "invalid"] = "invalid" if reasons else "valid"
     split = None
     if v.round_trip is not None:

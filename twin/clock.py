@@ -72,6 +72,7 @@ class Wall:
     ----------
     overruns : ticks whose deadline passed while the loop was still busy with the one before
     rights : what the system granted, known within the block
+    stolen : time that a virtual machine's host withheld meanwhile, known after the block [s]
     """
 
     def __init__(self, spin_ns: int = 0, *, privileged: bool = True) -> None:
@@ -80,6 +81,7 @@ class Wall:
         self._origin: int | None = None
         self.overruns = 0
         self.rights = Rights()
+        self.stolen = 0.0
 
     def __enter__(self) -> Self:
         # A collection in mid-loop costs milliseconds; what exists now will live to the end anyway.
@@ -91,9 +93,11 @@ class Wall:
             self.rights = self._stack.enter_context(realtime.requested())
         self.overruns = 0
         self._origin = None
+        self._stolen_before = realtime.stolen()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.stolen = realtime.stolen() - self._stolen_before
         self._stack.close()
         gc.enable()
         gc.unfreeze()

@@ -190,4 +190,4 @@ def judged(recording: Path, clock: Clock) -> "Verdict | None":
 
     rights = {"SCHED_FIFO": clock.rights.scheduling, "locked memory": clock.rights.memory}
     with compiled():
-        return verdict(read(recording), overruns=clock.overruns, rights=rights)
+        return verdict(read(recording), overruns=clock.overruns, rights=rights, stolen=clock.stolen)

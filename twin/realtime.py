@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 PRIORITY = 40  # of 99: above everything ordinary, below the kernel's own interrupt threads at 50
 # <sys/mman.h> on Linux; ON_FAULT locks what is used, not gigabytes that are only reserved
@@ -32,6 +33,18 @@ class Rights:
         """What was refused, in words."""
         named = (("SCHED_FIFO", self.scheduling), ("locked memory", self.memory))
         return tuple(f"without {name}: {told}" for name, told in named if told != GRANTED)
+
+
+def stolen() -> float:
+    """Time that the host has withheld from this virtual machine since it started [s].
+
+    Of all processors together; zero on a real machine, and where the system does not tell.
+    """
+    try:
+        words = Path("/proc/stat").read_text().split(maxsplit=9)
+        return int(words[8]) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return 0.0
 
 
 @contextmanager

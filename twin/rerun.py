@@ -103,6 +103,7 @@ def verdict(
     *,
     overruns: int | None = None,
     rights: Mapping[str, str] | None = None,
+    stolen: float = 0.0,
     limits: Limits | None = None,
 ) -> Verdict:
     """The timing verdict of a recorded run, within `native.installed()`.
@@ -123,6 +124,7 @@ def verdict(
         frame=0.5 * PWM_FRAME_S if rig else 0.0,
         limits=limits,
         rights=rights or {},
+        stolen=stolen,
     )
 
 

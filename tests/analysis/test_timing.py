@@ -78,14 +78,16 @@ def test_a_single_late_tick_in_a_thousand_does_not_spoil_a_run():
     assert verdict.lateness.worst == pytest.approx(0.005)
 
 
-def test_what_the_system_refused_is_named_where_ticks_were_late():
+def test_what_the_machine_denied_is_named_where_ticks_were_late():
     rights = {"SCHED_FIFO": "Operation not permitted", "locked memory": "granted"}
     late = assess(recorded(lateness=2e-3), PERIOD, rights=rights)
     assert late.reasons[-1] == "it ran without SCHED_FIFO"
     assert late.text().startswith("invalid: ")
     assert "without SCHED_FIFO" in late.text()
+    host = assess(recorded(lateness=2e-3), PERIOD, stolen=0.25)
+    assert host.reasons[-1] == "the host withheld 250 ms from this virtual machine"
     # where nothing was lost, nothing is blamed on it
-    assert assess(recorded(lateness=5e-5), PERIOD, rights=rights).reasons == ()
+    assert assess(recorded(lateness=5e-5), PERIOD, rights=rights, stolen=0.25).reasons == ()
 
 
 def test_percentiles_are_those_of_an_even_ramp():

@@ -4,6 +4,7 @@ import gc
 import json
 import math
 import time
+from dataclasses import asdict
 
 from hardware.emulator import serve
 from twin import overrides, realtime
@@ -37,13 +38,12 @@ def rig(config: Rig) -> None:
     with compiled(), until_signal() as ended:
         simulated = device(options)
         with serve(simulated, tcp=config.port, link=config.link) as server:
-            url = server.port.url
-            told = json.dumps({"port": url, "kind": config.kind}) if config.json else url
-            print(told, flush=True)
-            end = time.monotonic() + life
             # a collection in the middle would hold the telemetry back for milliseconds
             gc.collect()
             gc.freeze()
-            with realtime.requested():  # a board on the desk does not wait for other programs
+            with realtime.requested() as rights:  # a board on the desk waits for no other program
+                told = {"port": server.port.url, "kind": config.kind, "rights": asdict(rights)}
+                print(json.dumps(told) if config.json else server.port.url, flush=True)
+                end = time.monotonic() + life
                 server.run(until=lambda: ended() is not None or time.monotonic() >= end)
         simulated.close()

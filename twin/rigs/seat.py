@@ -25,6 +25,8 @@ COMMAND_NS = 2_000_000
 # The rig's own timeout sends its servos to neutral when nothing comes any more; they take 0.1 s.
 NEUTRAL_NS = TIMEOUT_MS * 1_000_000 + 100_000_000
 _STEP_NS = 1_000_000
+# Frames come every 2 ms and spend 2 ms on the line; a backlog of a second is worked off in 0.1 s.
+FRESH_NS, LONGEST_CATCH_UP_NS = 10_000_000, 500_000_000
 
 
 class SomeRig(Protocol):
@@ -171,15 +173,19 @@ class RigGimbal:
 
     def catch_up(self) -> None:
         """Take in what has come while the run was being set up; its states count, no row does."""
-        if self._live and not self._lockstep:
-            while self.rig.poll():
-                pass
-        else:
+        end = self._clock() + LONGEST_CATCH_UP_NS
+        self.rig.poll()
+        while self._live and not self._lockstep and not self._fresh() and self._clock() < end:
+            self.wait(_STEP_NS)  # a terminal hands out what it has kept piece by piece
             self.rig.poll()
         self._stale = self.rig.fusion.state(0)
         memory = {"session": self.rig.session, "fusion": self.rig.fusion.snapshot()}
         self.readings.opening = json.dumps(memory, allow_nan=False)
         self._caught_up = True
+
+    def _fresh(self) -> bool:
+        states = self.rig.states
+        return bool(states) and self._clock() - states[-1].time_ns < FRESH_NS
 
     def listen(self) -> bool:
         """Hear the answer to a PING when it comes; whether one is awaited."""
