@@ -290,9 +290,7 @@ class Procedure:
             raise CalibrationError(f"switch {SWITCHES[switch]} closed once and then never again")
         raise CalibrationError(f"switch {SWITCHES[switch]} stays closed; it is stuck or shorted")
 
-    def _record(
-        self, switch: int, axis: int, way: int, closing: bool, frame: SensorFrame
-    ) -> Steps:
+    def _record(self, switch: int, axis: int, way: int, closing: bool, frame: SensorFrame) -> Steps:
         """Note the pulses that moved the switch, and the sensors once the servo has come to rest.
 
         A switch moves within the time of a few frames, too short for a potentiometer: what it
