@@ -24,12 +24,14 @@ class CalibrationRig:
 
     Attributes
     ----------
-    switch_angle : at which +x, −x, +y, −y close [rad]
+    switch_angle : at which +x, −x, +y, −y close; those of the printed rig, the numeric of the same
+        name in mjcf/bench.xml [rad]
     switch_sigma : standard deviation of these angles [rad]
     neutral : pulse widths to start from [s]
     lowest, highest : pulse widths that are safe [s]
     coarse, fine : steps per dwell, while searching and near a switch [s]
     dwell : time for the servo to follow a step; two PWM frames [s]
+    reading : time over which potentiometers are averaged, at rest behind each switch [s]
     backoff : distance from a switch at which the fine approach begins [s]
     offsets : places at which the other servo is held [s]
     repeats : approaches per switch and place
@@ -37,10 +39,10 @@ class CalibrationRig:
     """
 
     switch_angle: tuple[float, float, float, float] = (
-        radians(8.0),
-        radians(-8.0),
-        radians(8.0),
-        radians(-8.0),
+        radians(9.0),
+        radians(-9.0),
+        radians(9.0),
+        radians(-9.0),
     )
     switch_sigma: float = radians(0.03)
     neutral: Pair = (1.5e-3, 1.5e-3)
@@ -49,6 +51,7 @@ class CalibrationRig:
     coarse: float = 10e-6
     fine: float = 2e-6
     dwell: float = 0.04
+    reading: float = 0.1
     backoff: float = 24e-6
     offsets: tuple[float, ...] = (0.0, 70e-6, -70e-6)  # 3°: the lever for the coupling
     repeats: int = 3
@@ -63,15 +66,17 @@ class Event:
     ----------
     switch : index into `SWITCHES`
     closed : it closed, on the way out; else it opened, on the way in
-    pulses : in force, moved back by half a step [s]
-    potentiometer : mean readings just then [1]
-    time : device time [s]
-    gyro : integral of the holder gyro's reading since the start, bias included [rad]
+    pulses : in force as it did, moved back by half a step [s]
+    settled : in force at rest afterwards, when the sensors were read [s]
+    potentiometer : mean readings at rest [1]
+    time : device time, at rest [s]
+    gyro : integral of the holder gyro's reading since the start, bias included, at rest [rad]
     """
 
     switch: int
     closed: bool
     pulses: Pair
+    settled: Pair
     potentiometer: tuple[float, float, float, float]
     time: float
     gyro: Triple
@@ -102,7 +107,6 @@ class Procedure:
         self.done = False
         self._frame: SensorFrame | None = None
         self._integral = np.zeros(3)
-        self._recent: list[tuple[float, float, float, float]] = []
         self._pulses = list(self.rig.neutral)
         self._direction = [1, 1]  # which way each servo moves its own axis
         self._found = [0.0] * 4  # pulse width at which each switch closed last
@@ -127,7 +131,6 @@ class Procedure:
             dt = max(0.0, min((frame.device_us - self._frame.device_us) * 1e-6, 0.1))
             self._integral += np.array(frame.gyro) * dt
         self._frame = frame
-        self._recent = [*self._recent[-2:], frame.potentiometer]
         if not self.done:
             try:
                 if first:
@@ -281,28 +284,36 @@ class Procedure:
             while self._now() < end:
                 frame = yield self._sent()
                 if frame.switches[switch] == closing:
-                    self._record(switch, axis, way, closing, frame)
+                    yield from self._record(switch, axis, way, closing, frame)
                     return
         if closing:
             raise CalibrationError(f"switch {SWITCHES[switch]} closed once and then never again")
         raise CalibrationError(f"switch {SWITCHES[switch]} stays closed; it is stuck or shorted")
 
-    def _record(self, switch: int, axis: int, way: int, closing: bool, frame: SensorFrame) -> None:
+    def _record(self, switch: int, axis: int, way: int, closing: bool, frame: SensorFrame) -> Steps:
+        """Note the pulses that moved the switch, and the sensors once the servo has come to rest.
+
+        A switch moves within the time of a few frames, too short for a potentiometer: what it
+        says of the switch's differential travel would be the largest error of the matrix.
+        """
         pulses = [frame.pulse[0], frame.pulse[1]]
         # The crossing lay anywhere within the step that the servo was taking.
         pulses[axis] -= way * self.rig.fine / 2
-        mean = np.mean(self._recent, axis=0).tolist()
+        yield from self._wait(self.rig.dwell)
+        readings, end = [], self._now() + self.rig.reading * 1e6
+        while self._now() < end:
+            frame = yield self._sent()
+            readings.append(frame.potentiometer)
+        a, b, c, d = np.mean(readings, axis=0).tolist()
+        x, y, z = self._integral.tolist()
         self.log.events.append(
             Event(
                 switch=switch,
                 closed=closing,
                 pulses=(pulses[0], pulses[1]),
-                potentiometer=(mean[0], mean[1], mean[2], mean[3]),
+                settled=(frame.pulse[0], frame.pulse[1]),
+                potentiometer=(a, b, c, d),
                 time=frame.device_us * 1e-6,
-                gyro=(
-                    float(self._integral[0]),
-                    float(self._integral[1]),
-                    float(self._integral[2]),
-                ),
+                gyro=(x, y, z),
             )
         )

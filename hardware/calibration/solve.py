@@ -3,9 +3,11 @@
 At an event of switch s the axis stands at θ = ±(α_s + ε_s), less the switch's differential travel
 δ when it opened. Command, with d the direction of motion, and each potentiometer then say
 
-    M p − c − d h/2 = θ        f = o + k θ
+    M p − c − d h/2 = θ        f = o + k (M p' − c − d h/2)
 
-for matrix row M, offset c, hysteresis h. The angles ε are held by how well the rig was built.
+for matrix row M, offset c, hysteresis h, and the pulses p' at which it came to rest behind the
+switch; there a potentiometer knows nothing of where in its last step the servo met the switch. The
+angles ε are held by how well the rig was built.
 """
 
 from dataclasses import dataclass
@@ -94,6 +96,7 @@ class _Table:
     sign: Array  # +1 at the positive switch
     opened: Array  # 1 when it opened
     pulses: Array  # (n, 2) [s]
+    settled: Array  # (n, 2) where the sensors were read [s]
     readings: Array  # (n, 2) [1]
     nominal: Array  # closing angle of its switch [rad]
 
@@ -104,6 +107,7 @@ def _table(log: Log, rig: CalibrationRig, axis: int) -> _Table:
         sign=np.array([1.0 if e.switch % 2 == 0 else -1.0 for e in events]),
         opened=np.array([0.0 if e.closed else 1.0 for e in events]),
         pulses=np.array([e.pulses for e in events]),
+        settled=np.array([e.settled for e in events]),
         readings=np.array([e.potentiometer[2 * axis : 2 * axis + 2] for e in events]),
         nominal=np.array([rig.switch_angle[e.switch] for e in events]),
     )
@@ -115,15 +119,20 @@ def _angles(v: Array, t: _Table) -> Array:
     return angles
 
 
+def _follow(v: Array, t: _Table, pulses: Array) -> Array:
+    """Angles (n,) [rad] that pulses (n, 2) about the centre [s] lead to, hysteresis included."""
+    way = t.sign * (1 - 2 * t.opened)  # direction of motion along the axis
+    angles: Array = pulses @ v[[M1, M2]] - v[C] - way * v[H] / 2
+    return angles
+
+
 def _residuals(v: Array, t: _Table, centre: Array) -> tuple[Array, Array, Array]:
     """Return command residuals [rad] and both potentiometers' [1], each (n,)."""
-    angle = _angles(v, t)
-    way = t.sign * (1 - 2 * t.opened)  # direction of motion along the axis
-    command = (t.pulses - centre) @ v[[M1, M2]] - v[C] - way * v[H] / 2 - angle
+    rest = _follow(v, t, t.settled - centre)
     return (
-        command,
-        t.readings[:, 0] - v[OA] - v[KA] * angle,
-        t.readings[:, 1] - v[OB] - v[KB] * angle,
+        _follow(v, t, t.pulses - centre) - _angles(v, t),
+        t.readings[:, 0] - v[OA] - v[KA] * rest,
+        t.readings[:, 1] - v[OB] - v[KB] * rest,
     )
 
 
@@ -169,20 +178,24 @@ def _first_guess(t: _Table, centre: Array) -> Array:
 
 def _jacobian(v: Array, t: _Table, centre: Array) -> Array:
     """Return the derivative of the stacked residuals (3n, 11)."""
-    n = len(t.sign)
-    angle = np.zeros((n, 11))
+    angle = np.zeros((len(t.sign), 11))
     angle[:, PLUS], angle[:, MINUS] = t.sign > 0, t.sign < 0
     angle[:, DELTA] = -t.sign * t.opened
-    command = -angle
-    command[:, [M1, M2]] = t.pulses - centre
-    command[:, C] = -1
-    command[:, H] -= t.sign * (1 - 2 * t.opened) / 2
-    stacked = [command]
+    stacked = [_slope(t, t.pulses - centre) - angle]
+    rest, slope = _follow(v, t, t.settled - centre), _slope(t, t.settled - centre)
     for o, k in ((OA, KA), (OB, KB)):
-        rows = -v[k] * angle
-        rows[:, o], rows[:, k] = -1, -_angles(v, t)
+        rows = -v[k] * slope
+        rows[:, o], rows[:, k] = -1, -rest
         stacked.append(rows)
     return np.vstack(stacked)
+
+
+def _slope(t: _Table, pulses: Array) -> Array:
+    """Return the derivative of `_follow` (n, 11)."""
+    rows = np.zeros((len(t.sign), 11))
+    rows[:, [M1, M2]], rows[:, C] = pulses, -1
+    rows[:, H] = -t.sign * (1 - 2 * t.opened) / 2
+    return rows
 
 
 def _maps(axis: _Axis) -> list[PotentiometerMap]:

@@ -11,7 +11,7 @@ from hardware.frames import Triple
 from hardware.protocol import constants as c
 
 TRAVEL = radians(240.0)  # of the potentiometer track
-SWITCH_ANGLE = radians(8.0)
+SWITCH_ANGLE = radians(9.0)  # of the printed rig: numeric switch_angle of mjcf/bench.xml
 
 
 class Gaussian:

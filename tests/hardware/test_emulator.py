@@ -268,10 +268,10 @@ def test_switches_close_at_their_angle_and_open_before_it():
         seen.append((degrees(x), bool(host.device.bench.switch_bits() & 1)))
     closed = [x for x, shut in seen if shut]
     opening = seen[len(seen) // 2 :]
-    assert min(closed) > 7.5
+    assert min(closed) > 8.5
     # one step of 2 µs is 0.09°
-    assert max(x for x, shut in seen[: len(seen) // 2] if not shut) == pytest.approx(8.0, abs=0.1)
-    assert min(x for x, shut in opening if shut) == pytest.approx(7.6, abs=0.1)
+    assert max(x for x, shut in seen[: len(seen) // 2] if not shut) == pytest.approx(9.0, abs=0.1)
+    assert min(x for x, shut in opening if shut) == pytest.approx(8.6, abs=0.1)
 
 
 @pytest.mark.parametrize("name", valid_names().split(", "))
