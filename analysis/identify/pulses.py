@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 FRAME = 0.02  # s; `hardware.protocol` PWM_PERIOD_US
 PULSE, CLOCK = "sensors/pulse", "sensors/device_time"
-_FEWEST = 20  # frames with a new pulse
+_FEWEST = 4  # frames with a new pulse
 _GAP = 1.5  # readings; a pulse seen after a longer one may be older
 _LATEST = 0.008  # s; a command on its way to the device: wire, loop, interrupt
 _POWERS = 3  # the linkage's bend; beyond, 0.002° on the shipped one
