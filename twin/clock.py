@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twin import realtime
 from twin.realtime import Rights
 
-LOOK_NS = 250_000  # between two calls of `meanwhile`
+LOOK_NS = 100_000  # between two calls of `meanwhile`
 
 
 class Clock(Protocol):

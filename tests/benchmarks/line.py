@@ -10,6 +10,8 @@ from contextlib import contextmanager
 import numpy as np
 import serial
 
+from hardware.emulator import Device
+from hardware.protocol import Board, Encoder, Ping
 from twin import realtime
 
 FRAME = 64  # bytes, about a telemetry frame
@@ -52,3 +54,19 @@ def echo(kind: str) -> tuple[float, float]:
             time.sleep(max(0.0, due - time.monotonic()))
     p50, p99 = np.percentile(taken, [50, 99]) * 1e3
     return float(p50), float(p99)
+
+
+def answering() -> float:
+    """What the peer that answers at once takes for that, median [ms]; measured apart from it."""
+    rig, taken = Device(Board.EMULATOR, 1), []
+    encoder = Encoder()
+    with realtime.requested():
+        for k in range(400):
+            time.sleep(5 * PERIOD_S)  # a processor that has done other things meanwhile
+            frame = encoder.encode(Ping(k))
+            began = time.perf_counter()
+            rig.receive(frame, k, k)
+            bytes(rig.transmit)
+            rig.transmit.clear()
+            taken.append(time.perf_counter() - began)
+    return float(np.median(taken)) * 1e3

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording import read
-from tests.benchmarks.line import echo, peer, served
+from tests.benchmarks.line import answering, echo, peer, served
 from tests.benchmarks.timing import row
 
 SECONDS = int(os.environ.get("TWIN_BENCH_SECONDS", "60"))
@@ -49,6 +49,7 @@ def _run(title: str, options: list[str]) -> tuple[list[str], NDArray[np.float64]
     stolen = timing["stolen_s"] * 1e3
     reference = _reference(beside) if beside else None
     p50, p99, p999 = (float(v) for v in np.percentile(late, (50, 99, 99.9)))
+    once = float(np.percentile(_stalls_once(late), 99.9))
     rights = ", ".join(f"{k} {v}" for k, v in timing["rights"].items())
     load = os.getloadavg()[0]
     why = "; ".join(timing["reasons"])
@@ -61,23 +62,37 @@ def _run(title: str, options: list[str]) -> tuple[list[str], NDArray[np.float64]
         beside_it, good = "cyclictest is not here: apt-get install rt-tests", True
         most = "none"
     else:
-        beside_it, good = f"≤ 3 × cyclictest, {reference[0]:.0f} µs", p999 <= 3 * reference[0]
+        beside_it, good = f"≤ 3 × cyclictest, {reference[0]:.0f} µs", once <= 3 * reference[0]
         most = f"none; cyclictest's worst {reference[1]:.0f} µs"
     overruns = timing["overruns"]
     drift = float(np.median(late[-250:]) - np.median(late[:250]))
     lines += [
-        row("lateness p99.9", f"{p999:.0f} µs", beside_it, good),
+        row("lateness p99.9, every tick", f"{p999:.0f} µs", "", True),
+        row("the same, ticks missed in one stall counted once", f"{once:.0f} µs", beside_it, good),
         row("overruns", f"{overruns} of {timing['ticks']}", most, overruns == 0),
         row("drift over the run", f"{drift:+.0f} µs", "< 1 ms", abs(drift) < 1000),
     ]
     return lines, trips
 
 
+def _stalls_once(late: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lateness [µs] without the ticks that were missed together with the one before.
+
+    After a stall `cyclictest` skips the wake-ups it has missed and notes one late one; the loop
+    skips no tick, and notes them all.
+    """
+    kept, k = [], 0
+    while k < len(late):
+        kept.append(late[k])
+        k += 1 + int(late[k] // PERIOD_US)
+    return np.array(kept)
+
+
 def _round_trips(kind: str, trips: NDArray[np.float64]) -> Iterator[str]:
     """Lines about PING and PONG: what the emulator takes, what a bare line does, what is ours.
 
-    Ours is what a peer that answers at once is seen to take, less a bare echo over the same kind
-    of port: encoding, decoding, and the wait until the loop has time to look.
+    Ours is the round trip to a peer that answers at once, less that answer's making and a bare echo
+    over the same kind of port: encoding, decoding, and the wait until the loop has time to look.
     """
     yield _pair(f"round trip to the emulator over a {kind}", trips)
     bare = echo(kind)
@@ -85,7 +100,9 @@ def _round_trips(kind: str, trips: NDArray[np.float64]) -> Iterator[str]:
     with served(peer("prompt", kind)) as url:
         prompt = _recorded(SHORT, ["--gimbal", url])[2]
     yield _pair("round trip to a peer that answers at once", prompt)
-    ours = float(np.median(prompt)) - bare[0]
+    theirs = answering()
+    yield row("of that, the peer's decoding and encoding", f"{theirs:.2f} ms", "p50", True)
+    ours = float(np.median(prompt)) - theirs - bare[0]
     yield row("own share of a round trip, p50", f"{ours:.2f} ms", "≤ 0.5 ms", ours <= 0.5)
 
 

@@ -97,7 +97,7 @@ def test_what_is_done_meanwhile_is_left_in_time_for_the_deadline():
         done = len(calls)
         clock.wait(6 * MS, lambda: bool(calls.append(0)))
     assert done > 1
-    assert calls[done - 1] < ended - LOOK_NS  # the last 0.25 ms are for sleeping alone
+    assert calls[done - 1] < ended - LOOK_NS  # the last look leaves time to sleep
     assert len(calls) <= done + 1  # false is the end of it
 
 
