@@ -37,6 +37,7 @@ VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 1_000_000_000
 LARGEST_KEPT = 200_000  # bytes of a motor, model or vehicle file that a recording carries whole
 PATIENCE_S = 2.0
+OF_THE_RIG = ("gimbal_servo_", "gimbal_rod_")  # what a gimbal that follows a rig does not have
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
 
 
@@ -95,10 +96,12 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
 
 
 def _of_the_plant(config: Run) -> dict[str, float]:
-    """Overrides without those of a turntable, where a rig stands on one beside the plant."""
+    """Overrides without those of servos, rods and turntable, where these are a rig's own."""
     given = overrides.parse(config.set, config.set_from)
-    aside = config.rig_scene == TURNTABLE
-    return {k: v for k, v in given.items() if not (aside and k.startswith(TURNTABLE))}
+    if not is_rig(config.gimbal):
+        return given
+    theirs = (*OF_THE_RIG, TURNTABLE) if config.rig_scene == TURNTABLE else OF_THE_RIG
+    return {k: v for k, v in given.items() if not k.startswith(theirs)}
 
 
 def gimbal_seat(
