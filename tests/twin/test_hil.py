@@ -73,13 +73,13 @@ def test_compare_says_how_far_they_part(capsys, tmp_path, pair):
 
 
 def test_overrides_of_servos_reach_the_rig_that_has_them(capsys, tmp_path):
-    """A stiff horn: friction far above the servo's torque leaves the gimbal where it was."""
+    """A servo in honey: 0.18 N·m turn 50 N·m·s/rad by 0.06° in 0.3 s."""
     line = "step --gimbal emulator --repeats 1 --axis x --hold-s 0.3 --on-fault ignore"
     out = tmp_path / "a.rrd"
-    more = f"--set gimbal_servo_x.frictionloss=1.0 --out {out}"
+    more = f"--set gimbal_servo_x.damping=50 --out {out}"
     assert command(capsys, *line.split(), *more.split())[0] == 0
     assert abs(np.degrees(read(out)["gimbal/measured"].values[:, 0])).max() < 0.5
-    wrong = f"--set gimbal_servo_z.frictionloss=1.0 --out {tmp_path / 'b.rrd'}"
+    wrong = f"--set gimbal_servo_z.damping=50 --out {tmp_path / 'b.rrd'}"
     code, _, err = command(capsys, *line.split(), *wrong.split())
     assert (code, err.count("\n")) == (2, 1)
     assert "gimbal_servo_z" in err

@@ -16,6 +16,7 @@ from hardware.rig.rig import PULSES
 from twin.errors import TwinError
 from twin.plant import Plant
 from twin.recalled import typed
+from twin.rig_rows import RARE
 from twin.rigs.tape import recorded_frames
 
 Array = NDArray[np.float64]
@@ -116,8 +117,9 @@ class RecordedRig:
         self._plant = plant
         self._frames = recorded_frames(tape, tape["sensors/potentiometer"].time_ns)
         self._taken = np.rint(tape["sensors/taken"].values[:, 0] * 1e9).astype(np.int64)
-        self._session = tape["sensors/session"].values[:, 0].astype(np.int64).tolist()
-        self._delay = tape["sensors/gyro_delay"].values[:, 0].tolist()
+        self._session, self._delay = (
+            _Held(tape[f"sensors/{n}"]) for n in ("session", "gyro_delay")
+        )
         self._link = tuple(_Held(tape[f"link/{n}"]) for n in ("connected", "lost", "crc_errors"))
         self._next, self._begun = 0, False
 
@@ -168,10 +170,11 @@ class RecordedRig:
         return frames
 
     def _fused(self, k: int) -> GimbalState:
-        if self._session[k] != self.session:
+        stamp = self._frames[k].time_ns
+        session = round(self._session.at(stamp))
+        if session != self.session:
             self.fusion.restart()
-        self.session = self._session[k]
-        self.gyro_delay = self._delay[k]
+        self.session, self.gyro_delay = session, self._delay.at(stamp)
         if self.gyro_delay != self.fusion.noise.gyro_delay:
             self.fusion.set_gyro_delay(self.gyro_delay)
         try:
@@ -205,7 +208,7 @@ def _check(tape: Recording, *, turns: bool) -> None:
         lacks = ", ".join(missing) or "the estimator's memory"
         raise TwinError(f"the recording has no {lacks}: its rig's readings cannot be repeated")
     readings = [n for n in needed if n.startswith("sensors/")]
-    lengths = {len(tape[n].time) for n in readings}
+    lengths = {len(tape[n].time) for n in readings if n not in RARE}
     if len(lengths) > 1:
         raise TwinError("the recording's readings have lost some of their columns")
     for name in readings:
