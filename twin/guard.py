@@ -1,15 +1,15 @@
 """What becomes of a run whose rig fails: servos to neutral, and the run ends or goes on."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from hardware.frames import GimbalState, Pair
+from twin.configuration import OnFault
 from twin.loop import Controller
 from twin.readings import Readings
 
 if TYPE_CHECKING:
     from twin.rigs.turntable import Turntable
 
-OnFault = Literal["end", "neutral", "ignore"]
 SILENT_S = 0.1  # without a reading; fifty frames, and as long as the rig itself waits for a command
 
 

@@ -1,0 +1,34 @@
+"""What each command can be told; the command line is derived from these.
+
+>>> Fly(programme="step").real_time
+False
+"""
+
+from twin.configuration.desk import Calibrate, Mirror, Rig
+from twin.configuration.knowledge import Compare, Converge, Doctor, Identify, Replay, Report, View
+from twin.configuration.runs import Fly, Run, Step, as_properties, with_model
+from twin.configuration.words import LARGEST_DT, TURNTABLE, Integrator, OnFault, Programme, Signal
+
+__all__ = [
+    "LARGEST_DT",
+    "TURNTABLE",
+    "Calibrate",
+    "Compare",
+    "Converge",
+    "Doctor",
+    "Fly",
+    "Identify",
+    "Integrator",
+    "Mirror",
+    "OnFault",
+    "Programme",
+    "Replay",
+    "Report",
+    "Rig",
+    "Run",
+    "Signal",
+    "Step",
+    "View",
+    "as_properties",
+    "with_model",
+]
