@@ -1,27 +1,31 @@
 """A mark on a recording that a process is still writing, seen by whoever wants to mend it."""
 
-import contextlib
 import os
 from pathlib import Path
 from typing import IO
 
 
-def hold(path: Path) -> IO[bytes]:
-    """Mark a file as being written until the result, or this process, is closed.
+def claim(path: Path) -> IO[bytes]:
+    """Open a file to write, marked as being written until the result, or this process, is closed.
 
     The mark is an advisory lock of the operating system, so a killed process leaves none. Where
-    there are no such locks (Windows), nothing is marked.
+    there are no such locks (Windows), nothing is marked. What was in the file is gone.
 
     Raises
     ------
-    OSError : the file is not there
+    BlockingIOError : somebody else is writing it; it is left alone
+    OSError : it cannot be written
     """
-    file = path.open("rb")
-    if os.name == "posix":
-        import fcntl
+    file = path.open("ab")
+    try:
+        if os.name == "posix":
+            import fcntl
 
-        with contextlib.suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        file.truncate(0)
+    except OSError:
+        file.close()
+        raise
     return file
 
 

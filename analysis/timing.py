@@ -277,7 +277,9 @@ def _judged(v: Verdict, limits: Limits, wire: float, frame: float) -> Verdict:
         most = limits.moved * v.moved.path
         for cause, by in (("timing", v.moved.timing), ("the time step", v.moved.step)):
             if not by.position <= most:
-                reasons.append(f"{cause} moved the path by {by.position:.3g} m of {most:.3g} m")
+                reasons.append(
+                    f"{cause} moved the path by {by.position:.3g} m, {most:.3g} m is the limit"
+                )
     reasons += _blamed(v, limits)
     word: Literal["valid", "invalid"] = "invalid" if reasons else "valid"
     split = None

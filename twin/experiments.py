@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +34,7 @@ from twin.steps import excitation, figures
 if TYPE_CHECKING:
     from analysis.recording import Recording
     from analysis.timing import Verdict
+    from twin.rigs.turntable import Turntable
 
 __all__ = ["compiled", "fly", "step", "steps_per_tick"]
 
@@ -78,7 +80,7 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
             steps_per_tick=steps,
             duration_ns=_length(round(config.duration_s * 1e9), tape),
             command=rows.command,
-            each_tick=(rows.write, flight.watch),
+            each_tick=(rows.write, flight.watch, _counting(seen, flight.burnout_ns)),
             stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
             ledger=ledger,
         )
@@ -90,6 +92,16 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
         turntable_rms_deg=None if seen is None else math.degrees(seen.rms),
         timing=judged(recorder.path, clock),
     )
+
+
+def _counting(seen: "Turntable | None", burnout_ns: int) -> Callable[[int], None]:
+    """Let a turntable's figure end with the thrust."""
+
+    def look(time_ns: int) -> None:
+        if seen is not None:
+            seen.counting = time_ns < burnout_ns
+
+    return look
 
 
 def _pilot(plant: Plant, programme: Setpoint, steps: int, seen: Attitude | None = None) -> Pilot:

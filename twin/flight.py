@@ -73,13 +73,14 @@ class Flight:
     Attributes
     ----------
     announce : told time [ns] and text of what happens
+    burnout_ns : when the motor has burned out [ns]
     """
 
     def __init__(self, plant: Plant, rows: Rows, error: Array, target: Vector | None) -> None:
         self._plant, self._rows, self._error = plant, rows, error
         self._start = _start(plant.model)
         self._target = None if target is None else np.array(target)
-        self._burnout_ns = round(_burnout(plant.model) * 1e9)
+        self.burnout_ns = round(_burnout(plant.model) * 1e9)
         self._ramp = float(_numeric(plant.model, "ramp_length")[0])
         self._mass = float(plant.model.body_subtreemass[plant.model.body("vehicle").id])
         self._position: list[Vector] = []
@@ -100,7 +101,7 @@ class Flight:
         self._speed = max(self._speed, vx * vx + vy * vy + vz * vz)
         if self._rows.closure[0] > self._closure or self._rows.closure[1] > self._closure:
             self._closure = float(self._rows.closure.max())
-        if time_ns <= self._burnout_ns:
+        if time_ns <= self.burnout_ns:
             ex, ey = self._error.tolist()
             self._errors.append(ex * ex + ey * ey)
         elif self._burnout_range is None:
@@ -125,7 +126,7 @@ class Flight:
             return "reached the ground"
         if self._target is not None and plant.time_ns > self._closest_ns + PASSED_NS:
             return "passed the point"
-        if plant.time_ns > self._burnout_ns and self._speed < 1.0:
+        if plant.time_ns > self.burnout_ns and self._speed < 1.0:
             return "never left the ramp"
         return None
 

@@ -29,7 +29,7 @@ class FlightResult:
     warnings : MuJoCo's warnings with their counts
     fault : what went wrong with the rig first; None where nothing did
     turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU told
-        of it; None without a turntable
+        of it, while the motor burned; None without a turntable
     timing : whether real time left the flight what it was meant to be; None in lockstep
     """
 
@@ -79,7 +79,10 @@ class FlightResult:
             rows.append(("attitude error", f"{self.attitude_error_rms_deg:.2f}° rms under power"))
         if self.turntable_rms_deg is not None:
             rows.append(
-                ("attitude seen", f"{self.turntable_rms_deg:.2f}° rms off, by the base IMU")
+                (
+                    "attitude seen",
+                    f"{self.turntable_rms_deg:.2f}° rms off under power, by the base IMU",
+                )
             )
         if self.loop_closure_max_um is not None:
             rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))

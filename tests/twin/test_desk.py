@@ -53,11 +53,11 @@ def served(*faults: str, tcp: int | None = None):
 
 
 def pulled_thrice(simulated, begun):
-    """Pull the cable for 0.3 s, 0.8 s apart, once a file tells that the run has begun."""
+    """Pull the cable for 0.3 s, 0.8 s apart, once a recording's head tells that a run begins."""
     patience = time.monotonic() + 60.0
-    while not begun.exists() and time.monotonic() < patience:
+    while not (begun.exists() and begun.stat().st_size) and time.monotonic() < patience:
         time.sleep(0.01)
-    begin = simulated.time_us * 1e-6 + 0.8
+    begin = simulated.time_us * 1e-6 + 1.5
     faults = tuple(parse(f"link:unplug:0.3@{begin + 0.8 * k}") for k in range(3))
     simulated._cable = Cable(faults, 0)
 
@@ -171,7 +171,7 @@ class TestMirror:
             begun = tmp_path / "m.rrd.partial"
             pulling = threading.Thread(target=pulled_thrice, args=(simulated, begun))
             pulling.start()
-            asked = Mirror(gimbal=url, steer="joystick", duration_s=4.0, out=tmp_path / "m.rrd")
+            asked = Mirror(gimbal=url, steer="joystick", duration_s=5.0, out=tmp_path / "m.rrd")
             result = mirror(asked)
             pulling.join()
         assert result.ended == "time"

@@ -273,6 +273,21 @@ def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path, name):
         Recorder(tmp_path / name, signals=["vehicle/mass"], properties={})
 
 
+@pytest.mark.skipif(os.name != "posix", reason="no such locks here")
+def test_a_file_that_another_run_is_writing_is_left_to_it(tmp_path):
+    path = tmp_path / "a.rrd"
+    with Recorder(path, signals=["vehicle/mass"], properties={}) as first:
+        first.row[:] = 1.0
+        first.commit(0, 0)
+        with pytest.raises(RecorderError, match="written by another run"):
+            Recorder(path, signals=["vehicle/mass"], properties={})
+    assert recording.read(path)["vehicle/mass"].values.tolist() == [[1.0]]
+    with Recorder(path, signals=["vehicle/mass"], properties={}) as again:  # and free afterwards
+        again.row[:] = 2.0
+        again.commit(0, 0)
+    assert recording.read(path)["vehicle/mass"].values.tolist() == [[2.0]]
+
+
 def test_a_file_in_the_way_of_the_folder_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(RecorderError, match=r"cannot record to .*file"):

@@ -15,6 +15,8 @@ Faces = NDArray[np.int64]
 
 SEGMENTS = 512  # of a circle: mean width of the polygon within (π/512)²/6 = 6e-6
 _FEWEST_LEVELS = 8  # a cone, prism or plate has two to four, and its edges are meant
+_MOST_LEVELS = 400  # of a drawn profile; a mesh without levels has one for every vertex
+_FEWEST_POINTS = 4  # on a level in the mean: what a circle is told by
 _FINER = 8  # levels put between two of the mesh
 _SAME = 2e-6  # m; one level, since MuJoCo keeps vertices in single precision
 _ROUND = 1e-4  # of the largest radius: how far a vertex may lie off the circle of its level
@@ -35,7 +37,7 @@ def profile(vertices: Array) -> tuple[Array, Array] | None:
     close the ends. Bodies of fewer than eight levels are taken for what they are: polyhedra.
     """
     stations = levels(vertices)
-    if stations.size < _FEWEST_LEVELS:
+    if not _FEWEST_LEVELS <= stations.size <= min(_MOST_LEVELS, len(vertices) / _FEWEST_POINTS):
         return None
     radius = np.hypot(*(vertices[:, :2] - _axis(vertices)).T)
     at = np.searchsorted(stations, vertices[:, 2] + _SAME) - 1

@@ -19,6 +19,7 @@ NODES = 40  # stations of a vehicle: 1e-4 of the integral of magnitudes wherever
 _FEW_LEVELS = 4  # a prism or plate, whose every level of vertices is a kink; a round mesh has more
 _LEAST = 4  # stations of a panel; a fin taper needs them
 _SHORTEST_PANEL = 1e-2  # m; closer edges are one edge
+_THIN = 1e-7  # m; a tip, and what of it qhull cannot tell from a point
 _NEAR = 3e-3  # m; how far from an edge its trace is looked for
 _STRAIGHT = 1e-6  # of the largest width; the end of a fin leaves 1e-2, a nose on its tube 2e-4
 
@@ -29,8 +30,6 @@ def silhouette(vertices: Array, faces: NDArray[np.int64]) -> Width:
     The mean width of a slice is the perimeter of its convex hull over π (Cauchy's theorem), so
     fins count alike at every roll angle. Axis z; `vertices` (n, 3) [m], `faces` (m, 3).
     """
-    from scipy.spatial import ConvexHull
-
     pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     _, once = np.unique(pairs @ [len(vertices), 1], return_index=True)
     first, second = vertices[pairs[once].T]  # ends of every edge, (k, 3) each
@@ -44,10 +43,20 @@ def silhouette(vertices: Array, faces: NDArray[np.int64]) -> Width:
             points = first[cut] + share * (second[cut] - first[cut])
             points = np.vstack([points, first[before == 0], second[after == 0]])
             if len(points) > 2:
-                result[k] = ConvexHull(points[:, :2]).area / np.pi
+                result[k] = _perimeter(points[:, :2]) / np.pi
         return result.reshape(np.shape(z))
 
     return width
+
+
+def _perimeter(points: Array) -> float:
+    """Of the convex hull of points (n, 2) [m]; of a point or a line, which has no hull, too."""
+    from scipy.spatial import ConvexHull
+
+    extent = np.ptp(points, axis=0)
+    if extent.min() < _THIN:
+        return float(2.0 * np.hypot(*extent))
+    return float(ConvexHull(points).area)
 
 
 def strips(width: Width, edges: Sequence[float], nodes: Sequence[int]) -> tuple[Array, Array]:

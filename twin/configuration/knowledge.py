@@ -82,6 +82,8 @@ class Identify:
         TwinError : the flag and its value
         """
         refuse_no_number(self)
+        if self.from_pulses and self.linkage:
+            raise TwinError("--from-pulses: --linkage takes a recording's pulses by itself")
         if self.out is not None and self.out.suffix.lower() != ".json":
             raise TwinError(f"--out {self.out}: what is identified is a .json file")
 

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
@@ -157,7 +158,7 @@ class DetachedRecorder:
 
     def _answered(self) -> None:
         assert self._process.stdout is not None
-        line = self._process.stdout.readline()
+        line = self._read(self._process.stdout)
         if not line:
             raise RecorderError(
                 f"cannot finish {self.path}: the process that writes it has ended; "
@@ -166,6 +167,17 @@ class DetachedRecorder:
         error = json.loads(line)["error"]
         if error:
             raise RecorderError(error)
+
+    def _read(self, pipe: IO[bytes]) -> bytes:
+        """One line; nothing if none comes for longer than the slowest disk takes."""
+        found: list[bytes] = []
+        reader = threading.Thread(target=lambda: found.append(pipe.readline()), daemon=True)
+        reader.start()
+        reader.join(PATIENCE_S)
+        if not found:
+            self._process.kill()
+            reader.join()
+        return found[0] if found else b""
 
     def commit(self, time_ns: int, wall_ns: int) -> None:
         """Take `row` as the state at `time_ns` of the experiment and `wall_ns` since 1970 [ns]."""
@@ -181,7 +193,7 @@ class DetachedRecorder:
 
     def event(self, time_ns: int, text: str, level: str = "INFO") -> None:
         """Add a line to the events of the run; level INFO, WARN or ERROR."""
-        self._tell(entity=schema.EVENTS, time_ns=time_ns, text=text, level=level)
+        self._tell(entity=schema.EVENTS, time_ns=int(time_ns), text=text, level=level)
 
     def health(self, time_ns: int, text: str) -> None:
         """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""

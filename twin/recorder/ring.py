@@ -52,8 +52,12 @@ def make(capacity: int, width: int) -> Shape:
     folder = SHARED if os.access(SHARED, os.W_OK) else None
     handle, path = tempfile.mkstemp(prefix="tvc-twin-", dir=folder)
     shape = Shape(path, capacity, width)
-    with os.fdopen(handle, "wb") as file:
-        file.write(bytes(8 * shape.words))
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(bytes(8 * shape.words))
+    except OSError:
+        Path(path).unlink(missing_ok=True)
+        raise
     return shape
 
 

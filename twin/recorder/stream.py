@@ -3,11 +3,12 @@
 import ctypes
 import hashlib
 import json
+import os
 import socket
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import IO, Self
 
 import mujoco
 import numpy as np
@@ -15,6 +16,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from analysis import rrd, schema
+from analysis.held import claim
 from twin.errors import TwinError
 from twin.recorder import blueprint, columns
 from twin.recorder.poses import Poses
@@ -76,7 +78,7 @@ class Recorder:
         text = _json(properties)
         if serve is not None:
             _free(serve)
-        _claim(self.path, self._partial)
+        self._mark = _claim(self.path, self._partial)
         self._layout(capacity, drain_ns)
         self._poses = None if model is None else Poses(model, pose_period_ns)
         self._texts: list[tuple[str, int, str, str]] = []
@@ -112,7 +114,7 @@ class Recorder:
             look = blueprint.build(names, self._poses, live=serve is not None)
             stream.set_sinks(*sinks, default_blueprint=look)
         except (RuntimeError, OSError, ValueError) as error:
-            self._partial.unlink(missing_ok=True)
+            self._give_up()
             raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
         stream.send_property(schema.PROPERTY, rr.AnyValues(schema=schema.SCHEMA, json=text))
         for name in names:
@@ -124,7 +126,7 @@ class Recorder:
             stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
             _abandon(stream)
-            self._partial.unlink(missing_ok=True)
+            self._give_up()
             raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
         return stream
 
@@ -224,6 +226,12 @@ class Recorder:
             return
         self._open = False
         try:
+            self._finish()
+        finally:
+            self._mark.close()
+
+    def _finish(self) -> None:
+        try:
             self.drain()
             if self._poses:
                 self._poses.finish(self._stream)
@@ -238,6 +246,10 @@ class Recorder:
             self._partial.replace(self.path)
         except OSError as error:
             raise self._unfinished(error.strerror or str(error)) from None
+
+    def _give_up(self) -> None:
+        self._partial.unlink(missing_ok=True)
+        self._mark.close()
 
     def _unfinished(self, reason: str) -> RecorderError:
         return RecorderError(
@@ -283,19 +295,25 @@ def _json(properties: Mapping[str, object]) -> str:
         raise RecorderError(f"properties of a run must be JSON: {error}") from None
 
 
-def _claim(path: Path, partial: Path) -> None:
-    """Fail before anything runs if the file cannot be written."""
+def _claim(path: Path, partial: Path) -> IO[bytes]:
+    """Fail before anything runs if the file cannot be written; mark it as being written."""
     if path.suffix != ".rrd":
         raise RecorderError(f"a recording's name ends in .rrd, not '{path.name}'")
     if path.is_dir():
         raise RecorderError(f"cannot record to {path}: it is a folder")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb"):
-            pass
+        mark = claim(partial)
+        if os.name != "posix":  # an open file could not be renamed there
+            mark.close()
+    except BlockingIOError:
+        raise RecorderError(
+            f"{path} is being written by another run; give this one --out"
+        ) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise RecorderError(f"cannot record to {path}: {reason}") from None
+    return mark
 
 
 def _free(port: int) -> None:

@@ -16,7 +16,6 @@ from typing import IO
 
 import mujoco
 
-from analysis.held import hold
 from twin.recorder.detached import Settings
 from twin.recorder.ring import Kind, Ring
 from twin.recorder.stream import Recorder, RecorderError
@@ -40,13 +39,17 @@ class Writer:
 
     def listen(self, lines: IO[bytes]) -> None:
         """Take texts in until the run ends."""
-        for line in lines:
-            told = json.loads(line)
-            if told.get("end"):
-                self.orderly = True
-                break
-            self._texts.put(told)
-        self.ended.set()
+        try:
+            for line in lines:
+                told = json.loads(line)
+                if told.get("end"):
+                    self.orderly = True
+                    break
+                self._texts.put(told)
+        except ValueError:  # a line torn off: whoever was telling is gone
+            pass
+        finally:
+            self.ended.set()
 
     def run(self) -> None:
         """Write until the run has ended, and then the rest."""
@@ -77,7 +80,10 @@ def main() -> None:
     """Serve one recording."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the run ends us, whatever ends the run
     lines = sys.stdin.buffer
-    settings = Settings.read(lines)
+    try:
+        settings = Settings.read(lines)
+    except ValueError:  # the run ended before it had told anything
+        return
     try:
         recorder = Recorder(
             settings.path, signals=settings.signals, properties=settings.properties,
@@ -87,7 +93,6 @@ def main() -> None:
     except RecorderError as error:
         _answer(str(error))
         return
-    mark = hold(settings.path.with_name(settings.path.name + ".partial"))
     writer = Writer(settings, recorder)
     _answer(None)
     threading.Thread(target=writer.listen, args=(lines,), daemon=True).start()
@@ -97,7 +102,6 @@ def main() -> None:
         recorder.close()
     except RecorderError as error:
         failed = str(error)
-    mark.close()
     _answer(failed)
 
 

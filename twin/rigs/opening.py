@@ -3,14 +3,15 @@
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from analysis.recording import Recording
 from hardware.calibration import Calibration
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse
-from hardware.frames import Pair
+from hardware.frames import Pair, SensorFrame
+from hardware.fusion import Fusion
 from hardware.link import Link
 from hardware.rig import Rig, in_process
 from twin.errors import TwinError
@@ -18,6 +19,7 @@ from twin.model import ModelConfig, TwinModel, load
 from twin.plant import Plant
 from twin.rigs.bench import TURNTABLE, BenchPlant
 from twin.rigs.devices import Device, drawing, drawn, make_device, parameters
+from twin.rigs.drawing import Drawing
 from twin.rigs.seat import RigGimbal
 from twin.rigs.turntable import find_base
 from twin.seat_names import SIMULATED, check_seat, is_rig
@@ -121,6 +123,8 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
     _refuse_simulation(options)
     bench = _model(options, "bench").mj
     calibration = _calibration(options) or drawn(bench)
+    plan = drawing(bench)
+    _warm(calibration, plan)
     link = Link(options.seat)
     rig = Rig(link, calibration, arm=not options.watch, fuse=options.fuse)
     return RigGimbal(
@@ -130,8 +134,20 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
         wait=lambda ns: time.sleep(ns * 1e-9),
         lockstep=False,
         watch=options.watch,
-        drawing=drawing(bench),
+        drawing=plan,
     )
+
+
+def _warm(calibration: Calibration, plan: Drawing) -> None:
+    """Compile what a rig's frames and commands need, once after an update, before it talks."""
+    still = SensorFrame(
+        0, 0, (0.5,) * 4, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3,
+        (False,) * 4, (0.0, 0.0), 0,
+    )  # fmt: skip
+    fusion = Fusion(calibration)
+    fusion.update(still)
+    fusion.update(replace(still, device_us=2000))
+    plan.straightened((0.0, 0.0))
 
 
 def _replayed(options: RigOptions, plant: Plant, tape: Recording) -> RigGimbal:

@@ -26,7 +26,7 @@ COMMAND_NS = 2_000_000
 NEUTRAL_NS = TIMEOUT_MS * 1_000_000 + 100_000_000
 _STEP_NS = 1_000_000
 # Frames come every 2 ms and spend 2 ms on the line; a backlog of a second is worked off in 0.1 s.
-FRESH_NS, LONGEST_CATCH_UP_NS = 10_000_000, 500_000_000
+FRESH_NS, LONGEST_CATCH_UP_NS = 10_000_000, 10_000_000_000
 
 
 class SomeRig(Protocol):
@@ -184,6 +184,8 @@ class RigGimbal:
         self._caught_up = True
 
     def _fresh(self) -> bool:
+        if self.rig.phase is not Phase.READY:  # nothing comes that could be caught up with
+            return True
         states = self.rig.states
         return bool(states) and self._clock() - states[-1].time_ns < FRESH_NS
 
@@ -217,9 +219,9 @@ class RigGimbal:
             self._origin = self._clock() - (self._plant.time_ns if self._plant else 0)
             self._started = True
         if self._lockstep and self._plant is not None:
-            behind = self._plant.time_ns - self.now_ns()
-            if behind > 0:
-                self.wait(behind)
+            while (behind := self._plant.time_ns - self.now_ns()) > 0:
+                self.wait(min(behind, _STEP_NS))
+                self.rig.listen()  # a PONG dated a tick late would turn the device's clock
         frames = self.rig.poll()
         self._read(frames)
         state = self.readings.states[-1] if self.readings.states else self._stale

@@ -115,6 +115,8 @@ class Turntable:
         its IMU tells it, and the standard deviation of the latter [rad]
     reach : turn that the servo's pulses reach either way [rad]
     fault : what is wrong with base or servo, in words; None while all is well
+    counting : whether the difference counts in `rms`; a vehicle that nothing steers any more turns
+        further than any servo
     """
 
     def __init__(
@@ -135,6 +137,7 @@ class Turntable:
         ends = (abs(low - base.centre), abs(high - base.centre))
         self.reach = min(ends) * abs(base.travel)
         self.fault: str | None = None
+        self.counting = True
         self._beyond = self._stopped = False
         self._last_turn = self._unwound = 0.0
         self._deaf = self._astray = 0.0  # s
@@ -163,8 +166,9 @@ class Turntable:
         seen = self._filter
         off, faster = seen.angle - turn, seen.rate - speed
         self.simulated[0], self.measured[0], self.sigma[0] = turn, seen.angle, seen.sigma
-        self._square += off * off
-        self._count += 1
+        if self.counting:
+            self._square += off * off
+            self._count += 1
         self._see(attitude, rate, off, faster)
         self._follow()
 

@@ -116,7 +116,7 @@ def repeat(config: Fly) -> RepeatResult:
     from twin.study.repeat_page import sections
 
     if not 2 <= config.repeat <= MOST:
-        raise TwinError(f"--repeat {config.repeat}: must lie in 2 to {MOST}")
+        raise TwinError(f"--repeat {config.repeat}: must lie in 1 to {MOST}")
     folder, page = _places(config)
     others = MODELS if is_rig(config.gimbal) else ()
     names = (config.gimbal, *(m for m in others if m != config.gimbal))

@@ -54,7 +54,7 @@ def _paths(result: "RepeatResult") -> Section:
 def _numbers(result: "RepeatResult") -> Section:
     rows = []
     for seat in result.seats:
-        if (s := seat.spread) is not None:
+        if (s := seat.spread) is not None and not seat.repeats:
             scatter = (
                 ("path from the mean, rms at the end", float(s.distance[-1]), "m"),
                 ("path from the mean, worst", s.worst, "m"),
