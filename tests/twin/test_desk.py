@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from contextlib import contextmanager
 from dataclasses import replace
 from math import radians
@@ -23,7 +22,7 @@ from hardware.emulator.cable import Cable
 from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import PROTOCOL, Board, Encoder, default_config, hello
 from tests.twin.test_cli import run as command
-from twin import native
+from twin import loop, native
 from twin.configuration import Calibrate, Mirror, Step
 from twin.desk import calibrate, mirror
 from twin.experiments import step
@@ -53,11 +52,9 @@ def served(*faults: str, tcp: int | None = None):
 
 
 def pulled_thrice(simulated, begun):
-    """Pull the cable for 0.3 s, 0.8 s apart, once a recording's head tells that a run begins."""
-    patience = time.monotonic() + 60.0
-    while not (begun.exists() and begun.stat().st_size) and time.monotonic() < patience:
-        time.sleep(0.01)
-    begin = simulated.time_us * 1e-6 + 1.5
+    """Pull the cable for 0.3 s, 0.8 s apart, once the loop has begun."""
+    begun.wait(60.0)
+    begin = simulated.time_us * 1e-6 + 0.8
     faults = tuple(parse(f"link:unplug:0.3@{begin + 0.8 * k}") for k in range(3))
     simulated._cable = Cable(faults, 0)
 
@@ -164,11 +161,17 @@ class TestMirror:
         assert np.degrees(np.sqrt(np.mean((moved[0] - moved[1]) ** 2))) < 0.5
 
     @pytest.mark.parametrize("tcp", [None, 0], ids=["pty", "tcp"])
-    def test_pulled_and_put_back_three_times_it_goes_on(self, tmp_path, tcp):
+    def test_pulled_and_put_back_three_times_it_goes_on(self, tmp_path, monkeypatch, tcp):
         if tcp is None and os.name != "posix":
             pytest.skip("no pseudo-terminals here")
+        begun = threading.Event()
+
+        def told(*args, **more):
+            begun.set()
+            return loop.run(*args, **more)
+
+        monkeypatch.setattr("twin.desk.mirroring.run", told)
         with served(tcp=tcp) as (simulated, url):
-            begun = tmp_path / "m.rrd.partial"
             pulling = threading.Thread(target=pulled_thrice, args=(simulated, begun))
             pulling.start()
             asked = Mirror(gimbal=url, steer="joystick", duration_s=5.0, out=tmp_path / "m.rrd")
