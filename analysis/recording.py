@@ -14,8 +14,9 @@ from analysis import rrd, schema
 from analysis.schema import AnalysisError
 
 PROPERTIES = f"/__properties/{schema.PROPERTY}"
+TIMING = f"/__properties/{schema.TIMING}"
 TEXTS = (schema.EVENTS, schema.HEALTH, schema.ESTIMATOR)
-WANTED = frozenset([PROPERTIES, *TEXTS, *schema.ENTITIES])
+WANTED = frozenset([PROPERTIES, TIMING, *TEXTS, *schema.ENTITIES])
 MAX_BYTES = 4 * 2**30  # a day of flight; more is a mistake or an attack
 MAX_PROPERTIES = 16 * 2**20  # characters of JSON
 
@@ -108,6 +109,7 @@ class Recording:
     series : signals by name, in SI
     events, health : text over time
     estimator : what the rig's estimator remembered when the run began, JSON; "" without a rig
+    timing : the verdict on a run in real time, see `analysis.timing`; empty for others
     """
 
     properties: dict[str, object]
@@ -115,6 +117,12 @@ class Recording:
     events: tuple[Event, ...] = ()
     health: tuple[Event, ...] = ()
     estimator: str = ""
+    timing: Mapping[str, object] = field(default_factory=dict)
+
+    def setting(self, name: str) -> object:
+        """Return a value of the run's configuration, None without it."""
+        configuration = self.properties.get("configuration")
+        return configuration.get(name) if isinstance(configuration, Mapping) else None
 
     def __getitem__(self, name: str) -> TimeSeries:
         """Return the signal of that name.
@@ -129,13 +137,14 @@ class Recording:
         return self.series[name]
 
 
-def read(path: Path | str) -> Recording:
+def read(path: Path | str, *, growing: bool = False) -> Recording:
     """Read and check a recording of the twin.
 
     Parameters
     ----------
     path : an `.rrd` file; also one whose end is missing, as far as it goes, if `twin view` has
         repaired it
+    growing : it is still being written, and read as far as it goes
 
     Raises
     ------
@@ -148,7 +157,7 @@ def read(path: Path | str) -> Recording:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise RecordingError(f"{path}: larger than the {MAX_BYTES >> 30} GiB that are read")
-        for entity, batch in rrd.batches(path, WANTED):
+        for entity, batch in rrd.batches(path, WANTED, growing=growing):
             content.take(entity, batch)
     except RecordingError:
         raise
@@ -176,6 +185,9 @@ class _Content:
     def take(self, entity: str, batch: pa.RecordBatch) -> None:
         if entity == PROPERTIES:
             self._take_properties(batch)
+        elif entity == TIMING:
+            if "json" in batch.schema.names and (text := _texts(batch, "json")[0]) is not None:
+                self.texts["timing"] = text
         elif schema.TIME not in batch.schema.names:
             return
         elif entity in TEXTS:
@@ -230,6 +242,7 @@ class _Content:
             events,
             health,
             memory[0].text if memory else "",
+            _properties(self.path, self.texts.get("timing", "{}")),
         )
 
     def _series(self, signal: schema.Signal) -> TimeSeries:

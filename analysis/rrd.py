@@ -35,13 +35,16 @@ class CutOffError(FormatError):
     """A file whose end is missing."""
 
 
-def batches(path: Path, entities: Container[str]) -> Iterator[tuple[str, pa.RecordBatch]]:
+def batches(
+    path: Path, entities: Container[str], *, growing: bool = False
+) -> Iterator[tuple[str, pa.RecordBatch]]:
     """Yield entity path and Arrow data of the first recording's chunks that have rows.
 
     Parameters
     ----------
     path : an `.rrd` file
     entities : paths of the entities wanted
+    growing : it is still being written; what is whole of it counts
 
     Raises
     ------
@@ -52,7 +55,7 @@ def batches(path: Path, entities: Container[str]) -> Iterator[tuple[str, pa.Reco
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         store = None
-        for start, end in _data_frames(content):
+        for start, end in _data_frames(content, growing=growing):
             found = _fields(content, start, end)
             name = found.get(1)
             if not isinstance(name, bytes) or _store_kind(name) != RECORDING:
@@ -77,7 +80,7 @@ def complete(path: Path) -> bool:
             return False
 
 
-def _data_frames(content: mmap.mmap) -> Iterator[tuple[int, int]]:
+def _data_frames(content: mmap.mmap, *, growing: bool = False) -> Iterator[tuple[int, int]]:
     if content[: len(MAGIC)] != MAGIC:
         raise FormatError("not a Rerun recording (.rrd)")
     at = HEADER_BYTES
@@ -91,7 +94,8 @@ def _data_frames(content: mmap.mmap) -> Iterator[tuple[int, int]]:
         if kind == DATA:
             yield at, at + length
         at += length
-    raise CutOffError("its end is missing")
+    if not growing:
+        raise CutOffError("its end is missing")
 
 
 def _stream(found: dict[int, int | bytes]) -> pa.RecordBatchReader:

@@ -20,6 +20,7 @@ SCHEMA = "tvc-twin/recording/1"
 
 APPLICATION = "tvc_twin"
 PROPERTY = "run"
+TIMING = "timing"
 TIME = "time"
 WALL_TIME = "wall_time"
 EVENTS = "/events"

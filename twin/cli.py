@@ -4,6 +4,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import signal
 import sys
 from collections.abc import Mapping, Sequence
@@ -31,6 +32,22 @@ from twin.configuration import (
 from twin.errors import DivergenceError, TwinError
 
 MISTAKE, FAILED = 2, 1
+# what tyro says, and what it means to somebody who is no programmer
+PLAINER = (
+    (r"no type matching FLOAT could be instantiated from \['(.*?)'\]\.?", r"'\1' is not a number"),
+    (r"could not convert string to float: '(.*?)'", r"'\1' is not a number"),
+    (r"invalid literal for int\(\) with base 10: '(.*?)'", r"'\1' is not a whole number"),
+    (r"Missing value for argument '(.*?)'\. Expected 1 values\.", r"\1: its value is missing"),
+    (r"Missing value for argument '(.*?)'\. Expected (\d+) values\.", r"\1: \2 values are needed"),
+    (
+        r"Could not (?:parse arguments|find valid parse for arguments:) \[(.*?)\].*",
+        r"\1 will not do",
+    ),
+    (
+        r"invalid choice '(.*?)' for argument '(.*?)'\. Expected one of \((.*?)\)\.?",
+        r"\2: no \1; there are \3",
+    ),
+)
 COMMANDS = (
     "fly",
     "step",
@@ -74,8 +91,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except DivergenceError as error:
         _say(f"twin: {error}")
         sys.exit(FAILED)
-    except KeyboardInterrupt:
-        _say("twin: interrupted; what was recorded until now is kept")
+    except KeyboardInterrupt as interrupt:
+        kept = " ".join(getattr(interrupt, "__notes__", ()))  # the recorder says where
+        _say(f"twin: interrupted; {kept or 'nothing was recorded'}")
         sys.exit(128 + signal.SIGINT)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -99,7 +117,10 @@ def _parse(arguments: list[str]) -> object:
     except SystemExit as end:
         if end.code in (0, None):
             raise
-        raise TwinError(f"{_advice(told.getvalue())} (`twin --help` lists what there is)") from None
+        command = f"twin {arguments[0]}" if arguments and arguments[0] in COMMANDS else "twin"
+        raise TwinError(
+            f"{_advice(told.getvalue())} (`{command} --help` lists what there is)"
+        ) from None
 
 
 def _advice(box: str) -> str:
@@ -112,7 +133,10 @@ def _advice(box: str) -> str:
         else:
             paragraphs[-1].append(text)
     told = next((p for p in paragraphs[1:] if p), ["the arguments make no command"])
-    return " ".join(told).removeprefix("Error parsing ")
+    text = " ".join(told).removeprefix("Error parsing ")
+    for pattern, plain in PLAINER:
+        text = re.sub(pattern, plain, text)
+    return text
 
 
 def _dispatch(command: object) -> int:

@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hardware.frames import GimbalCommand, GimbalState
@@ -26,6 +25,7 @@ from twin.flight import Flight, setpoint
 from twin.guard import Guard
 from twin.loop import Controller, Gimbal, Seats, run
 from twin.plant import Plant
+from twin.recorder import Sink
 from twin.results import FlightResult, StepResult
 from twin.rows import Rows
 from twin.seats import Attitude, Pilot, Sequence, SimulatedGimbal
@@ -53,14 +53,15 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
     """
     began = time.perf_counter()
     real_time = config.real_time and tape is None
-    with ExitStack() as stack:
+    # a rig is let go before its run is judged, and before the recording is complete
+    with ExitStack() as stack, ExitStack() as live:
         stack.enter_context(compiled())
         plant = make_plant(config, config.motor)
         if not plant.has_vehicle:
             raise TwinError(f"scene {config.scene!r} has no joint 'vehicle' to fly")
         steps = steps_per_tick(config.control_hz, plant)
         programme, target = setpoint(config, plant.model)
-        gimbal, rig = gimbal_seat(stack, config, plant, tape)
+        gimbal, rig = gimbal_seat(live, config, plant, tape)
         seen = attitude_seat(config, plant, rig, steps * plant.dt_ns * 1e-9)
         pilot = _pilot(plant, programme, steps, seen)
         guard = None if rig is None else Guard(pilot, rig.readings, config.on_fault or "end", seen)
@@ -74,7 +75,7 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
         flight.announce = recorder.event
         if real_time:
             warm_up(plant, gimbal, rows, _pilot(plant, programme, steps), steps)
-        clock = stack.enter_context(make_clock(real_time=real_time))
+        clock = live.enter_context(make_clock(real_time=real_time))
         outcome = run(
             Seats(plant, gimbal, guard or pilot, clock),
             steps_per_tick=steps,
@@ -84,13 +85,15 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
             stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
             ledger=ledger,
         )
+        live.close()
         recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
+        timing = judged(recorder, clock, plant.time_ns)
     result = flight.result(recorder.path, outcome, time.perf_counter() - began)
     return replace(
         result,
         fault=guard.fault if guard else None,
         turntable_rms_deg=None if seen is None else math.degrees(seen.rms),
-        timing=judged(recorder.path, clock),
+        timing=timing,
     )
 
 
@@ -124,14 +127,14 @@ def step(config: Step, tape: "Recording | None" = None) -> StepResult:
     began = time.perf_counter()
     real_time = config.real_time and tape is None
     asked = excitation(config)
-    with ExitStack() as stack:
+    with ExitStack() as stack, ExitStack() as live:
         stack.enter_context(compiled())
         plant = make_plant(config)
         if plant.twin.gimbal == "fixed":
             raise TwinError(f"scene {config.scene!r} has no gimbal to step")
         steps = steps_per_tick(config.control_hz, plant)
         plan = asked.plan(steps * plant.dt_ns * 1e-9)
-        gimbal, rig = gimbal_seat(stack, config, plant, tape)
+        gimbal, rig = gimbal_seat(live, config, plant, tape)
         ledger = Ledger() if real_time else None
         rows = Rows(plant, readings=rig.readings if rig else None, ledger=ledger)
         recorder = stack.enter_context(
@@ -142,7 +145,7 @@ def step(config: Step, tape: "Recording | None" = None) -> StepResult:
         guard = None if rig is None else Guard(sequence, rig.readings, config.on_fault or "end")
         if real_time:
             warm_up(plant, gimbal, rows, sequence, steps)
-        clock = stack.enter_context(make_clock(real_time=real_time))
+        clock = live.enter_context(make_clock(real_time=real_time))
         run(
             Seats(plant, gimbal, guard or sequence, clock),
             steps_per_tick=steps,
@@ -152,6 +155,8 @@ def step(config: Step, tape: "Recording | None" = None) -> StepResult:
             stop=guard.over if guard else lambda: None,
             ledger=ledger,
         )
+        live.close()
+        timing = judged(recorder, clock, plant.time_ns)
     return StepResult(
         recording=str(recorder.path),
         gimbal=config.gimbal,
@@ -163,7 +168,7 @@ def step(config: Step, tape: "Recording | None" = None) -> StepResult:
         wall_s=time.perf_counter() - began,
         warnings=plant.warnings(),
         fault=guard.fault if guard else None,
-        timing=judged(recorder.path, clock),
+        timing=timing,
     )
 
 
@@ -193,13 +198,24 @@ def warm_up(plant: Plant, gimbal: Gimbal, rows: Rows, controller: Controller, st
     plant.computing_s = 0.0
 
 
-def judged(recording: Path, clock: Clock) -> "Verdict | None":
-    """Whether real time left a run what it was meant to be; None where it was not in real time."""
+def judged(recorder: Sink, clock: Clock, time_ns: int) -> "Verdict | None":
+    """Whether real time left a run what it was meant to be; None where it was not in real time.
+
+    The verdict becomes part of the recording. Within `compiled()`, after the clock has ended.
+    """
     if not isinstance(clock, Wall):
         return None
     from analysis.recording import read
     from twin.rerun import verdict
 
     rights = {"SCHED_FIFO": clock.rights.scheduling, "locked memory": clock.rights.memory}
-    with compiled():
-        return verdict(read(recording), overruns=clock.overruns, rights=rights, stolen=clock.stolen)
+    found = verdict(
+        read(recorder.flush(), growing=True),
+        overruns=clock.overruns,
+        rights=rights,
+        stolen=clock.stolen,
+    )
+    recorder.timing(found.as_dict())
+    level = "INFO" if found.word == "valid" else "WARN"
+    recorder.event(time_ns, f"timing {found.text()}", level)
+    return found

@@ -21,6 +21,7 @@ from twin.recalled import configuration_of
 from twin.results import FlightResult, StepResult
 from twin.seat_names import MODELS, is_port, is_rig
 
+WIDTH = 28
 CLOCKED = "timing/"  # what the wall clock alone decides
 
 
@@ -87,22 +88,22 @@ class ReplayResult:
 
     def text(self) -> str:
         """One screen."""
-        lines = [f"{'replayed':<24}{self.recording}"]
-        lines += [f"{k:<24}{a} → {b}" for k, (a, b) in self.changed.items()]
+        lines = [f"{'replayed':<{WIDTH}}{self.recording}"]
+        lines += [f"{k:<{WIDTH}}{a} → {b}" for k, (a, b) in self.changed.items()]
         if self.identical:
             count = len(self.differences)
-            lines.append(f"{'result':<24}identical, every bit of {count} signals")
+            lines.append(f"{'result':<{WIDTH}}identical, every bit of {count} signals")
         else:
             word = "differs" if self.changed else "NOT repeated, though nothing was changed"
-            lines.append(f"{'result':<24}{word}")
+            lines.append(f"{'result':<{WIDTH}}{word}")
             lines += [_line(d) for d in self.differences if not d.equal]
-            lines += [f"{name:<24}only in one of the two" for name in self.missing]
+            lines += [f"{name:<{WIDTH}}only in one of the two" for name in self.missing]
             lines += [
-                f"{k:<24}{self.before[k]:.4g} → {self.after[k]:.4g}"
+                f"{k:<{WIDTH}}{self.before[k]:.4g} → {self.after[k]:.4g}"
                 for k in self.before
                 if k in self.after and self.before[k] != self.after[k]
             ]
-        return "\n".join([*lines, f"{'recording':<24}{self.replayed}"])
+        return "\n".join([*lines, f"{'recording':<{WIDTH}}{self.replayed}"])
 
 
 def replay(config: Replay) -> ReplayResult:
@@ -243,5 +244,10 @@ def _figures(recording: Recording) -> dict[str, float]:
 
 def _line(d: Difference) -> str:
     if d.largest is None:
-        return f"{d.signal:<24}differs"
-    return f"{d.signal:<24}up to {d.largest:.3g} {d.unit} at {d.at:.3f} s"
+        told = "nothing at the same time"
+    elif d.largest == 0.0:
+        told = "equal where both have something, but not as long or not as often"
+    else:
+        unit = "" if d.unit == "1" else f" {d.unit}"
+        told = f"up to {d.largest:.3g}{unit} at {d.at:.3f} s"
+    return f"{d.signal:<{WIDTH}}{told}"

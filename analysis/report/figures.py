@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.report.run import AxisRecord, Run, in_flight, setting
+from analysis.report.run import AxisRecord, Run, in_flight
 from analysis.report.spectrum import frequency_response, measured_figures
 from analysis.response import (
     Figure,
@@ -59,8 +59,8 @@ def kind_of(run: Run, axis: AxisRecord) -> Kind:
         return "still"
     if in_flight(run):
         return "closed loop"
-    said = setting(run.recording, "signal")
-    if isinstance(said, str) and said in KINDS and not setting(run.recording, "rate_limit_deg_s"):
+    said = run.recording.setting("signal")
+    if isinstance(said, str) and said in KINDS and not run.recording.setting("rate_limit_deg_s"):
         return KINDS[said]
     pauses = np.diff(axis.time[changes])
     if len(changes) < 3 or float(np.median(pauses)) >= HELD:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.caveats import caveats
 from analysis.compare import AxisComparison, Comparison, Motion, compare
 from analysis.report.figures import AxisFigures, run_figures
 from analysis.report.run import AxisRecord, Run
@@ -88,7 +89,7 @@ class ReportNumbers:
 
 def numbers_of(runs: Sequence[Run], title: str) -> ReportNumbers:
     """Compute whatever the runs allow; what they do not allow becomes a note."""
-    notes: list[str] = []
+    notes = list(caveats([r.recording for r in runs], [r.label for r in runs], together=False))
     first = run_figures(runs[0])
     told = []
     for k, run in enumerate(runs):

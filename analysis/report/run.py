@@ -1,6 +1,6 @@
 """One recording as the report sees it: a label, and per axis what was commanded and what moved."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -189,12 +189,6 @@ def in_flight(run: Run) -> bool:
     return run.recording.properties.get("command") == "fly"
 
 
-def setting(recording: Recording, name: str) -> object:
-    """A value of the run's configuration, or None."""
-    configuration = recording.properties.get("configuration")
-    return configuration.get(name) if isinstance(configuration, Mapping) else None
-
-
 def _label(recording: Recording) -> str:
-    gimbal = setting(recording, "gimbal")
+    gimbal = recording.setting("gimbal")
     return gimbal[:LONGEST_LABEL] if isinstance(gimbal, str) and gimbal.strip() else "run"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis.recording import read
 from twin.cli import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "mjcf" / "examples"
@@ -96,6 +97,11 @@ MISTAKES = [
     ("view text.rrd", "not a Rerun recording"),
     ("flie", "fly"),
     ("fly --jsn", "--jsn"),
+    ("fly --dt abc", "--dt: 'abc' is not a number (`twin fly --help`"),
+    ("fly --repeat 2.5", "--repeat: '2.5' is not a whole number"),
+    ("fly --gimbal", "--gimbal: its value is missing"),
+    ("fly --off-axis-deg 1", "--off-axis-deg: 2 values are needed"),
+    ("fly --integrator ab9", "--integrator: no ab9; there are 'implicitfast'"),
 ]
 
 
@@ -127,6 +133,18 @@ def test_a_flight_of_one_tick_towards_a_point_has_a_distance(capsys, here):
     )
     assert code == 0
     assert json.loads(out)["closest_approach_m"] == pytest.approx(461, abs=1)  # hypot(300, 350)
+
+
+@pytest.mark.parametrize("clock", ["lockstep", "wall"])
+def test_an_interrupted_run_says_where_it_is_kept(capsys, here, monkeypatch, clock):
+    def pressed(self, time_ns):
+        if time_ns >= 200_000_000:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("twin.flight.Flight.watch", pressed)
+    code, _, err = run(capsys, "fly", "--clock", clock, "--out", "f.rrd")
+    assert (code, err) == (130, "twin: interrupted; f.rrd holds the run up to there\n")
+    assert read("f.rrd")["vehicle/position"].time[-1] == pytest.approx(0.2, abs=0.005)
 
 
 def test_json_is_one_object_with_the_documented_numbers_and_nothing_else(capsys, here):

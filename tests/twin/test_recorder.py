@@ -107,6 +107,27 @@ def test_a_recording_written_by_another_process_is_the_same_recording(tmp_path):
     assert compare(tmp_path / "here.rrd", tmp_path / "there.rrd") == 0
 
 
+@pytest.mark.parametrize("make", [Recorder, DetachedRecorder])
+def test_a_recording_is_read_before_its_end_and_then_told_what_was_found(tmp_path, make):
+    with make(tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}) as recorder:
+        for tick in range(700):
+            recorder.row[:] = tick
+            recorder.commit(tick * 4_000_000, 0)
+        partial = recorder.flush()
+        with pytest.raises(recording.RecordingError, match="its end is missing"):
+            recording.read(partial)
+        begun = recording.read(partial, growing=True)
+        assert begun["vehicle/mass"].values[:, 0].tolist() == list(range(700))
+        assert begun.timing == {}
+        recorder.timing({"verdict": "valid", "worst": 0.1})
+        recorder.event(2_800_000_000, "judged")
+        assert recorder.reached_ns == 699 * 4_000_000
+    whole = recording.read(tmp_path / "a.rrd")
+    assert whole["vehicle/mass"].values.tobytes() == begun["vehicle/mass"].values.tobytes()
+    assert whole.timing == {"verdict": "valid", "worst": 0.1}
+    assert [e.text for e in whole.events] == ["judged"]
+
+
 def test_rows_that_find_no_room_are_counted_told_and_never_waited_for(tmp_path):
     recorder = DetachedRecorder(
         tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}, capacity=8

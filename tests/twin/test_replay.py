@@ -266,7 +266,9 @@ def test_a_model_in_the_rigs_place_flies_nearly_the_same(rig_flight, tmp_path):
 def test_a_flight_in_real_time_over_a_line_repeats_itself_without_either(tmp_path, monkeypatch):
     out = tmp_path / "live.rrd"
     with served(tcp=0) as (_, url):
-        fly(Fly(gimbal=url, out=out, duration_s=1.0, programme="doublet", at_s=0.3))
+        told = fly(Fly(gimbal=url, out=out, duration_s=1.0, programme="doublet", at_s=0.3))
+    assert read(out).timing == told.timing.as_dict()  # the verdict is part of the recording
+    assert read(out).events[-1].text == f"timing {told.timing.text()}"
     without_a_rig(monkeypatch)
     found = replay(Replay(out))
     assert found.identical, [d for d in found.differences if not d.equal]

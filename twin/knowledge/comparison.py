@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis import schema
+from analysis.caveats import caveats
 from analysis.compare import AxisComparison, Comparison, Motion
 from analysis.compare import compare as side_by_side
 from analysis.flights import PathDifference, flight_path, holds_flight, path_difference
@@ -46,6 +47,7 @@ class CompareResult:
     shift : added to the other's stamps to lay its first command over the reference's [s]
     limit : fit below which the check fails [%], or None
     flight : how far the vehicles' flights lie apart; None where none flew
+    warnings : reasons to doubt the figures
     """
 
     comparison: Comparison
@@ -54,6 +56,7 @@ class CompareResult:
     file: Path
     wall_s: float
     flight: PathDifference | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -68,6 +71,7 @@ class CompareResult:
             "fail_below": self.limit,
             "passed": self.passed,
             "flight": None if self.flight is None else self.flight.to_dict(),
+            "warnings": list(self.warnings),
             "recording": str(self.file),
             "wall_s": self.wall_s,
         }
@@ -86,6 +90,7 @@ class CompareResult:
         rows += [(f"at {f:g} Hz", _columns(_at(a, f) for a in c.axes)) for f in TOLD_HZ]
         if self.flight is not None:
             rows.append(("flights, under power", difference_text(self.flight)))
+        rows += [("WARNING", w) for w in self.warnings]
         if self.limit is not None:
             word = "passed" if self.passed else "FAILED"
             rows.append((word, f"worst fit {c.fit:.2f} %, {self.limit:g} % asked for"))
@@ -103,6 +108,10 @@ class _Laid:
     shift: float
     run: Recording  # of the reference
     other_run: Recording | None = None
+
+    @property
+    def runs(self) -> list[Recording]:
+        return [r for r in (self.run, self.other_run) if r is not None]
 
 
 def compare(config: Compare) -> CompareResult:
@@ -137,6 +146,7 @@ def compare(config: Compare) -> CompareResult:
         file,
         time.perf_counter() - began,
         None if laid.other_run is None else _flights(laid.run, laid.other_run),
+        caveats(laid.runs, [str(f) for f in config.recordings]),
     )
 
 
@@ -200,15 +210,13 @@ def _repeats_begin(laid: _Laid, axis: str) -> Array:
 
     An axis is commanded for as many equal times as the run was told to repeat its signal.
     """
-    from analysis.report.run import setting
-
     command = laid.command
     changes = command.time[np.flatnonzero(np.diff(command.column(axis)) != 0.0) + 1]
-    count = setting(laid.run, "repeats")
+    count = laid.run.setting("repeats")
     if len(changes) < 2 or not isinstance(count, int) or not 1 <= count <= len(changes):
         return np.zeros(0)
     last = changes[-1]
-    if setting(laid.run, "signal") == "steps":
+    if laid.run.setting("signal") == "steps":
         last += np.diff(changes).max()  # a step lasts as long as it is held
     return np.linspace(changes[0], last, count + 1)
 

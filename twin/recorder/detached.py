@@ -9,17 +9,15 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Self
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import schema
 from twin.recorder import ring
-from twin.recorder.sink import places
-from twin.recorder.stream import RecorderError, checked, one_line
+from twin.recorder.sink import Sink, places
+from twin.recorder.stream import RecorderError, checked
 
 CAPACITY = 16_384  # entries: 20 s of a flight with a rig that sends 500 frames a second
 PATIENCE_S = 90.0  # for a slow disk to take the rest
@@ -80,7 +78,7 @@ def _binary(model: mujoco.MjModel) -> bytes:
     return buffer.tobytes()
 
 
-class DetachedRecorder:
+class DetachedRecorder(Sink):
     """As `Recorder`, but a commit only copies a row into shared memory.
 
     Writing a second of a flight takes 20 ms and more, and a thread for it would hold the
@@ -191,17 +189,24 @@ class DetachedRecorder:
         self._due = time_ns - time_ns % self._period + self._period
         self._ring.put(ring.Kind.POSE, time_ns, 0, data.qpos)
 
-    def event(self, time_ns: int, text: str, level: str = "INFO") -> None:
-        """Add a line to the events of the run; level INFO, WARN or ERROR."""
-        self._tell(entity=schema.EVENTS, time_ns=int(time_ns), text=text, level=level)
+    def text(self, entity: str, time_ns: int, text: str, level: str) -> None:
+        """Add a line to an entity of texts."""
+        self._tell(entity=entity, time_ns=int(time_ns), text=text, level=level)
 
-    def health(self, time_ns: int, text: str) -> None:
-        """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
-        self._tell(entity=schema.HEALTH, time_ns=time_ns, text=text, level="INFO")
+    def timing(self, verdict: Mapping[str, object]) -> None:
+        """Add the verdict on the run's timing to its properties."""
+        self._tell(timing=dict(verdict))
 
-    def estimator(self, time_ns: int, memory: str) -> None:
-        """Add what the rig's estimator remembers at `time_ns` [ns], as JSON, for a replay."""
-        self._tell(entity=schema.ESTIMATOR, time_ns=time_ns, text=memory, level="INFO")
+    def flush(self) -> Path:
+        """Write all that was taken so far; where it stands until the recording is complete.
+
+        Raises
+        ------
+        RecorderError : it could not be written
+        """
+        self._tell(flush=True)
+        self._answered()
+        return self.path.with_name(self.path.name + ".partial")
 
     def _tell(self, **message: object) -> None:
         assert self._process.stdin is not None
@@ -242,15 +247,7 @@ class DetachedRecorder:
             self._process.kill()
             self._process.wait()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._open and error is not None and not isinstance(error, KeyboardInterrupt):
-            self.event(max(self._last_ns, 0), f"run ended early: {one_line(error)}", "ERROR")
-        self.close()
+    @property
+    def reached_ns(self) -> int | None:
+        """Time of the last row [ns], zero before the first; None once closed."""
+        return self._last_ns if self._open else None

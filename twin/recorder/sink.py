@@ -1,9 +1,10 @@
 """What a run needs of a recorder, in whichever process it writes."""
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -12,33 +13,74 @@ from numpy.typing import NDArray
 from analysis import schema
 
 
-class Sink(Protocol):
+class Sink(ABC):
     """Takes rows: fill `row` through `slices`, then `commit`; views of `row` stay valid.
 
     A context manager: its end completes the recording.
+
+    Attributes
+    ----------
+    path : of the complete recording
     """
 
     path: Path
     row: NDArray[np.float64]
     slices: dict[str, slice]
 
+    @abstractmethod
     def commit(self, time_ns: int, wall_ns: int) -> None:
         """Take `row` as the state at `time_ns` of the experiment and `wall_ns` since 1970 [ns]."""
 
+    @abstractmethod
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
         """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
 
+    @abstractmethod
+    def text(self, entity: str, time_ns: int, text: str, level: str) -> None:
+        """Add a line to an entity of texts."""
+
+    @abstractmethod
+    def timing(self, verdict: Mapping[str, object]) -> None:
+        """Add the verdict on the run's timing to its properties."""
+
+    @abstractmethod
+    def flush(self) -> Path:
+        """Write all that was taken so far; where it stands until the recording is complete.
+
+        Raises
+        ------
+        TwinError : it could not be written
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Write the rest and give the file its name; a second call does nothing.
+
+        Raises
+        ------
+        TwinError : not all could be written; the file then keeps its name `<path>.partial`
+        """
+
+    @property
+    @abstractmethod
+    def reached_ns(self) -> int | None:
+        """Time of the last row [ns], zero before the first; None once closed."""
+
     def event(self, time_ns: int, text: str, level: str = "INFO") -> None:
         """Add a line to the events of the run; level INFO, WARN or ERROR."""
+        self.text(schema.EVENTS, time_ns, text, level)
 
     def health(self, time_ns: int, text: str) -> None:
         """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
+        self.text(schema.HEALTH, time_ns, text, "INFO")
 
     def estimator(self, time_ns: int, memory: str) -> None:
         """Add what the rig's estimator remembers at `time_ns` [ns], as JSON, for a replay."""
+        self.text(schema.ESTIMATOR, time_ns, memory, "INFO")
 
     def __enter__(self) -> Self:
         """Open since it was made."""
+        return self
 
     def __exit__(
         self,
@@ -47,6 +89,19 @@ class Sink(Protocol):
         trace: TracebackType | None,
     ) -> None:
         """Write the rest, and say why the run ended where an error ended it."""
+        interrupted = isinstance(error, KeyboardInterrupt)
+        reached = self.reached_ns
+        if reached is not None and error is not None and not interrupted:
+            self.event(reached, f"run ended early: {one_line(error)}", "ERROR")
+        self.close()
+        if interrupted:
+            assert error is not None
+            error.add_note(f"{self.path} holds the run up to there")
+
+
+def one_line(error: BaseException) -> str:
+    """What went wrong, without line breaks."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def places(signals: Sequence[schema.Signal]) -> dict[str, slice]:

@@ -7,8 +7,7 @@ import os
 import socket
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Self
+from typing import IO
 
 import mujoco
 import numpy as np
@@ -20,7 +19,7 @@ from analysis.held import claim
 from twin.errors import TwinError
 from twin.recorder import blueprint, columns
 from twin.recorder.poses import Poses
-from twin.recorder.sink import places
+from twin.recorder.sink import Sink, one_line, places
 
 THRUST = "vehicle/thrust"
 LOOPBACK = "127.0.0.1"
@@ -34,7 +33,7 @@ class RecorderError(TwinError):
     """A recording that cannot be written, told in one line."""
 
 
-class Recorder:
+class Recorder(Sink):
     """Writes a run into one Rerun file: `<path>.partial` while it runs, `<path>` once closed.
 
     Fill `row` through `slices`, then `commit`. The row stays in place, so views of it may be kept;
@@ -83,6 +82,7 @@ class Recorder:
         self._poses = None if model is None else Poses(model, pose_period_ns)
         self._texts: list[tuple[str, int, str, str]] = []
         self._last_wall = 0
+        self._reached = 0
         self._open = True
         self._stream = self._start(text, serve)
 
@@ -153,21 +153,32 @@ class Recorder:
             self.drain()
         self._poses.add(time_ns, data)
 
-    def event(self, time_ns: int, text: str, level: str = "INFO") -> None:
-        """Add a line to the events of the run; level INFO, WARN or ERROR."""
-        self.text(schema.EVENTS, time_ns, text, level)
-
-    def health(self, time_ns: int, text: str) -> None:
-        """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
-        self.text(schema.HEALTH, time_ns, text, "INFO")
-
     def text(self, entity: str, time_ns: int, text: str, level: str) -> None:
         """Add a line to an entity of texts."""
         self._texts.append((entity, time_ns, text, level))
 
-    def estimator(self, time_ns: int, memory: str) -> None:
-        """Add what the rig's estimator remembers at `time_ns` [ns], as JSON, for a replay."""
-        self.text(schema.ESTIMATOR, time_ns, memory, "INFO")
+    def timing(self, verdict: Mapping[str, object]) -> None:
+        """Add the verdict on the run's timing to its properties.
+
+        Raises
+        ------
+        RecorderError : it is not JSON
+        """
+        self._stream.send_property(schema.TIMING, rr.AnyValues(json=_json(verdict)))
+
+    def flush(self) -> Path:
+        """Write all that was taken so far; where it stands until the recording is complete.
+
+        Raises
+        ------
+        RecorderError : it could not be written
+        """
+        self.drain()
+        try:
+            self._stream.flush(timeout_sec=FLUSH_SECONDS)
+        except RuntimeError as error:
+            raise self._unfinished(one_line(error)) from None
+        return self._partial
 
     def drain(self) -> None:
         """Write what is kept; called by `commit` in time, so seldom of use elsewhere."""
@@ -181,7 +192,7 @@ class Recorder:
         self._texts.clear()
         if n:
             self._send_rows(self._block[:n] * self._scale, time, wall)
-            self._last_wall = int(wall[-1])
+            self._reached, self._last_wall = int(time[-1]), int(wall[-1])
         self._n = 0
 
     def _send_rows(self, stored: NDArray[np.float64], time: Stamps, wall: Stamps) -> None:
@@ -257,19 +268,12 @@ class Recorder:
             f"`twin view {self._partial}` saves what was written"
         )
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._open and error is not None and not isinstance(error, KeyboardInterrupt):
-            last = int(self._time[self._n - 1]) if self._n else self._due - self._drain_every
-            self.event(max(last, 0), f"run ended early: {one_line(error)}", "ERROR")
-        self.close()
+    @property
+    def reached_ns(self) -> int | None:
+        """Time of the last row [ns], zero before the first; None once closed."""
+        if not self._open:
+            return None
+        return int(self._time[self._n - 1]) if self._n else self._reached
 
 
 def checked(names: Sequence[str]) -> list[schema.Signal]:
@@ -335,8 +339,3 @@ def _abandon(stream: rr.RecordingStream) -> None:
     for held in (stream, stream.to_native()):
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
     rr.unregister_shutdown()
-
-
-def one_line(error: BaseException) -> str:
-    """What went wrong, without line breaks."""
-    return " ".join(str(error).split()) or type(error).__name__

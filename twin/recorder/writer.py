@@ -1,8 +1,8 @@
 """The process that writes what a `DetachedRecorder` is given: `python -m twin.recorder.writer`.
 
-Standard input brings the settings, then a line of JSON for every text; its end, or a line that says
-so, is the end of the run. Standard output answers in JSON, once when the file is open
-and once when it is closed.
+Standard input brings the settings, then a line of JSON for every text, a verdict on timing, or a
+request to flush; its end, or a line that says so, is the end of the run. Standard output answers in
+JSON: when the file is open, when it is flushed, and when it is closed.
 """
 
 import json
@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 from contextlib import suppress
-from typing import IO
+from typing import IO, Any
 
 import mujoco
 
@@ -33,7 +33,7 @@ class Writer:
         self._data = None if settings.model is None else mujoco.MjData(settings.model)
         self._model = settings.model
         self._last_ns = 0
-        self._texts: queue.SimpleQueue[dict[str, object] | None] = queue.SimpleQueue()
+        self._texts: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self.ended = threading.Event()
         self.orderly = False
 
@@ -61,11 +61,16 @@ class Writer:
 
     def _pass_on(self, *, settled: bool) -> None:
         recorder = self._recorder
-        while not self._texts.empty():
+        flush = False
+        while not self._texts.empty() and not flush:
             told = self._texts.get()
-            assert told is not None
-            recorder.text(**told)  # type: ignore[arg-type]
-        for kind, time_ns, wall_ns, values in self._ring.take(settled=settled):
+            flush = "flush" in told
+            if "timing" in told:
+                recorder.timing(told["timing"])
+            elif not flush:
+                recorder.text(**told)
+        # a request to flush came through the pipe behind every row that it is about
+        for kind, time_ns, wall_ns, values in self._ring.take(settled=settled and not flush):
             if kind is Kind.ROW:
                 recorder.row[:] = values[: recorder.row.size]
                 recorder.commit(time_ns, wall_ns)
@@ -74,6 +79,9 @@ class Writer:
                 self._data.qpos[:] = values[: self._data.qpos.size]
                 mujoco.mj_kinematics(self._model, self._data)
                 recorder.commit_pose(time_ns, self._data)
+        if flush:
+            recorder.flush()
+            _answer(None)
 
 
 def main() -> None:

@@ -50,7 +50,10 @@ def _nothing(numbers: ReportNumbers) -> Section | None:
 
 
 def _notes(numbers: ReportNumbers) -> Table:
-    return Table(("what could not be told",), tuple((Cell(n, "warn"),) for n in numbers.notes))
+    return Table(
+        ("what could not be told, or is to be doubted",),
+        tuple((Cell(n, "warn"),) for n in numbers.notes),
+    )
 
 
 def _by_key(run: RunNumbers) -> dict[Key, Figure]:

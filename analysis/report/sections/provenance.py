@@ -22,6 +22,7 @@ def provenance(runs: Sequence[Run], numbers: ReportNumbers) -> Section:
         ("angle", [n.motion for n in numbers.runs]),
         ("duration", [f"{number(n.duration, 5)} s" for n in numbers.runs]),
         ("samples", [str(n.samples) for n in numbers.runs]),
+        ("timing", [_word(r) for r in runs]),
         ("seed", [_said(r, "seed") for r in runs]),
         ("model", [_said(r, "model_sha256")[:16] for r in runs]),
         ("twin", [_said(r, "versions", "tvc-twin") for r in runs]),
@@ -31,6 +32,11 @@ def provenance(runs: Sequence[Run], numbers: ReportNumbers) -> Section:
     head = ("run", *(r.label for r in runs))
     table = Table(head, tuple((name, *values) for name, values in kept))
     return Section("runs", "Runs", _text(runs), (table,))
+
+
+def _word(run: Run) -> str:
+    word = run.recording.timing.get("verdict")
+    return word if word in ("valid", "invalid") else "–"
 
 
 def _text(runs: Sequence[Run]) -> tuple[str, ...]:
