@@ -183,7 +183,8 @@ class Plan:
 
 
 def _ticks(seconds: float, tick: float) -> int:
-    return max(1, round(seconds / tick))
+    """Ticks that last at least so long."""
+    return max(1, math.ceil(seconds / tick - 1e-6))
 
 
 def _frame(tick: float) -> int:

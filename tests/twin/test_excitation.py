@@ -40,6 +40,11 @@ def test_steps_go_to_both_sides_and_back_axis_by_axis():
     assert 1.5 - 1e-12 <= held[8] < 1.52  # last zero, rest after x, rest before y
 
 
+def test_no_hold_is_shorter_than_asked_where_ticks_do_not_divide_it():
+    plan = Excitation("steps", amplitude=0.1, repeats=2, hold=0.013).plan(0.004)
+    assert np.diff(plan.times).min() >= 0.016 - 1e-12
+
+
 def waits(plan, latest: float) -> np.ndarray:
     """How long each change waits for the frames of a rig that begin at `latest` + 20 ms · k."""
     return (latest - plan.times[1:]) % 0.02

@@ -72,6 +72,21 @@ def test_the_flown_model_is_found_again_within_its_intervals_and_flies(
     assert "recording" in text
 
 
+def test_a_flight_is_identified_with_a_word_about_its_loop_and_compared_with_a_step_with_another(
+    capsys, made, tmp_path
+):
+    """What the loop does to an estimate: L. Ljung, System Identification, 2nd ed., § 13.4."""
+    flight, out = str(tmp_path / "flight.rrd"), str(tmp_path / "model.json")
+    assert run(capsys, "fly", "--programme", "doublet", "--at-s", "1", "--duration-s", "3",
+               "--gimbal", "transfer-function", "--out", flight)[0] == 0  # fmt: skip
+    found = told(capsys, "identify", flight, "--out", out)
+    assert any("commands answer its angles" in w for w in found["warnings"])
+    steps = str(made / "steps.rrd")
+    compared = told(capsys, "compare", steps, flight, "--out", str(tmp_path / "c.rrd"))
+    assert any(w.startswith(f"{flight} is of fly, {steps} of step") for w in compared["warnings"])
+    assert told(capsys, "compare", steps, steps, "--out", str(tmp_path / "c.rrd"))["warnings"] == []
+
+
 def test_a_model_is_judged_on_a_recording_it_never_saw(capsys, made, tmp_path):
     """99 %: a reading error of 0.01° on some 2.5° of motion is 0.4 %."""
     found = told(

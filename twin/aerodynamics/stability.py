@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin import aerodynamics as air
 from twin.aerodynamics.body import Load
+from twin.errors import TwinError
 from twin.motor import Depletion
 
 Array = NDArray[np.float64]
@@ -121,11 +122,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     default = str(files("mjcf") / "vehicle.xml")
     parser.add_argument("vehicle", nargs="?", default=default, help="MJCF file")
-    model = mujoco.MjModel.from_xml_path(parser.parse_args().vehicle)
-    end = float(model.numeric("motor_time").data.max())
+    path = parser.parse_args().vehicle
+    try:
+        model = mujoco.MjModel.from_xml_path(path)
+        end = float(model.numeric("motor_time").data.max())
+        found = [(name, Stability(model, time)) for name, time in (("loaded", 0.0), ("empty", end))]
+    except (ValueError, KeyError, TwinError) as error:
+        reason = " ".join(str(error).split())
+        parser.error(f"{path} is no vehicle with air and motor: {reason[:200]}")
     print(table(model, end))
-    for name, time in (("loaded", 0.0), ("empty", end)):
-        stability = Stability(model, time)
+    for name, stability in found:
         print(
             f"{name}: centre of mass {stability.station:.4f} m, turned away beyond "
             f"{np.degrees(stability.neutral_angle()):.2f}°"

@@ -134,7 +134,7 @@ def _order(config: Identify, runs: list[Record]) -> tuple[int, int, tuple[OrderS
 
 
 def _notes(config: Identify, source: Given) -> list[str]:
-    notes = []
+    notes = list(source.doubts)
     if source.simulated:
         notes.append("simulated angles are exact; they were read as by a sensor of 0.01° noise")
     if config.from_pulses:

@@ -127,7 +127,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
         )
     values = {e.name: e.value for e in fit.estimates}
     late = values.pop(DELAY, 0.0)
-    warnings = list(fit.warnings)
+    warnings = [*fit.warnings, *source.doubts]
     if late > 1e-3:
         warnings.append(f"{1e3 * late:.1f} ms of delay are no parameter of the linkage: not in it")
     written = {**known, **{t: v for n, v in values.items() for t in TARGETS.get(n, (n,))}}

@@ -26,10 +26,12 @@ class Given:
     ----------
     records : one a file
     simulated : whether any of them holds a simulation's exact angles
+    doubts : reasons to believe less of what is made of them
     """
 
     records: list[Record]
     simulated: bool
+    doubts: tuple[str, ...] = ()
 
 
 def given(config: Identify, files: tuple[Path, ...]) -> Given:
@@ -40,18 +42,21 @@ def given(config: Identify, files: tuple[Path, ...]) -> Given:
     TwinError, AnalysisError : a file or flag that cannot be used, in one line
     """
     read = [
-        _recorded(config, file) if file.suffix.lower() == ".rrd" else (_tabled(config, file), False)
+        _recorded(config, file)
+        if file.suffix.lower() == ".rrd"
+        else Given([_tabled(config, file)], simulated=False)
         for file in files
     ]
-    found, simulated = [r for r, _ in read], any(exact for _, exact in read)
+    found, simulated = [r for g in read for r in g.records], any(g.simulated for g in read)
     moved = [n for k, n in enumerate(found[0].inputs) if any(len(r.changes(k)) for r in found)]
     if not config.linkage and 0 < len(moved) < len(found[0].inputs) == len(found[0].outputs):
         found = [_only(r, moved) for r in found]
-    return Given(found, simulated)
+    return Given(found, simulated, tuple(d for g in read for d in g.doubts))
 
 
-def _recorded(config: Identify, file: Path) -> tuple[Record, bool]:
+def _recorded(config: Identify, file: Path) -> Given:
     from analysis import recording
+    from analysis.caveats import caveats
 
     for flag in _OF_TABLES:
         if getattr(config, flag) is not None:
@@ -72,7 +77,13 @@ def _recorded(config: Identify, file: Path) -> tuple[Record, bool]:
         name=str(file),
     )
     exact = angle == "gimbal/simulated"
-    return (_as_read(found) if exact else found), exact
+    doubts = caveats([run], [str(file)])
+    if run.properties.get("command") == "fly":
+        doubts += (
+            f"{file} is of a flight, whose commands answer its angles: noise and delay go round the"
+            " loop into the estimate (twin step excites a gimbal alone)",
+        )
+    return Given([_as_read(found) if exact else found], exact, doubts)
 
 
 def _as_read(r: Record) -> Record:
