@@ -79,10 +79,8 @@ def _recorded(config: Identify, file: Path) -> Given:
     exact = angle == "gimbal/simulated"
     doubts = caveats([run], [str(file)])
     if run.properties.get("command") == "fly":
-        doubts += (
-            f"{file} is of a flight, whose commands answer its angles: noise and delay go round the"
-            " loop into the estimate (twin step excites a gimbal alone)",
-        )
+        told = f"{file} is of a flight, whose commands answer its angles: noise and delay go round"
+        doubts += (f"{told} the loop into the estimate (twin step excites a gimbal alone)",)
     return Given([_as_read(found) if exact else found], exact, doubts)
 
 
