@@ -89,6 +89,8 @@ _SIGNATURES: dict[str, tuple[object, list[object]]] = {
     "set_pin_d": (None, [ctypes.c_uint32, ctypes.c_uint32]),
     "set_imu": (None, [ctypes.c_uint32, ctypes.c_char_p]),
     "plug_imu": (None, [ctypes.c_uint32, ctypes.c_uint32]),
+    "hold_bus": (None, [ctypes.c_uint32]),
+    "hang": (None, []),
     "imu_register": (ctypes.c_uint32, [ctypes.c_uint32, ctypes.c_uint32]),
     "pulses": (ctypes.c_uint32, [ctypes.POINTER(_CPulse), ctypes.c_uint32]),
 }
@@ -226,6 +228,14 @@ class SimulatedNano:
     def plug_imu(self, sensor: int, present: bool) -> None:
         """Pull a sensor off the bus, or put it back: asleep, as after power-up."""
         self._c.nano_plug_imu(self._open(), sensor, present)
+
+    def hold_bus(self, held: bool) -> None:
+        """Hold SDA, so that no I²C transaction ends any more, or let it go."""
+        self._c.nano_hold_bus(self._open(), held)
+
+    def hang(self) -> None:
+        """Lead the program into an endless loop with interrupts off, as a fault of it would."""
+        self._c.nano_hang(self._open())
 
     def imu_register(self, sensor: int, register: int) -> int:
         """Return a register of an MPU6050 as the firmware left it (0x1A is the DLPF setting)."""

@@ -80,15 +80,18 @@ typedef struct nano {
   int d3_high;
 
   imu_t imu[IMUS];
+  int bus_stuck; /* somebody holds SDA: no transaction ends any more */
   int selected; /* sensor on the bus, or -1 */
   int expect_register;
 } nano_t;
 
+static int the_bus_stuck;
 static avr_twi_t *the_twi; /* so that the timer below can tell its callers apart */
 
 /* TRAP: stands before the library's function of this name in symbol lookup. I2C calls it with the
  * number of bus clocks as if they were microseconds; everybody else means microseconds. */
 void avr_cycle_timer_register_usec(avr_t *avr, uint32_t usec, avr_cycle_timer_t timer, void *param) {
+  if (the_twi && param == the_twi && the_bus_stuck) return; /* it would raise TWINT */
   avr_cycle_count_t cycles = (avr_cycle_count_t)usec * (FREQUENCY / 1000000);
   if (the_twi && param == the_twi) {
     uint32_t clock = 16u + (2u * avr->data[TWBR_] << (2 * (avr->data[TWSR_] & 3)));
@@ -348,6 +351,7 @@ static avr_cycle_count_t stop_here(avr_t *avr, avr_cycle_count_t when, void *par
 int nano_run_until(nano_t *n, uint64_t cycle) {
   avr_t *avr = n->avr;
   the_twi = n->twi;
+  the_bus_stuck = n->bus_stuck;
   if (cycle <= avr->cycle) return 0;
   avr_cycle_timer_register(avr, cycle - avr->cycle, stop_here, n); /* ends a sleep on time */
   while (avr->cycle < cycle) {
@@ -393,6 +397,20 @@ void nano_plug_imu(nano_t *n, uint32_t sensor, uint32_t present) {
   if (sensor >= IMUS) return;
   n->imu[sensor].present = present ? 1 : 0;
   imu_reset(&n->imu[sensor]);
+}
+
+/* Holds the bus, so that no transaction ends, or lets it go. */
+void nano_hold_bus(nano_t *n, uint32_t held) { n->bus_stuck = held ? 1 : 0; }
+
+/* Sends the program where it ends, interrupts off: to see the watchdog bite. */
+void nano_hang(nano_t *n) {
+  avr_t *avr = n->avr;
+  for (uint32_t at = 0; at + 3 < avr->flashend; at += 2)
+    if (avr->flash[at] == 0xF8 && avr->flash[at + 1] == 0x94 && avr->flash[at + 2] == 0xFF &&
+        avr->flash[at + 3] == 0xCF) { /* cli; rjmp to itself */
+      avr->pc = at;
+      return;
+    }
 }
 
 uint32_t nano_imu_register(nano_t *n, uint32_t sensor, uint32_t reg) {

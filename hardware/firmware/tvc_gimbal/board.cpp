@@ -3,6 +3,7 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/sleep.h>
+#include <avr/wdt.h>
 #include <util/atomic.h>
 
 #include "adc.h"
@@ -29,6 +30,10 @@ uint8_t countdown;  // ticks to the next round
 Imus imus;
 bool round_running;
 bool converting;  // this round's conversions have been started
+
+// A bus that has hung may hang again: the potentiometers do without it for a while.
+constexpr uint8_t REST = 50;
+uint8_t resting;  // rounds to go without the bus
 
 uint16_t applied[3];
 bool pulses_wait;  // for the next servo frame to start
@@ -131,14 +136,22 @@ void run_round() {
 }
 
 void start_round() {
-  if (round_running) {  // a sensor holds the bus: report without it
+  if (round_running && bus::state() == bus::BUSY) {  // a sensor holds the bus
     bus::recover();
-    report();
+    resting = REST;
+  } else if (round_running) {
+    return;  // held up by a flood: it reports late, and this tick's round is left out
   }
   imus.configure(gimbal.dlpf());
-  imus.begin();
   round_running = true;
-  converting = false;
+  converting = resting > 0;
+  if (resting) {
+    --resting;
+    imus.rest();
+    adc::start();
+  } else {
+    imus.begin();
+  }
   run_round();
 }
 
@@ -171,6 +184,7 @@ void begin() {
   const uint8_t reset_cause = MCUSR;  // zero under a bootloader that has cleared it
   MCUSR = 0;
   cli();
+  wdt_enable(WDTO_120MS);  // the timers would go on giving the last pulses by themselves
   for (uint8_t i = 0; i < 3; ++i) applied[i] = gimbal.pulse()[i];
   countdown = gimbal.telemetry_period_ms();
   begin_pins();
@@ -185,6 +199,7 @@ void begin() {
 }
 
 void poll() {
+  wdt_reset();
   take_ticks();
   run_round();  // first, so that frames are read while the bus is at work
   take_bytes();

@@ -51,6 +51,11 @@ void Imus::begin() {
   fresh[0] = fresh[1] = false;
 }
 
+void Imus::rest() {
+  begin();
+  sensor_ = COUNT;
+}
+
 bool Imus::next(Transaction& t) const {
   if (sensor_ >= COUNT) return false;
   t.address = wire::IMU_ADDRESSES[sensor_];

@@ -20,6 +20,8 @@ class Imus {
   void configure(uint8_t dlpf);
   // Starts a round: each sensor is read once, or its set-up goes one register further.
   void begin();
+  // Starts a round in which neither is read.
+  void rest();
   // False when the round is over.
   bool next(Transaction& transaction) const;
   void done(bool ok, const uint8_t* data, uint32_t now_us);

@@ -10,7 +10,7 @@
 
 namespace {
 
-constexpr uint8_t STAMPS = 4;
+constexpr uint8_t STAMPS = 32;  // the ring holds no more frames than 18
 
 Ring<128> received;
 volatile uint16_t stamps[STAMPS];  // arrivals of the latest delimiters: ticks into a servo frame
@@ -23,7 +23,10 @@ volatile uint16_t lost;
 ISR(USART_RX_vect) {
   if (UCSR0A & _BV(DOR0)) ++lost;  // before UDR0: reading it clears the flag
   const uint8_t byte = UDR0;
-  if (!received.push(byte)) ++lost;
+  if (!received.push(byte)) {
+    ++lost;
+    return;  // a delimiter that nobody will take must not be counted either
+  }
   if (byte != 0) return;  // a frame is worth waking for, a byte is not
   stamps[delimiters % STAMPS] = TCNT1;
   ++delimiters;

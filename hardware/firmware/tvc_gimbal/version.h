@@ -2,4 +2,4 @@
 #pragma once
 #include <stdint.h>
 
-static constexpr uint32_t BUILD_HASH = 0x8b9cdd28;
+static constexpr uint32_t BUILD_HASH = 0x4c3fb8a0;
