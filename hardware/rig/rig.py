@@ -18,6 +18,7 @@ from hardware.protocol import (
     Command,
     Config,
     Disarm,
+    Flags,
     Frame,
     Hello,
     HelloRequest,
@@ -41,6 +42,10 @@ SYNC_COUNT = 10
 PONG_NS = 20_000_000  # after a PING; then its PONG is taken for lost
 CONNECT_NS = 4_000_000_000  # a Nano's bootloader takes 2 s
 SILENCE_NS = 300_000_000  # without a frame on an open line: hung, or only half plugged in
+ARM_NS, ARMING_NS = 100_000_000, 500_000_000  # between ARMs that get lost, and given up after
+# No stamp is so much older than the one before it, or from so far in the future.
+BACK_US, AHEAD_NS = 50_000, 50_000_000
+CAUSES = ("power-up", "a reset", "a brown-out", "its watchdog")  # bits of HELLO's reset_cause
 TIMEOUT_MS = 100
 PULSES = constants.PULSE_MINIMUM * constants.TICK, constants.PULSE_MAXIMUM * constants.TICK  # s
 _POLL_NS = 1_000_000
@@ -72,6 +77,8 @@ class Rig:
     fusion : the estimator, with the fault monitor in it
     session : how often the rig has become ready; estimates begin anew with each
     gyro_delay : of the holder gyro's readings, as this session's first frame told it [s]
+    reason : why the rig was not ready when it last was not
+    started : after what it has started anew since it was last ready, "" if it has not
     """
 
     def __init__(
@@ -104,6 +111,9 @@ class Rig:
         self._frames = 0
         self.session = 0
         self.gyro_delay = self.fusion.noise.gyro_delay
+        self.reason = self.started = ""
+        self._unarmed_ns: int | None = None
+        self._arm_ns = 0
         self._delay_known = False
         self._latest: Telemetry | None = None
         self._pong_until = 0  # when an awaited PONG is given up; 0 while none is awaited
@@ -161,7 +171,8 @@ class Rig:
         self._early = []
         self.states = []
         if not self.line.connected:
-            self._move(Sign.LOST)
+            gaps = self.line.statistics.gaps
+            self._lose(Sign.LOST, gaps[-1].reason if gaps else "it is not connected")
             return []
         if self.line.generation != self._generation:
             self._generation = self.line.generation
@@ -169,7 +180,7 @@ class Rig:
         if arrived:
             self._heard_ns = self._clock()
         elif self._clock() - self._heard_ns > SILENCE_NS:
-            self._move(Sign.SILENT)
+            self._lose(Sign.SILENT, "it fell silent")
         frames = [f for event in arrived if (f := self._take(event)) is not None]
         self._speak()
         return frames
@@ -267,6 +278,11 @@ class Rig:
             skew=self.estimate.skew,
         )
 
+    def _lose(self, sign: Sign, reason: str) -> None:
+        if self.phase is Phase.READY:
+            self.reason, self.started = reason, ""
+        self._move(sign)
+
     def _move(self, sign: Sign) -> None:
         new = TRANSITIONS.get((self.phase, sign), self.phase)
         if new is self.phase:
@@ -280,8 +296,25 @@ class Rig:
             self.fusion.restart()
         elif new is Phase.READY:
             self.session += 1
+            self._unarmed_ns, self._arm_ns = None, 0
             if self._arm:
-                self.line.send(Arm())
+                self._ask_to_arm()
+
+    def _ask_to_arm(self) -> None:
+        self.line.send(Arm())
+        self._arm_ns = self._clock() + ARM_NS
+
+    def _see_armed(self, flags: int) -> None:
+        """Ask again where an ARM was lost; a rig that refuses for long is none."""
+        now = self._clock()
+        if not self._arm or flags & Flags.ARMED:
+            self._unarmed_ns = None
+        elif self._unarmed_ns is None:
+            self._unarmed_ns = now
+        elif now - self._unarmed_ns > ARMING_NS:
+            self._lose(Sign.SILENT, "it refuses to be armed")
+        elif now >= self._arm_ns:
+            self._ask_to_arm()
 
     def _speak(self) -> None:
         """Send what the phase asks for, when it is time."""
@@ -324,37 +357,64 @@ class Rig:
                 f"the calibration is of rig {self.calibration.rig:08x}, this one is "
                 f"{hello.build:08x}; run `twin calibrate` on it"
             )
+        if 0 in (hello.tick_ns, hello.adc_levels, hello.gyro_range_dps):
+            raise RigError("the rig's HELLO has a scale of zero; flash the firmware in hardware/")
         # Within a session only a low-pass that was set anew makes the gyro later.
         self._delay_known &= self.hello is not None and self.hello.dlpf == hello.dlpf
         self.hello = hello
         self._converter = Converter(hello)
         # Number 0 is a boot; any other answers our request and changes nothing once we are ready.
         if self.phase is Phase.GREETING or sequence == 0:
-            self._move(Sign.HELLO)
+            self._lose(Sign.HELLO, "it started again")
+        if sequence == 0:
+            causes = [c for bit, c in enumerate(CAUSES) if hello.reset_cause >> bit & 1]
+            self.started = f"after {' and '.join(causes) or 'a start'}"
 
     def _sync(self, pong: Pong) -> None:
         self._pong_until = 0
         start = self._unwrapped(pong.received_us)
+        if start is None:
+            return
         out = start + ((pong.sent_us - pong.received_us) & 0xFFFF_FFFF)
         self.estimate.add(pong.host_ns, self.line.polled_ns, start, out)
         if self.phase is Phase.SYNCING and self.estimate.count >= SYNC_COUNT:
             self._move(Sign.SYNCED)
 
-    def _unwrapped(self, stamp: int) -> int:
-        return stamp if self._device_us is None else unwrap(self._device_us, stamp)
+    def _unwrapped(self, stamp: int) -> int | None:
+        """Device stamp without its wraps [µs]; None where the device has started its clock anew.
+
+        Its HELLO says so as well, but may be lost.
+        """
+        if self._device_us is None:
+            self._device_us = stamp
+            return stamp
+        found = unwrap(self._device_us, stamp)
+        back = found < self._device_us - BACK_US
+        if back or (
+            self.phase is Phase.READY and self.estimate.host_ns(found) > self._clock() + AHEAD_NS
+        ):
+            self._lose(Sign.SILENT, "its clock jumped: it started again")
+            return None
+        self._device_us = max(self._device_us, found)
+        return found
 
     def _telemetry(self, t: Telemetry) -> SensorFrame | None:
         self._latest = t
         if self._converter is None or self.phase is not Phase.READY:
             return None
-        self._device_us = self._unwrapped(t.device_us)
+        device_us = self._unwrapped(t.device_us)
+        if device_us is None:
+            return None
+        self._see_armed(t.flags)
+        if self.phase is not Phase.READY:
+            return None
         if not self._delay_known and self.hello is not None:
             low_pass = constants.GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
             self.gyro_delay = low_pass + t.imu_age_us[0] * 1e-6
             self.fusion.set_gyro_delay(self.gyro_delay)
             self._delay_known = True
-        time_ns = self.estimate.host_ns(self._device_us)
-        frame = self._converter.frame(t, time_ns, self._device_us)
+        time_ns = self.estimate.host_ns(device_us)
+        frame = self._converter.frame(t, time_ns, device_us)
         if self._fuse:
             self.state = self.fusion.update(frame)
             self.states.append(self.state)

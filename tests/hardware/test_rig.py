@@ -14,6 +14,7 @@ from hardware.emulator.server import PtyPort
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import GimbalCommand
 from hardware.protocol import (
+    Arm,
     Board,
     Encoder,
     Flags,
@@ -219,6 +220,8 @@ def _hello(**changes):
     [
         (_hello(protocol=2), "speaks protocol 2 .*this program protocol 1.*flash"),
         (_hello(layout=1), r"layout 0001.*flash"),
+        (_hello(adc_levels=0), "scale of zero.*flash"),
+        (_hello(tick_ns=0), "scale of zero.*flash"),
         (Unknown(0x81, b"\1\0"), "another version.*flash"),
     ],
 )
@@ -259,6 +262,62 @@ def test_device_that_falls_silent_on_an_open_line_is_greeted_again(skewed):
     device._report = report
     _advance(rig, device, 400)
     assert rig.phase is Phase.READY
+
+
+@pytest.mark.parametrize("clock_us", [5_000_000, 3_000_000_000])  # before and past half a wrap
+def test_a_device_whose_clock_starts_again_is_greeted_anew_though_its_hello_was_lost(clock_us):
+    device = Emulator(boot_us=clock_us)
+    rig = in_process(device)
+    rig.connect()
+    _advance(rig, device, 100)
+    device._boot_us = -device._tick * 1000
+    device.device.flags = 0
+    (frame, *_) = _advance(rig, device, 6) or [None]
+    assert frame is None or frame.device_us > clock_us  # none is dated by the clock of before
+    assert rig.phase is not Phase.READY
+    assert rig.reason == "its clock jumped: it started again"
+    _advance(rig, device, 300)
+    assert rig.phase is Phase.READY
+    frame = _advance(rig, device, 10)[-1]
+    assert abs(frame.time_ns - device.time_ns) < 5_000_000
+    assert device.device.armed
+
+
+def test_an_arm_that_is_lost_is_sent_again_and_a_rig_that_refuses_is_lost(skewed):
+    device, rig = skewed
+    send, sent = rig.line.send, []
+
+    def losing(message):
+        if isinstance(message, Arm):
+            sent.append(device.time_ns)
+            if len(sent) <= losing.lost:
+                return 0
+        return send(message)
+
+    losing.lost = 2
+    rig.line.send = losing
+    rig.connect()
+    _advance(rig, device, 400)
+    assert len(sent) == 3
+    assert device.device.armed
+    assert rig.phase is Phase.READY
+    device.device.flags, losing.lost = 0, 10**6  # a brown-out that left its clock going, say
+    _advance(rig, device, 530)
+    assert rig.reason == "it refuses to be armed"
+    assert rig.session == 1
+    losing.lost = 0
+    _advance(rig, device, 800)
+    assert rig.session == 2
+    assert device.device.armed
+
+
+def test_a_rig_that_only_watches_leaves_the_device_disarmed():
+    device = Emulator()
+    rig = in_process(device, arm=False)
+    rig.connect()
+    _advance(rig, device, 900)
+    assert rig.phase is Phase.READY
+    assert not device.device.armed
 
 
 def test_reboot_behind_our_back_begins_anew(skewed):

@@ -9,7 +9,6 @@ from analysis.recording import Recording, TimeSeries
 from hardware.calibration import Calibration, parsed
 from hardware.frames import GimbalCommand, GimbalState, HardwareError, Pair, SensorFrame
 from hardware.fusion import BaseMap, Fusion
-from hardware.link import Gap
 from hardware.protocol import Hello
 from hardware.rig import Phase, RigStatistics
 from hardware.rig.rig import PULSES
@@ -113,6 +112,7 @@ class RecordedRig:
         self.states: list[GimbalState] = []
         self.hello: Hello | None = None
         self.gyro_delay = 0.0
+        self.reason, self.started = "recorded", ""
         self._memory, self.session = _memory(tape.estimator)
         self._plant = plant
         self._frames = recorded_frames(tape, tape["sensors/potentiometer"].time_ns)
@@ -134,9 +134,8 @@ class RecordedRig:
     @property
     def statistics(self) -> RigStatistics:
         """Losses as they were."""
-        gaps = () if self.phase is Phase.READY else (Gap(self._plant.time_ns, None, "recorded"),)
         lost, damaged = round(self._then(1)), round(self._then(2))
-        return RigStatistics(1, lost, damaged, 0, 0, 0, 0, gaps, 0, 0, 0, 0.0)
+        return RigStatistics(1, lost, damaged, 0, 0, 0, 0, (), 0, 0, 0, 0.0)
 
     @property
     def health(self) -> str:

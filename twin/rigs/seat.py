@@ -37,6 +37,8 @@ class SomeRig(Protocol):
     hello: Hello | None
     session: int
     gyro_delay: float
+    reason: str
+    started: str
 
     @property
     def phase(self) -> Phase:
@@ -270,11 +272,9 @@ class RigGimbal:
         self._ready = ready
         now = self.now_ns()
         if ready:
-            self.readings.news.append(
-                ("INFO", f"rig back after {(now - self._lost_ns) * 1e-9:.2f} s")
-            )
+            told = f"rig back after {(now - self._lost_ns) * 1e-9:.2f} s"
+            started = f"; it started again {self.rig.started}" if self.rig.started else ""
+            self.readings.news.append(("INFO", told + started))
             return
         self._lost_ns = now
-        gaps = self.rig.statistics.gaps
-        reason = gaps[-1].reason if gaps and gaps[-1].end_ns is None else "it fell silent"
-        self.readings.news.append(("WARN", f"rig lost: {' '.join(reason.split())}"))
+        self.readings.news.append(("WARN", f"rig lost: {' '.join(self.rig.reason.split())}"))
