@@ -24,6 +24,7 @@ PACKAGES = "apt install gcc gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
 CYCLES_PER_US = constants.CLOCK_HZ // 1_000_000
 HOLDER, BASE = 0, 1
 _IMU_25_DEGREES = round((25 - 36.53) * 340)  # RM-MPU-6000A-00, 4.19
+_SERIAL = 16  # place in the EEPROM
 _BUFFER = 1 << 14
 _PULSES = 64
 
@@ -85,6 +86,7 @@ _SIGNATURES: dict[str, tuple[object, list[object]]] = {
     "run_until": (ctypes.c_int, [ctypes.c_uint64]),
     "write": (ctypes.c_uint32, [ctypes.c_char_p, ctypes.c_uint32]),
     "read": (ctypes.c_uint32, [ctypes.c_char_p, ctypes.c_uint32]),
+    "set_eeprom": (None, [ctypes.c_uint32, ctypes.c_char_p, ctypes.c_uint32]),
     "set_adc": (None, [ctypes.POINTER(ctypes.c_uint16)]),
     "set_pin_d": (None, [ctypes.c_uint32, ctypes.c_uint32]),
     "set_imu": (None, [ctypes.c_uint32, ctypes.c_char_p]),
@@ -114,6 +116,7 @@ class SimulatedNano:
     Parameters
     ----------
     elf : a built firmware; this tree's own when None
+    serial : number that its EEPROM holds, u32; erased without one
 
     Raises
     ------
@@ -121,7 +124,7 @@ class SimulatedNano:
     FirmwareError : the firmware does not build
     """
 
-    def __init__(self, elf: Path | None = None) -> None:
+    def __init__(self, elf: Path | None = None, serial: int | None = None) -> None:
         self._c = _library()
         self._elf = elf or build_elf()
         handle = self._c.nano_open(str(self._elf).encode(), BAUD)
@@ -134,6 +137,8 @@ class SimulatedNano:
         self._edges = (_CPulse * _PULSES)()
         for sensor in (HOLDER, BASE):
             self.set_imu_counts(sensor, (0, 0, 0), (0, 0, 0))
+        if serial is not None:
+            self._c.nano_set_eeprom(handle, _SERIAL, serial.to_bytes(4, "little"), 4)
 
     def __enter__(self) -> Self:
         return self

@@ -62,7 +62,7 @@ def read(path: Path, rig: int | None = None) -> Calibration:
     Parameters
     ----------
     path : JSON file
-    rig : build identity of the device at hand; None takes any
+    rig : serial number of the board at hand; None takes any
 
     Raises
     ------

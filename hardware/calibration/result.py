@@ -68,7 +68,7 @@ class Calibration:
 
     Attributes
     ----------
-    rig : build identity the device gave in HELLO, u32
+    rig : serial number of the board, as it said in HELLO, u32
     zero : pulse widths that hold the gimbal at zero, mean of both approach directions [s]
     matrix : gimbal angle per pulse width, rows x and y [rad/s]
     potentiometers : x_a, x_b, y_a, y_b

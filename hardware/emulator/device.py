@@ -18,6 +18,7 @@ from hardware.protocol import (
     HelloRequest,
     Message,
     Mode,
+    Name,
     Ping,
     Pong,
     Telemetry,
@@ -56,12 +57,16 @@ class Device:
     Parameters
     ----------
     board : who speaks
-    build : identity of its program or rig, u32
+    build : identity of its program, u32
+    serial : which board it is, u32; 0 for one without a number
     """
 
-    def __init__(self, board: Board, build: int, reset_cause: int = 1) -> None:
+    def __init__(
+        self, board: Board, build: int, reset_cause: int = 1, serial: int = constants.SERIAL_NONE
+    ) -> None:
         self.board = board
         self.build = build
+        self.serial = serial
         self.reset_cause = reset_cause
         self.config = default_config()
         self.transmit = bytearray()
@@ -80,7 +85,7 @@ class Device:
 
     def hello(self) -> None:
         """Say who is here; on boot and on request."""
-        self._send(hello(self.board, self.build, self.config, self.reset_cause))
+        self._send(hello(self.board, self.build, self.config, self.reset_cause, self.serial))
 
     def receive(self, data: bytes, received_us: int, now_us: int) -> None:
         """Take bytes whose last one arrived at `received_us` of the device's clock."""
@@ -106,6 +111,8 @@ class Device:
             self.config = message
             self._neutral()
             obeyed = True
+        elif isinstance(message, Name):
+            obeyed = self._name(message.serial)
         self._set(Flags.REFUSED, not obeyed)
         return obeyed
 
@@ -121,6 +128,13 @@ class Device:
         self._set(Flags.ARMED, armed)
         if armed:
             self._set(Flags.TIMED_OUT, False)
+
+    def _name(self, serial: int) -> bool:
+        unnamed = self.serial == constants.SERIAL_NONE
+        if not unnamed or serial in (constants.SERIAL_NONE, constants.SERIAL_BLANK):
+            return False
+        self.serial = serial
+        return True
 
     def _command(self, command: Command, received_us: int) -> bool:
         if not self.armed or command.timeout_ms == 0 or command.mode > Mode.DRIVE:

@@ -18,9 +18,9 @@ IMU_AGE_US = (620, 310)  # the two readings are taken one after the other before
 
 
 def identity(parameters: RigParameters) -> int:
-    """Return a number that tells one emulated rig from another, u32."""
+    """Return a serial number that tells one emulated rig from another, u32."""
     digest = hashlib.sha256(repr(parameters).encode()).digest()
-    return int.from_bytes(digest[:4], "little")
+    return 1 + int.from_bytes(digest[:4], "little") % (constants.SERIAL_BLANK - 1)
 
 
 class Emulator:
@@ -50,7 +50,7 @@ class Emulator:
     ) -> None:
         self.parameters = parameters or reference_rig()
         self.bench = Bench(self.parameters, plant, injections, seed)
-        self.device = Device(Board.EMULATOR, identity(self.parameters))
+        self.device = Device(Board.EMULATOR, build=0, serial=identity(self.parameters))
         self.observer: Callable[[int, Pair, Pair], None] | None = None
         self.time_us = 0
         self._boot_us = boot_us

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from hardware.emulator.bench import Bench, RigParameters, reference_rig
 from hardware.emulator.cable import Cable
+from hardware.emulator.emulator import identity
 from hardware.emulator.injection import Injection
 from hardware.emulator.plant import Plant
 from hardware.frames import Pair
@@ -42,7 +43,7 @@ class FirmwareRig:
         self._sensors = (HOLDER, BASE)
         self.parameters = parameters or reference_rig()
         self.bench = Bench(self.parameters, plant, injections, seed)
-        self.nano = SimulatedNano(elf)
+        self.nano = SimulatedNano(elf, identity(self.parameters))
         self.time_us = 0
         self._tick = 0
         self._tick_s = TICK_US * 1e-6 / (1 + self.parameters.skew)

@@ -186,7 +186,7 @@ def calibrate(
     device = Emulator(parameters, injections=injections, seed=seed)
     seat = in_process(device, fuse=False)
     hello = seat.connect()
-    procedure = Procedure(rig or CalibrationRig(seed=seed), hello.build)
+    procedure = Procedure(rig or CalibrationRig(seed=seed), hello.serial)
     frames = 0
     while not procedure.done:
         device.advance_us(2000)

@@ -20,7 +20,9 @@ def default_config() -> Config:
     )
 
 
-def hello(board: Board, build: int, config: Config, reset_cause: int = 1) -> Hello:
+def hello(
+    board: Board, build: int, config: Config, reset_cause: int = 1, serial: int = m.SERIAL_NONE
+) -> Hello:
     """Return the HELLO of a device of this version.
 
     Parameters
@@ -29,12 +31,14 @@ def hello(board: Board, build: int, config: Config, reset_cause: int = 1) -> Hel
     build : identity of its program, u32
     config : settings in force
     reset_cause : bits of MCUSR
+    serial : which board it is, u32; 0 without a number
     """
     return Hello(
         protocol=m.PROTOCOL,
         layout=LAYOUT,
         firmware=m.FIRMWARE,
         build=build,
+        serial=serial,
         board=board,
         reset_cause=reset_cause,
         servo_pins=m.SERVO_PINS,

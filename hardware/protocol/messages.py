@@ -31,6 +31,7 @@ GYRO_RANGE_DPS = 500  # FS_SEL 1: 32768 counts
 ACCELEROMETER_RANGE_G = 4  # AFS_SEL 1: 32768 counts
 DLPF = 2  # gyro bandwidth 98 Hz
 DLPF_HIGHEST = 6
+SERIAL_NONE, SERIAL_BLANK = 0, 0xFFFF_FFFF  # no number yet; how an erased EEPROM says so
 GYRO_DELAY_S = (0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3)  # by DLPF setting
 STANDARD_GRAVITY = 9.80665
 
@@ -125,6 +126,13 @@ class Config:
     maximum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 5000 or less", 3, TICK)]
 
 
+@message(0x07)
+class Name:
+    """Gives a board that has none its number, kept without power; refused where there is one."""
+
+    serial: Annotated[int, Wire("I", "", "1…0xFFFFFFFE")]
+
+
 @message(0x81)
 class Hello:
     """Who is there and how to read it; sent on boot and on request."""
@@ -134,6 +142,7 @@ class Hello:
     layout: Annotated[int, Wire("H", "", "checksum of the message table")]
     firmware: Annotated[Triple, Wire("B", "", "version: major, minor, patch", 3)]
     build: Annotated[int, Wire("I", "", "first four bytes of the sources' SHA-256")]
+    serial: Annotated[int, Wire("I", "", "which board this is; 0: it was never given a number")]
     board: Annotated[int, Wire("B", "", "1 Nano, 2 emulator, 3 Raspberry Pi")]
     reset_cause: Annotated[
         int, Wire("B", "", "MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog")
@@ -195,7 +204,7 @@ class Pong:
     sent_us: Annotated[int, Wire("I", "µs", "device clock at PONG's first byte", scale=1e-6)]
 
 
-Message = HelloRequest | Command | Ping | Arm | Disarm | Config | Hello | Telemetry | Pong
+Message = HelloRequest | Command | Ping | Arm | Disarm | Config | Name | Hello | Telemetry | Pong
 MESSAGES: tuple[type[Message], ...] = (
     HelloRequest,
     Command,
@@ -203,6 +212,7 @@ MESSAGES: tuple[type[Message], ...] = (
     Arm,
     Disarm,
     Config,
+    Name,
     Hello,
     Telemetry,
     Pong,

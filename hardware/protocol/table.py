@@ -36,6 +36,8 @@ _SCALARS = {
     "ADC_LEVELS": "uint16_t",
     "GYRO_RANGE_DPS": "uint16_t",
     "ACCELEROMETER_RANGE_G": "uint8_t",
+    "SERIAL_NONE": "uint32_t",
+    "SERIAL_BLANK": "uint32_t",
     "DLPF": "uint8_t",
     "DLPF_HIGHEST": "uint8_t",
 }

@@ -23,6 +23,7 @@ from hardware.protocol import (
     Hello,
     HelloRequest,
     Mode,
+    Name,
     Ping,
     Pong,
     Telemetry,
@@ -226,6 +227,11 @@ class Rig:
         """Send the servos to neutral and leave them armed."""
         self.line.send(Command((0, 0, 0), TIMEOUT_MS, Mode.NEUTRAL))
 
+    def name(self, serial: int) -> None:
+        """Give a board without a number one, and ask for it."""
+        self.line.send(Name(serial))
+        self.line.send(HelloRequest())
+
     def configure(self, config: Config) -> None:
         """Change the device's settings and ask what it made of them."""
         self.line.send(config)
@@ -304,8 +310,8 @@ class Rig:
         self.line.send(Arm())
         self._arm_ns = self._clock() + ARM_NS
 
-    def _see_armed(self, flags: int) -> None:
-        """Ask again where an ARM was lost; a rig that refuses for long is none."""
+    def _obeys(self, flags: int) -> bool:
+        """Ask again where an ARM was lost; false for a rig that refuses for long."""
         now = self._clock()
         if not self._arm or flags & Flags.ARMED:
             self._unarmed_ns = None
@@ -313,8 +319,10 @@ class Rig:
             self._unarmed_ns = now
         elif now - self._unarmed_ns > ARMING_NS:
             self._lose(Sign.SILENT, "it refuses to be armed")
+            return False
         elif now >= self._arm_ns:
             self._ask_to_arm()
+        return True
 
     def _speak(self) -> None:
         """Send what the phase asks for, when it is time."""
@@ -352,10 +360,11 @@ class Rig:
                 f"{major}.{minor}.{patch}), this program protocol {PROTOCOL} (layout "
                 f"{LAYOUT:04x}); flash the firmware in hardware/firmware"
             )
-        if self.calibrated and self.calibration.rig not in (0, hello.build):
+        if self.calibrated and self.calibration.rig not in (0, hello.serial):
+            this = f"{hello.serial:08x}" if hello.serial else "without a number"
             raise RigError(
-                f"the calibration is of rig {self.calibration.rig:08x}, this one is "
-                f"{hello.build:08x}; run `twin calibrate` on it"
+                f"the calibration is of rig {self.calibration.rig:08x}, this one is {this}; run"
+                " `twin calibrate` on it"
             )
         if 0 in (hello.tick_ns, hello.adc_levels, hello.gyro_range_dps):
             raise RigError("the rig's HELLO has a scale of zero; flash the firmware in hardware/")
@@ -405,8 +414,7 @@ class Rig:
         device_us = self._unwrapped(t.device_us)
         if device_us is None:
             return None
-        self._see_armed(t.flags)
-        if self.phase is not Phase.READY:
+        if not self._obeys(t.flags):
             return None
         if not self._delay_known and self.hello is not None:
             low_pass = constants.GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]

@@ -18,6 +18,7 @@
 #include <string.h>
 
 #include <simavr/avr_adc.h>
+#include <simavr/avr_eeprom.h>
 #include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_twi.h>
@@ -382,6 +383,12 @@ uint32_t nano_read(nano_t *n, uint8_t *bytes, uint32_t size) {
     n->out_tail++;
   }
   return given;
+}
+
+/* What the EEPROM holds from `at` on. */
+void nano_set_eeprom(nano_t *n, uint32_t at, uint8_t *bytes, uint32_t size) {
+  avr_eeprom_desc_t place = {.ee = bytes, .offset = (uint16_t)at, .size = size};
+  avr_ioctl(n->avr, AVR_IOCTL_EEPROM_SET, &place);
 }
 
 void nano_set_adc(nano_t *n, const uint16_t *codes) {

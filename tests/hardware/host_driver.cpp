@@ -94,7 +94,9 @@ int main() {
       draining = true;
     } else if (verb == "boot") {
       in >> now;
-      gimbal.boot(static_cast<uint8_t>(now));
+      uint32_t serial = 0;
+      in >> serial;
+      gimbal.boot(static_cast<uint8_t>(now), serial);
     } else if (verb == "receive") {
       in >> received >> now >> hex;
       for (uint8_t byte : bytes(hex))

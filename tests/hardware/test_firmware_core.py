@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from hardware.emulator.device import Device
 from hardware.firmware.build import SKETCH, build_hash
 from hardware.protocol import (
     Arm,
@@ -24,9 +25,11 @@ from hardware.protocol import (
     Frame,
     HelloRequest,
     Mode,
+    Name,
     Ping,
     Pong,
     Telemetry,
+    constants,
     default_config,
     encode,
     hello,
@@ -77,8 +80,8 @@ class Core:
         self.ask("new")
         return self
 
-    def boot(self, cause: int = 1) -> Answer:
-        return self.ask("boot", cause)
+    def boot(self, cause: int = 1, serial: int = constants.SERIAL_BLANK) -> Answer:
+        return self.ask("boot", cause, serial)
 
     def receive(self, data: bytes, at: int = 0, now: int | None = None) -> Answer:
         return self.ask("receive", at % WRAP, (at if now is None else now) % WRAP, data.hex())
@@ -186,6 +189,21 @@ def test_hello_on_request_tells_the_settings_in_force(core):
     answer = core.tell(HelloRequest())
     assert answer.frames[0].message == hello(Board.NANO, build_hash(), wanted, reset_cause=0)
     assert (answer.period_ms, answer.dlpf) == (10, 5)
+
+
+@pytest.mark.parametrize("kept", [constants.SERIAL_NONE, constants.SERIAL_BLANK, 77])
+@pytest.mark.parametrize("given", [0, 1, 0xFFFF_FFFE, constants.SERIAL_BLANK])
+def test_a_board_takes_one_number_and_keeps_it_as_its_stand_in_does(core, kept, given):
+    core.boot(serial=kept)
+    stand_in = Device(Board.NANO, build_hash(), serial=77 if kept == 77 else 0)
+    for serial in (given, 5):
+        core.tell(Name(serial))
+        stand_in.receive(encode(Name(serial), 0), 0, 0)
+        said = core.tell(HelloRequest()).frames[-1].message.serial
+        flags = core.telemetry().flags
+        assert (said, flags & Flags.REFUSED) == (stand_in.serial, stand_in.flags & Flags.REFUSED)
+    taken = kept != 77 and given not in (0, constants.SERIAL_BLANK)
+    assert said == (77 if kept == 77 else given if taken else 5)
 
 
 telemetries = st.builds(

@@ -1,5 +1,6 @@
 """The rig seat: handshake, clock, losses, reconnect; over the emulator and over scripted lines."""
 
+import os
 import threading
 import time
 from dataclasses import replace
@@ -212,7 +213,7 @@ def _rig(line, calibration=None):
 
 
 def _hello(**changes):
-    return replace(hello(Board.NANO, 0x1234, default_config()), **changes)
+    return replace(hello(Board.NANO, 0, default_config(), serial=0x1234), **changes)
 
 
 @pytest.mark.parametrize(
@@ -236,6 +237,25 @@ def test_calibration_of_another_rig_is_refused():
     rig = _rig(_Line([Frame(0, _hello())]), nominal(0x99))
     with pytest.raises(RigError, match="is of rig 00000099, this one is 00001234"):
         rig.connect()
+
+
+def test_two_boards_with_one_firmware_are_two_rigs():
+    from hardware import avr
+    from hardware.emulator import FirmwareRig
+
+    if missing := avr.missing():
+        assert not os.environ.get("CI"), f"missing in CI: {missing}"
+        pytest.skip(f"AVR tools are not installed: {missing}")
+    for k, refused in ((1, False), (2, True)):
+        device = FirmwareRig(sample_rig(k))
+        rig = in_process(device, exact_calibration(sample_rig(1)))
+        if refused:
+            with pytest.raises(RigError, match="the calibration is of rig"):
+                rig.connect()
+        else:
+            rig.connect()
+        rig.close()
+        device.close()
 
 
 def test_silence_is_told_apart_from_noise():

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from analysis.recording import read
-from hardware.calibration import CalibrationError
+from hardware.calibration import CalibrationError, CalibrationRig
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse, serve
 from hardware.emulator.cable import Cable
@@ -24,7 +24,7 @@ from hardware.protocol import PROTOCOL, Board, Encoder, default_config, hello
 from tests.twin.test_cli import run as command
 from twin import loop, native
 from twin.configuration import Calibrate, Mirror, Step
-from twin.desk import calibrate, mirror
+from twin.desk import calibrate, calibrating, mirror
 from twin.experiments import step
 from twin.model import ModelConfig, load
 from twin.plant import Plant
@@ -135,6 +135,29 @@ class TestCalibrate:
         with pytest.raises(CalibrationError, match=r"switches \+x and -x are .* apart by the gyro"):
             calibrate(asked)
         assert list(tmp_path.iterdir()) == []
+
+    def test_a_board_without_a_number_is_given_one_that_it_keeps(self):
+        with native.installed(), open_rig(RigOptions("emulator", fuse=False), None) as seat:
+            board = seat.rig.line.device.device
+            board.serial = 0
+            seat.rig.hello = replace(seat.rig.hello, serial=0)
+            given = calibrating._numbered(seat)
+            assert given == board.serial != 0
+            assert calibrating._numbered(seat) == given
+
+    def test_a_board_that_starts_again_midway_is_told(self):
+        with native.installed(), open_rig(RigOptions("emulator", fuse=False), None) as seat:
+            simulated, wait = seat.rig.line.device, seat.wait
+
+            def failing(duration_ns):
+                wait(duration_ns)
+                if simulated.time_us > 6_000_000 and simulated._boot_us == 0:
+                    simulated._boot_us = -simulated._tick * 1000
+                    simulated.device.flags = 0
+
+            seat.wait = failing
+            with pytest.raises(CalibrationError, match=r"lost at .* it started again"):
+                calibrating._drive(seat, CalibrationRig())
 
     def test_a_rig_that_dies_midway_is_told(self, tmp_path):
         asked = Calibrate(fault=("link:unplug:3600@3",), out=tmp_path / "c.json")

@@ -1,5 +1,6 @@
 """`twin calibrate`: drive a rig to its limit switches, solve, write the file."""
 
+import secrets
 import sys
 import time
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any
 
 from hardware.calibration import Calibration, CalibrationError, CalibrationRig, Procedure, write
 from hardware.calibration.file import to_dict
+from hardware.protocol import constants
 from twin.assembly import compiled
 from twin.configuration import Calibrate
 from twin.errors import TwinError
@@ -17,6 +19,7 @@ from twin.rigs import RigGimbal, RigOptions, open_rig, switch_angles
 
 COMMAND_NS = 10_000_000
 STEP_NS = 2_000_000
+NAMING_NS = 1_000_000_000
 PATIENCE_NS = 3_000_000_000  # without a frame: cable out, or a rig that has died
 FIGURE = 1.96  # standard deviations of a 95 % interval
 
@@ -106,10 +109,25 @@ def _rig(config: Calibrate) -> CalibrationRig:
     return CalibrationRig(switch_angle=angles, repeats=config.repeats, seed=config.seed)
 
 
+def _numbered(seat: RigGimbal) -> int:
+    """Serial number of the board; one that has none is given one, which it keeps."""
+    end = seat.now_ns() + NAMING_NS
+    while seat.rig.hello is None or not seat.rig.hello.serial:
+        seat.rig.name(secrets.randbelow(constants.SERIAL_BLANK - 1) + 1)
+        for _ in range(50):
+            seat.wait(STEP_NS)
+            seat.rig.poll()
+        if seat.now_ns() > end:
+            raise CalibrationError(
+                "the board has no serial number and takes none; flash the firmware in"
+                " hardware/firmware anew"
+            )
+    return seat.rig.hello.serial
+
+
 def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
-    hello = seat.rig.hello
-    assert hello is not None
-    procedure = Procedure(rig, hello.build)
+    procedure = Procedure(rig, _numbered(seat))
+    session = seat.rig.session
     heard = seat.now_ns()
     next_command = heard
     bar = _Bar()
@@ -122,6 +140,12 @@ def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
         if heard == now and now >= next_command:
             seat.rig.send_pulses(*pulses)
             next_command = now + COMMAND_NS
+        if seat.rig.session != session:
+            raise CalibrationError(
+                f"the connection was lost at {procedure.progress:.0%} of the calibration"
+                f" ({seat.rig.reason}{f', {seat.rig.started}' if seat.rig.started else ''});"
+                " check cable and supply and start again"
+            )
         if now - heard > PATIENCE_NS:
             raise CalibrationError(
                 f"the rig fell silent at {procedure.progress:.0%} of the calibration; check its"

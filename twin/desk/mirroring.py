@@ -205,7 +205,7 @@ def _name(config: Mirror, rig: RigGimbal) -> str:
     hello = rig.rig.hello
     assert hello is not None
     board = Board(hello.board).name.lower() if hello.board in list(Board) else str(hello.board)
-    return f"{config.gimbal} ({board} {hello.build:08x})"
+    return f"{config.gimbal} ({board} {hello.serial:08x})"
 
 
 def _tape(config: Mirror, plant: Plant) -> "Tape":

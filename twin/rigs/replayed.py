@@ -192,6 +192,9 @@ class RecordedRig:
     def send_pulses(self, x: float, y: float, turntable: float = 0.0) -> None:
         """Do nothing."""
 
+    def name(self, serial: int) -> None:
+        """Do nothing."""
+
     def neutral(self) -> None:
         """Do nothing."""
 

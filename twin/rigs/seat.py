@@ -78,6 +78,9 @@ class SomeRig(Protocol):
     def send_pulses(self, x: float, y: float, turntable: float = 0.0) -> object:
         """Send pulse widths [s]."""
 
+    def name(self, serial: int) -> None:
+        """Give a board without a serial number one."""
+
     def neutral(self) -> None:
         """Send the servos to neutral and leave them armed."""
 

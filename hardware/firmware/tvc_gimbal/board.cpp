@@ -1,5 +1,6 @@
 #include "board.h"
 
+#include <avr/eeprom.h>
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/sleep.h>
@@ -34,6 +35,10 @@ bool converting;  // this round's conversions have been started
 // A bus that has hung may hang again: the potentiometers do without it for a while.
 constexpr uint8_t REST = 50;
 uint8_t resting;  // rounds to go without the bus
+
+// Place in the EEPROM; not at 0, which a brown-out spoils first.
+uint8_t* const SERIAL = reinterpret_cast<uint8_t*>(16);
+uint8_t serial_kept;  // bytes of it
 
 uint16_t applied[3];
 bool pulses_wait;  // for the next servo frame to start
@@ -91,6 +96,15 @@ void apply_pulses() {
   if (!pulses_wait || !servos::set(pulse)) return;
   for (uint8_t i = 0; i < 3; ++i) applied[i] = pulse[i];
   pulses_wait = false;
+}
+
+// A byte takes 3.4 ms to write, and nobody waits for it.
+void keep_serial() {
+  if (serial_kept == sizeof(uint32_t) || gimbal.serial() == wire::SERIAL_NONE) return;
+  if (!eeprom_is_ready()) return;
+  const uint8_t byte = static_cast<uint8_t>(gimbal.serial() >> (8 * serial_kept));
+  eeprom_update_byte(SERIAL + serial_kept, byte);
+  ++serial_kept;
 }
 
 void report() {
@@ -195,7 +209,8 @@ void begin() {
   begin_tick();
   SMCR = _BV(SE);  // idle: every peripheral wakes it
   sei();
-  gimbal.boot(reset_cause);
+  const uint32_t serial = eeprom_read_dword(reinterpret_cast<const uint32_t*>(SERIAL));
+  gimbal.boot(reset_cause, serial);
 }
 
 void poll() {
@@ -205,6 +220,7 @@ void poll() {
   take_bytes();
   gimbal.update(servos::micros());
   apply_pulses();
+  keep_serial();
   uart::kick();
   show_armed();
   sleep_until_woken();

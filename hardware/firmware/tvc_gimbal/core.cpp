@@ -41,6 +41,7 @@ Gimbal::Gimbal(uint8_t board)
       overruns_(0),
       overruns_seen_(0),
       deadline_us_(0),
+      serial_(wire::SERIAL_NONE),
       board_(board),
       reset_cause_(0) {
   config_.telemetry_period_ms = wire::TELEMETRY_PERIOD_MS;
@@ -62,8 +63,9 @@ void Gimbal::neutral() {
   set(wire::FLAGS_DRIVING, false);
 }
 
-void Gimbal::boot(uint8_t reset_cause) {
+void Gimbal::boot(uint8_t reset_cause, uint32_t serial) {
   reset_cause_ = reset_cause;
+  if (serial != wire::SERIAL_BLANK) serial_ = serial;
   transmit.push(0);  // ends whatever noise the line carried before
   hello();
 }
@@ -74,6 +76,7 @@ void Gimbal::hello() {
   hello.layout = wire::LAYOUT;
   memcpy(hello.firmware, wire::FIRMWARE, sizeof hello.firmware);
   hello.build = BUILD_HASH;
+  hello.serial = serial_;
   hello.board = board_;
   hello.reset_cause = reset_cause_;
   memcpy(hello.servo_pins, wire::SERVO_PINS, sizeof hello.servo_pins);
@@ -127,6 +130,11 @@ bool Gimbal::follow(uint32_t received_us, uint32_t now_us) {
       obeyed = read(receiver_, message) && configure(message);
       break;
     }
+    case wire::Name::TYPE: {
+      wire::Name message;
+      obeyed = read(receiver_, message) && name(message.serial);
+      break;
+    }
     default:
       break;
   }
@@ -165,6 +173,13 @@ bool Gimbal::configure(const wire::Config& config) {
   if (!plausible(config)) return false;
   config_ = config;
   neutral();  // pulses of the old limits do not outlive them
+  return true;
+}
+
+bool Gimbal::name(uint32_t serial) {
+  if (serial_ != wire::SERIAL_NONE || serial == wire::SERIAL_NONE || serial == wire::SERIAL_BLANK)
+    return false;
+  serial_ = serial;
   return true;
 }
 

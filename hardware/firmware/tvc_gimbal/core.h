@@ -24,8 +24,8 @@ class Gimbal {
  public:
   explicit Gimbal(uint8_t board);
 
-  // Says HELLO; `reset_cause` is MCUSR.
-  void boot(uint8_t reset_cause);
+  // Says HELLO; `reset_cause` is MCUSR, `serial` what the board's memory holds.
+  void boot(uint8_t reset_cause, uint32_t serial);
   // True when this byte has completed a frame: obey it before the next byte.
   bool receive(uint8_t byte) { return receiver_.take(byte); }
   // `received_us`: clock at the frame's last byte; `now_us`: clock now.
@@ -37,6 +37,7 @@ class Gimbal {
   bool armed() const { return flags_ & wire::FLAGS_ARMED; }
   uint8_t telemetry_period_ms() const { return config_.telemetry_period_ms; }
   uint8_t dlpf() const { return config_.dlpf; }
+  uint32_t serial() const { return serial_; }  // which board this is; the board keeps it
 
   TransmitRing transmit;
 
@@ -45,6 +46,7 @@ class Gimbal {
   bool follow(uint32_t received_us, uint32_t now_us);
   bool command(const wire::Command& command, uint32_t received_us);
   bool configure(const wire::Config& config);
+  bool name(uint32_t serial);
   void pong(const wire::Ping& ping, uint32_t received_us, uint32_t now_us);
   void arm(bool armed);
   void neutral();
@@ -59,6 +61,7 @@ class Gimbal {
   uint16_t overruns_;  // as last reported by the board
   uint16_t overruns_seen_;  // when the host last said hello
   uint32_t deadline_us_;
+  uint32_t serial_;
   uint8_t board_;
   uint8_t reset_cause_;
 };

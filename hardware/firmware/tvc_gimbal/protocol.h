@@ -21,9 +21,11 @@ static constexpr uint8_t TELEMETRY_PERIOD_LONGEST_MS = 250;
 static constexpr uint16_t ADC_LEVELS = 1024;
 static constexpr uint16_t GYRO_RANGE_DPS = 500;
 static constexpr uint8_t ACCELEROMETER_RANGE_G = 4;
+static constexpr uint32_t SERIAL_NONE = 0;
+static constexpr uint32_t SERIAL_BLANK = 4294967295;
 static constexpr uint8_t DLPF = 2;
 static constexpr uint8_t DLPF_HIGHEST = 6;
-static constexpr uint16_t LAYOUT = 0x916d;
+static constexpr uint16_t LAYOUT = 0xfd45;
 static constexpr uint8_t MAX_PAYLOAD = 96;
 static constexpr uint8_t MAX_ENCODED = 102;
 static constexpr uint8_t FIRMWARE[] = {1, 0, 0};
@@ -81,6 +83,13 @@ struct __attribute__((packed)) Config {
 };
 static_assert(sizeof(Config) == 20, "padded");
 
+// Gives a board that has none its number, kept without power; refused where there is one.
+struct __attribute__((packed)) Name {
+  enum : uint8_t { TYPE = 0x07 };
+  uint32_t serial;  // 1…0xFFFFFFFE
+};
+static_assert(sizeof(Name) == 4, "padded");
+
 // Who is there and how to read it; sent on boot and on request.
 struct __attribute__((packed)) Hello {
   enum : uint8_t { TYPE = 0x81 };
@@ -88,6 +97,7 @@ struct __attribute__((packed)) Hello {
   uint16_t layout;  // checksum of the message table
   uint8_t firmware[3];  // version: major, minor, patch
   uint32_t build;  // first four bytes of the sources' SHA-256
+  uint32_t serial;  // which board this is; 0: it was never given a number
   uint8_t board;  // 1 Nano, 2 emulator, 3 Raspberry Pi
   uint8_t reset_cause;  // MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog
   uint8_t servo_pins[3];  // servo x, servo y, turntable
@@ -106,7 +116,7 @@ struct __attribute__((packed)) Hello {
   uint16_t minimum[3];  // [0.5 µs] servo x, servo y, turntable
   uint16_t maximum[3];  // [0.5 µs] servo x, servo y, turntable
 };
-static_assert(sizeof(Hello) == 57, "padded");
+static_assert(sizeof(Hello) == 61, "padded");
 
 // Everything the device senses, sampled together.
 struct __attribute__((packed)) Telemetry {
