@@ -1,5 +1,7 @@
 """Fixtures every room's tests may use."""
 
+import functools
+import time
 from pathlib import Path
 
 import pytest
@@ -14,3 +16,21 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("real measurements (../shared/data) are not on this machine")
     return folder
+
+
+def patient(test):
+    """Decorate a test of wall-clock time: the best of ten tries counts.
+
+    Others may take the processor in any of them; a mistake in the code fails all ten.
+    """
+
+    @functools.wraps(test)
+    def tried(*args, **kwargs):
+        for _ in range(9):
+            try:
+                return test(*args, **kwargs)
+            except AssertionError:
+                time.sleep(0.1)
+        return test(*args, **kwargs)
+
+    return tried

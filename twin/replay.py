@@ -22,6 +22,7 @@ from twin.results import FlightResult, StepResult
 from twin.seat_names import MODELS, is_port, is_rig
 
 WIDTH = 28
+TAPED = "(the rig's recorded angles flew: nothing answers a difference, and it grows)"
 CLOCKED = "timing/"  # what the wall clock alone decides
 
 
@@ -53,6 +54,7 @@ class ReplayResult:
     changed : settings that differ, with old and new value
     differences : by signal
     missing : signals only one of the two has
+    taped : the gimbal's angles were those of a recorded rig, whatever was commanded
     """
 
     recording: str
@@ -62,6 +64,7 @@ class ReplayResult:
     missing: tuple[str, ...]
     before: Mapping[str, float]
     after: Mapping[str, float]
+    taped: bool = False
 
     @property
     def identical(self) -> bool:
@@ -82,6 +85,7 @@ class ReplayResult:
             "changed": {k: list(v) for k, v in self.changed.items()},
             "differences": [asdict(d) for d in self.differences],
             "missing": list(self.missing),
+            "recorded_angles": self.taped,
             "before": dict(self.before),
             "after": dict(self.after),
         }
@@ -96,6 +100,8 @@ class ReplayResult:
         else:
             word = "differs" if self.changed else "NOT repeated, though nothing was changed"
             lines.append(f"{'result':<{WIDTH}}{word}")
+            if self.taped:
+                lines.append(f"{'':<{WIDTH}}{TAPED}")
             lines += [_line(d) for d in self.differences if not d.equal]
             lines += [f"{name:<{WIDTH}}only in one of the two" for name in self.missing]
             lines += [
@@ -134,6 +140,7 @@ def replay(config: Replay) -> ReplayResult:
         missing=tuple(sorted(n for n in set(old.series) ^ set(new.series) if _counts(n))),
         before=_figures(old),
         after=_figures(new),
+        taped=tape is not None,
     )
 
 

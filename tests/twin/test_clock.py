@@ -10,12 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.conftest import patient
 from twin import realtime
 from twin.clock import LOOK_NS, Ledger, Lockstep, Wall
 
 MS = 1_000_000
 
 
+@patient
 def test_lateness_of_single_ticks_does_not_add_up_to_drift():
     with Wall() as clock:
         clock.wait(0)
@@ -28,6 +30,7 @@ def test_lateness_of_single_ticks_does_not_add_up_to_drift():
     assert 200 * MS - MS <= elapsed <= 205 * MS
 
 
+@patient
 def test_a_missed_deadline_returns_at_once_and_says_by_how_much():
     with Wall() as clock:
         clock.wait(0)
@@ -60,6 +63,7 @@ def test_the_ledger_tells_the_latest_lateness_in_seconds():
     assert view[0] == 0.0025
 
 
+@patient
 def test_only_ticks_that_the_loop_came_late_to_count_as_overruns():
     with Wall(privileged=False) as clock:
         clock.wait(0)
@@ -71,6 +75,7 @@ def test_only_ticks_that_the_loop_came_late_to_count_as_overruns():
     assert clock.overruns == 2
 
 
+@patient
 def test_after_an_overrun_the_loop_catches_up_with_the_deadlines_of_old():
     with Wall(privileged=False) as clock:
         clock.wait(0)
@@ -81,6 +86,7 @@ def test_after_an_overrun_the_loop_catches_up_with_the_deadlines_of_old():
     assert 20 * MS <= elapsed < 30 * MS  # the fifth deadline, not five periods after the overrun
 
 
+@patient
 def test_time_counts_from_the_first_wait_whatever_comes_before_it():
     with Wall(privileged=False) as clock:
         time.sleep(0.005)  # catching up with a rig, for example
@@ -88,6 +94,7 @@ def test_time_counts_from_the_first_wait_whatever_comes_before_it():
     assert clock.overruns == 0
 
 
+@patient
 def test_what_is_done_meanwhile_is_left_in_time_for_the_deadline():
     calls = []
     with Wall(privileged=False) as clock:
@@ -101,6 +108,7 @@ def test_what_is_done_meanwhile_is_left_in_time_for_the_deadline():
     assert len(calls) <= done + 1  # false is the end of it
 
 
+@patient
 def test_a_spinning_wait_ends_within_microseconds_of_its_deadline():
     with Wall(spin_ns=300_000, privileged=False) as clock:
         late = [clock.wait(k * 2 * MS) for k in range(1, 51)]

@@ -100,6 +100,7 @@ class _Witness:
         self.ages = array("q")
         self.gaps: list[float] = []
         self._since: int | None = None
+        self._seen_ns = 0
 
     def look(self, time_ns: int) -> None:
         r = self._readings
@@ -110,8 +111,14 @@ class _Witness:
             elif self._since is not None and text.startswith("rig back"):
                 self.gaps.append((time_ns - self._since) * 1e-9)
                 self._since = None
+        self._seen_ns = time_ns
         if self._now is not None and r.states:
             self.ages.append(self._now() - r.states[-1].time_ns)
+
+    def times_without(self) -> tuple[float, ...]:
+        """How long the rig was away each time, the last to the end of the run [s]."""
+        last = () if self._since is None else ((self._seen_ns - self._since) * 1e-9,)
+        return (*self.gaps, *last)
 
     def percentiles(self) -> tuple[float, float] | None:
         if not self.ages:
@@ -182,7 +189,7 @@ def mirror(config: Mirror) -> MirrorResult:
         pose_age_ms=witness.percentiles(),
         lost=readings.lost,
         crc_errors=readings.crc_errors,
-        gaps_s=tuple(witness.gaps),
+        gaps_s=witness.times_without(),
         health=readings.health,
         wall_s=time.perf_counter() - began,
     )
