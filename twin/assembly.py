@@ -3,7 +3,7 @@
 import hashlib
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -22,7 +22,7 @@ from twin.model import ModelConfig, Seat, TwinModel, load
 from twin.plant import Plant
 from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.rows import Rows
-from twin.seat_names import MODELS, is_rig
+from twin.seat_names import MODELS, OF_SERVOS, is_rig
 from twin.seats import SimulatedGimbal
 
 if TYPE_CHECKING:
@@ -78,6 +78,8 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
     kind: Seat = "follow"
     if config.gimbal in MODELS:
         kind = "linkage" if config.gimbal == "linkage" else "transfer-function"
+    if kind == "transfer-function":
+        _refuse_servos(given)
     twin = load(
         ModelConfig(
             scene=config.plant_scene,
@@ -95,6 +97,15 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
         config.integrator, twin.mj.opt.timestep, ramp=_on_ramp(twin.mj), rods=twin.mj.neq > 0
     )
     return Plant(twin, config.integrator)
+
+
+def _refuse_servos(given: Iterable[str]) -> None:
+    for name in given:
+        if name.startswith(OF_SERVOS):
+            raise TwinError(
+                f"--set {name}: an identified model has no servos, rods or play of its own, so this"
+                " would change nothing; it is for --gimbal linkage"
+            )
 
 
 def _on_ramp(model: mujoco.MjModel) -> bool:

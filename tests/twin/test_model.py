@@ -1,5 +1,6 @@
 """Loading: the parts of a scene can be exchanged, and nothing unfit gets past it."""
 
+import re
 import struct
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from twin import overrides
 from twin.compose import MJCF
 from twin.errors import TwinError
 from twin.model import ModelConfig, load
@@ -90,6 +92,80 @@ def test_the_digest_follows_the_physics():
     other = load(ModelConfig(overrides={"gimbal_holder.mass": 0.03}))
     assert one.sha256 == same.sha256
     assert one.sha256 != other.sha256
+
+
+@pytest.mark.parametrize(
+    ("name", "instead"),
+    [
+        ("gimbal_propellant.mass", "motor_propellant_mass"),
+        ("gimbal_propellant.inertia[0]", "motor_propellant_mass"),
+        ("motor_loaded_mass", r"gimbal_motor\.mass"),
+        ("motor_length", "--motor"),
+        ("motor_diameter", "--motor"),
+        ("vehicle.pos[2]", "ramp_position"),
+        ("wind_modes[3]", "wind_seed"),
+    ],
+)
+def test_a_parameter_that_something_else_decides_is_refused_with_what_to_set(name, instead):
+    own = load(ModelConfig()).mj
+    with pytest.raises(TwinError, match=f"change nothing.*{instead}"):
+        load(ModelConfig(overrides={name: overrides.value(own, name) + 1e-3}))
+
+
+def test_on_a_bench_nothing_burns_and_the_propellants_mass_can_be_set():
+    model = load(ModelConfig(scene="bench", overrides={"gimbal_propellant.mass": 0.05})).mj
+    assert model.body("gimbal_propellant").mass[0] == 0.05
+
+
+def play(model: mujoco.MjModel) -> list[float]:
+    """Width of the play of each axis, zero where it has no joint."""
+    names = [model.joint(k).name for k in range(model.njnt)]
+    pairs = [f"gimbal_play_{a}" for a in "xy"]
+    return [float(np.ptp(model.joint(n).range)) if n in names else 0.0 for n in pairs]
+
+
+def with_backlash(folder: Path, data: str, of: Path = MJCF / "mechanism.xml") -> Path:
+    """A mechanism whose numeric `backlash` reads `data`."""
+    text = re.sub(r'<numeric name="backlash" data="[^"]*"/>', "", of.read_text())
+    text = text.replace("<custom>", f'<custom><numeric name="backlash" data="{data}"/>', 1)
+    text = text.replace('meshdir="../meshes"', f'meshdir="{MJCF.parent / "meshes"}"')
+    path = folder / "mechanism.xml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("name", ["gimbal_backlash", "gimbal_backlash[0]"])
+def test_backlash_is_set_with_or_without_an_index(name):
+    assert play(load(ModelConfig(overrides={name: 0.05})).mj) == pytest.approx([0.05, 0.05])
+    assert play(load(ModelConfig(overrides={name: 0.0})).mj) == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("data", "widths"), [("0 0.05", [0, 0.05]), ("0.05 0", [0.05, 0]), ("0.02 0.03", [0.02, 0.03])]
+)
+def test_two_values_of_backlash_are_one_for_each_axis(tmp_path, data, widths):
+    model = load(ModelConfig(mechanism=with_backlash(tmp_path, data))).mj
+    assert play(model) == pytest.approx(widths)
+    second = {"gimbal_backlash[1]": 0.04}
+    model = load(ModelConfig(mechanism=with_backlash(tmp_path, data), overrides=second)).mj
+    assert play(model) == pytest.approx([widths[0], 0.04])
+
+
+def test_backlash_of_servos_on_the_axes_themselves_is_refused(tmp_path):
+    with pytest.raises(TwinError, match="on the gimbal axis itself"):
+        load(ModelConfig(mechanism=with_backlash(tmp_path, "0.01", DIRECT)))
+    assert play(load(ModelConfig(mechanism=with_backlash(tmp_path, "0", DIRECT))).mj) == [0, 0]
+
+
+def test_a_force_range_holds_a_servo(tmp_path):
+    weak = {"gimbal_servo_x.forcerange[0]": -1e-4, "gimbal_servo_x.forcerange[1]": 1e-4}
+    model = load(ModelConfig(overrides=weak)).mj
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 0.3
+    mujoco.mj_forward(model, data)
+    x, y = np.abs(data.actuator_force)
+    assert x == pytest.approx(1e-4)
+    assert y > 0.01
 
 
 def test_an_overridden_step_reaches_the_model():
