@@ -14,6 +14,7 @@ from twin import native
 from twin import overrides as override
 from twin.compose import MJCF, SCENES, compose, one_line
 from twin.errors import TwinError
+from twin.mechanism.frame import check_frame
 from twin.mechanism.servo import apply_servo, insert_backlash
 
 Seat = Literal["linkage", "transfer-function", "follow"]
@@ -100,6 +101,8 @@ def load(config: ModelConfig) -> TwinModel:
     if seat == "linkage":
         apply_servo(model)
     native.bind(model)
+    if seat != "fixed":
+        check_frame(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return TwinModel(mj=model, gimbal=seat, sha256=digest(model))
 

@@ -168,6 +168,40 @@ def test_a_force_range_holds_a_servo(tmp_path):
     assert y > 0.01
 
 
+@pytest.mark.parametrize("scene", ["flight", "bench"])
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('axis="1 0 0"', 'axis="-1 0 0"', r"'gimbal_x' turns about \(-1, 0, 0\).*\(1, 0, 0\)"),
+        ('axis="0 1 0"', 'axis="0 -1 0"', r"'gimbal_y' turns about \(0, -1, 0\)"),
+        ('axis="0 1 0"', 'axis="0 1 0" pos="0 0 0.005"', "'gimbal_y' passes 5 mm"),
+        ('axis="0 1 0"', 'axis="0 1 0" pos="0 0.1 0"', None),  # the same axis
+        ('name="nozzle"', 'name="nozzle" euler="3.1416 0 0"', r"nozzle'.*\(0, 0, -1\)"),
+    ],
+)
+def test_a_gimbal_that_would_be_steered_the_wrong_way_is_refused(tmp_path, scene, old, new, says):
+    path = tmp_path / "mechanism.xml"
+    path.write_text(DIRECT.read_text().replace(old, new, 1))
+    asked = ModelConfig(scene=scene, mechanism=path)
+    if says is None:
+        load(asked)
+        return
+    with pytest.raises(TwinError, match=says):
+        load(asked)
+
+
+def test_a_gimbal_mounted_askew_in_its_vehicle_is_refused(tmp_path):
+    text = (MJCF / "parts" / "airframe.xml").read_text()
+    assert '<frame name="gimbal">' in text
+    text = text.replace('<frame name="gimbal">', '<frame name="gimbal" euler="0 0 1.5708">')
+    asset = '<asset><model name="mechanism" file="mechanism.xml"/></asset>'
+    text = text.replace("<worldbody>", asset + "<worldbody>", 1)
+    path = tmp_path / "vehicle.xml"
+    path.write_text(text)
+    with pytest.raises(TwinError, match=r"\(0, 1, 0\) of body 'vehicle'"):
+        load(ModelConfig(vehicle=path, mechanism=MJCF / "mechanism.xml"))
+
+
 def test_an_overridden_step_reaches_the_model():
     assert load(ModelConfig(dt=5e-4)).mj.opt.timestep == 5e-4
 
