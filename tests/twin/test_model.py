@@ -60,6 +60,40 @@ def test_a_vehicle_finds_its_meshes_beside_its_own_file_from_any_folder(tmp_path
     assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MESH, "part") >= 0
 
 
+def test_includes_are_found_at_every_level_beside_their_file_or_beside_the_vehicles(
+    tmp_path, monkeypatch
+):
+    text = (MJCF / "examples" / "large_rocket.xml").read_text()
+    head, site, tail = text.partition('<site name="vehicle_imu" pos="0 0 0.8"/>')
+    assert site
+    inside = '<include file="parts/imu.xml"/>'
+    files = {
+        "vehicle.xml": head + inside + tail,
+        "parts/imu.xml": f'<part>{site}<include file="more.xml"/><include file="last.xml"/></part>',
+        "parts/more.xml": '<part><site name="more"/></part>',
+        "last.xml": '<part><site name="last"/></part>',
+    }
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(content)
+    monkeypatch.chdir("/")
+    model = load(ModelConfig(vehicle=tmp_path / "vehicle.xml")).mj
+    sites = [model.site(k).name for k in range(model.nsite)]
+    assert {"vehicle_imu", "more", "last"} <= set(sites)
+    own = load(ModelConfig(vehicle=MJCF / "examples" / "large_rocket.xml")).mj
+    np.testing.assert_array_equal(model.body_mass, own.body_mass)
+
+
+def test_an_include_that_includes_itself_is_refused(tmp_path):
+    path = tmp_path / "vehicle.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="vehicle"><include file="vehicle.xml"/></body></worldbody>'
+        "</mujoco>"
+    )
+    with pytest.raises(TwinError, match="8 files deep"):
+        load(ModelConfig(vehicle=path))
+
+
 def test_a_mesh_with_a_hole_is_refused_by_name(tmp_path):
     with pytest.raises(TwinError, match=r"part.*not watertight: 3 of its edges"):
         load(ModelConfig(mechanism=with_mesh(tmp_path, TETRAHEDRON[:3])))
