@@ -3,7 +3,7 @@
 import hashlib
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
-from twin import native, overrides
+from twin import integrators, native, overrides
 from twin.clock import Clock, Lockstep, Wall
 from twin.configuration import TURNTABLE, Run, as_properties
 from twin.errors import TwinError
@@ -22,7 +22,7 @@ from twin.model import ModelConfig, Seat, TwinModel, load
 from twin.plant import Plant
 from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.rows import Rows
-from twin.seat_names import MODELS, is_rig
+from twin.seat_names import MODELS, OF_SERVOS, is_rig
 from twin.seats import SimulatedGimbal
 
 if TYPE_CHECKING:
@@ -72,27 +72,45 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
 
     Raises
     ------
-    TwinError : a file, name or number that cannot be used
+    TwinError : a file, name or number that cannot be used, or a step too long for the integrator
     """
+    given = _of_the_plant(config)
     kind: Seat = "follow"
     if config.gimbal in MODELS:
         kind = "linkage" if config.gimbal == "linkage" else "transfer-function"
-    return Plant(
-        load(
-            ModelConfig(
-                scene=config.plant_scene,
-                gimbal=kind,
-                transfer_function=config.model,
-                vehicle=config.vehicle,
-                mechanism=config.mechanism,
-                motor=motor,
-                overrides=_of_the_plant(config),
-                dt=config.dt,
-                seed=config.seed,
-            )
-        ),
-        config.integrator,
+    if kind == "transfer-function":
+        _refuse_servos(given)
+    twin = load(
+        ModelConfig(
+            scene=config.plant_scene,
+            gimbal=kind,
+            transfer_function=config.model,
+            vehicle=config.vehicle,
+            mechanism=config.mechanism,
+            motor=motor,
+            overrides=given,
+            dt=config.dt,
+            seed=config.seed,
+        )
     )
+    integrators.check_step(
+        config.integrator, twin.mj.opt.timestep, ramp=_on_ramp(twin.mj), rods=twin.mj.neq > 0
+    )
+    return Plant(twin, config.integrator)
+
+
+def _refuse_servos(given: Iterable[str]) -> None:
+    for name in given:
+        if name.startswith(OF_SERVOS):
+            raise TwinError(
+                f"--set {name}: an identified model has no servos, rods or play of its own, so this"
+                " would change nothing; it is for --gimbal linkage"
+            )
+
+
+def _on_ramp(model: mujoco.MjModel) -> bool:
+    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "ramp_length")
+    return found >= 0 and bool(model.numeric("ramp_length").data[0] > 0.0)
 
 
 def _of_the_plant(config: Run) -> dict[str, float]:

@@ -69,32 +69,42 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _tree(path: Path, vehicle: Path | None = None, depth: int = 0) -> ET.Element:
+def _tree(
+    path: Path, vehicle: Path | None = None, main: Path | None = None, depth: int = 0
+) -> ET.Element:
     """Root element of an MJCF file, includes resolved and file references made absolute.
 
     Where `vehicle` is given it takes the place of the file's `<include>` and of its mechanism.
+    An `<include>` may stand anywhere, and is looked for beside the file it stands in, then in
+    `main`, the folder of the file that includes them all; both as MuJoCo does.
     """
-    root = _root(path)
+    root = _root(path, included=main is not None)
     if depth > DEEPEST_INCLUDE:
         raise TwinError(f"{path} is included more than {DEEPEST_INCLUDE} files deep")
-    includes = root.findall("include")
     if vehicle is not None:
-        if not includes:
+        if root.find("include") is None:
             raise TwinError(f"{path} includes no vehicle that {vehicle} could replace")
         for asset in root.findall("asset"):
             for model in asset.findall("model[@name='mechanism']"):
                 asset.remove(model)
-    for place, include in enumerate(includes):
-        given = vehicle if place == 0 else None
-        part = _tree(given or path.resolve().parent / include.get("file", ""), depth=depth + 1)
-        at = list(root).index(include)
-        root.remove(include)
-        for offset, element in enumerate(part):
-            root.insert(at + offset, element)
+    own = path.resolve().parent
+    main = main or own
+    for parent in list(root.iter()):
+        for include in parent.findall("include"):
+            if vehicle is not None:
+                part, vehicle = _tree(vehicle, depth=depth + 1), None
+            else:
+                name = include.get("file", "")
+                beside = own / name if (own / name).is_file() else main / name
+                part = _tree(beside, main=main, depth=depth + 1)
+            at = list(parent).index(include)
+            parent.remove(include)
+            for offset, element in enumerate(part):
+                parent.insert(at + offset, element)
     return root
 
 
-def _root(path: Path) -> ET.Element:
+def _root(path: Path, *, included: bool) -> ET.Element:
     """Root element of one MJCF file, its own file references made absolute."""
     if not path.is_file():
         raise TwinError(f"{path} is not a file; give an MJCF file")
@@ -104,7 +114,7 @@ def _root(path: Path) -> ET.Element:
         root = ET.fromstring(path.read_bytes())  # noqa: S314  expat ≥ 2.4.1 bounds entity expansion
     except ET.ParseError as error:
         raise TwinError(f"{path} is not well-formed XML: {error}") from error
-    if root.tag != "mujoco":
+    if root.tag != "mujoco" and not included:  # what is included may be called anything
         raise TwinError(f"{path} has the root element <{root.tag}>; an MJCF file has <mujoco>")
     base = path.resolve().parent
     for compiler in root.iter("compiler"):

@@ -19,6 +19,8 @@ from twin.rows import Rows
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
+STUCK_NS = 1_000_000_000  # a vehicle at rest on its ramp for so long after burnout stays there
+AT_REST = 0.1  # m/s
 
 
 def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | None]:
@@ -26,8 +28,9 @@ def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | Non
 
     Raises
     ------
-    TwinError : numbers that make no programme, or a point outside the cone
+    TwinError : numbers that make no programme, a point outside the cone, or no gimbal to steer with
     """
+    _refuse_steering_without_gimbal(config, model)
     if config.target is None and config.programme != "point":
         launch, _ = launch_of(model)
         axis = _body_x(model) if config.turns_about == "x" else None
@@ -47,6 +50,17 @@ def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | Non
         right, up = (math.radians(angle) for angle in config.off_axis_deg)
         steering = fixed_point(model, right, up, config.target_range_m)
     return steering, steering.target
+
+
+def _refuse_steering_without_gimbal(config: Fly, model: mujoco.MjModel) -> None:
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "gimbal_x") >= 0:
+        return
+    if config.target is not None or config.programme != "hold":
+        what = "--target" if config.target is not None else f"--programme {config.programme}"
+        raise TwinError(
+            f"{what}: this vehicle's motor is fixed (it has no joint 'gimbal_x'), so it can only"
+            " fly as it is launched, --programme hold"
+        )
 
 
 def _start(model: mujoco.MjModel) -> Vector:
@@ -81,13 +95,16 @@ class Flight:
         self._start = _start(plant.model)
         self._target = None if target is None else np.array(target)
         self.burnout_ns = round(_burnout(plant.model) * 1e9)
+        self._ignition_ns = round(float(_numeric(plant.model, "motor_ignition")[0]) * 1e9)
         self._ramp = float(_numeric(plant.model, "ramp_length")[0])
         self._mass = float(plant.model.body_subtreemass[plant.model.body("vehicle").id])
         self._position: list[Vector] = []
         self._speed = 0.0
         self._errors: list[float] = []
         self._closure = 0.0
-        self._closest, self._closest_ns = math.inf, 0
+        self._closest = math.inf
+        self._closest_ns: int | None = None  # when last nearer the point than ever since the launch
+        self._moved_ns = self.burnout_ns
         self._burnout_range: float | None = None
         self._on_ramp = True
         self.announce: Callable[[int, str], None] = lambda *_: None
@@ -98,7 +115,8 @@ class Flight:
         x, y, z = plant.position.tolist()
         self._position.append((x, y, z))
         vx, vy, vz = plant.velocity.tolist()
-        self._speed = max(self._speed, vx * vx + vy * vy + vz * vz)
+        speed = vx * vx + vy * vy + vz * vz
+        self._speed = max(self._speed, speed)
         if self._rows.closure[0] > self._closure or self._rows.closure[1] > self._closure:
             self._closure = float(self._rows.closure.max())
         if time_ns <= self.burnout_ns:
@@ -107,12 +125,17 @@ class Flight:
         elif self._burnout_range is None:
             self._burnout_range = math.dist((x, y, z), self._start)
             self._tell(time_ns, "burnout", self._burnout_range, vx, vy, vz)
-        if self._on_ramp and math.dist((x, y, z), self._start) > self._ramp:
+        away = math.dist((x, y, z), self._start)
+        if self._on_ramp and away > self._ramp and time_ns >= self._ignition_ns:
             self._on_ramp = False
             self._tell(time_ns, "left the ramp", self._ramp, vx, vy, vz)
+        if self._on_ramp and speed > AT_REST**2:
+            self._moved_ns = max(time_ns, self.burnout_ns)
         if self._target is not None:
             distance = math.dist((x, y, z), self._target)
-            if distance < self._closest:
+            if self._on_ramp:
+                self._closest = distance
+            elif distance < self._closest:
                 self._closest, self._closest_ns = distance, time_ns
 
     def _tell(self, time_ns: int, what: str, distance: float, *velocity: float) -> None:
@@ -122,11 +145,12 @@ class Flight:
     def over(self) -> str | None:
         """Why the flight is over, or None while it is not."""
         plant = self._plant
-        if plant.data.ncon or plant.position[2] < 0.0:
+        if plant.landed:
             return "reached the ground"
-        if self._target is not None and plant.time_ns > self._closest_ns + PASSED_NS:
+        if self._closest_ns is not None and plant.time_ns > self._closest_ns + PASSED_NS:
             return "passed the point"
-        if plant.time_ns > self.burnout_ns and self._speed < 1.0:
+        held = self._ramp > 0.0 and self._on_ramp
+        if held and plant.time_ns > self._moved_ns + STUCK_NS:
             return "never left the ramp"
         return None
 

@@ -14,6 +14,7 @@ from twin import native
 from twin import overrides as override
 from twin.compose import MJCF, SCENES, compose, one_line
 from twin.errors import TwinError
+from twin.mechanism.frame import check_frame
 from twin.mechanism.servo import apply_servo, insert_backlash
 
 Seat = Literal["linkage", "transfer-function", "follow"]
@@ -91,7 +92,8 @@ def load(config: ModelConfig) -> TwinModel:
     if config.motor is not None:
         _exchange_motor(spec, config.motor)
     if seat == "linkage":
-        insert_backlash(spec, config.overrides.get("gimbal_backlash"))
+        _set_backlash(spec, config.overrides)
+        insert_backlash(spec)
     model = _compiled(spec)
     if config.vehicle or config.mechanism or config.scene not in SCENES:
         _check_meshes(model)
@@ -99,6 +101,8 @@ def load(config: ModelConfig) -> TwinModel:
     if seat == "linkage":
         apply_servo(model)
     native.bind(model)
+    if seat != "fixed":
+        check_frame(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return TwinModel(mj=model, gimbal=seat, sha256=digest(model))
 
@@ -162,6 +166,21 @@ def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> N
         if rod is not None:
             spec.delete(rod)
     actuator.attach(spec, motion, spec.option.timestep)
+
+
+def _set_backlash(spec: mujoco.MjSpec, overrides: Mapping[str, float]) -> None:
+    """Overrides of the play, which takes joints that a compiled model can no longer get."""
+    numeric = spec.numeric("gimbal_backlash")
+    if numeric is None:
+        return
+    data = [*numeric.data, *[0.0] * (numeric.size - len(numeric.data))]
+    for name, value in overrides.items():
+        match = override.NAME.fullmatch(name)
+        if match and match["owner"] == "gimbal_backlash" and not match["attribute"]:
+            place = int(match["index"] or 0)
+            if place < len(data):  # what does not fit is refused with all other overrides
+                data[place] = value
+    numeric.data = data
 
 
 def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> None:

@@ -28,7 +28,35 @@ ATTRIBUTES: Mapping[str, tuple[mujoco.mjtObj, str]] = {
     "ctrlrange": (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator_ctrlrange"),
     "forcerange": (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator_forcerange"),
 }
+AXES = {
+    mujoco.mjtJoint.mjJNT_FREE: 6,
+    mujoco.mjtJoint.mjJNT_BALL: 3,
+    mujoco.mjtJoint.mjJNT_SLIDE: 1,
+    mujoco.mjtJoint.mjJNT_HINGE: 1,
+}
 OPTIONS = ("gravity",)
+NOT_NEGATIVE = ("stiffness", "damping", "armature", "frictionloss")
+# MuJoCo reads a range only where this says so
+LIMITED = {
+    "range": "jnt_limited",
+    "ctrlrange": "actuator_ctrllimited",
+    "forcerange": "actuator_forcelimited",
+}
+# parameters that something else decides: what, and what to set instead
+BURNS = "the propellant is renewed while it burns; set motor_propellant_mass, motor_grain_length"
+WRITTEN = "it is written when a model is loaded"
+DECIDED: Mapping[str, str] = {
+    "gimbal_propellant.mass": BURNS,
+    "gimbal_propellant.inertia": BURNS,
+    "motor_loaded_mass": (
+        "it only describes the motor in place; set gimbal_motor.mass for the casing,"
+        " motor_propellant_mass for the propellant, or give --motor FILE"
+    ),
+    "motor_length": "it only describes the motor in place; --motor FILE exchanges it",
+    "motor_diameter": "it only describes the motor in place; --motor FILE exchanges it",
+    "wind_modes": f"{WRITTEN}; set wind_seed, wind_length",
+    "native_index": WRITTEN,
+}
 
 
 def parse(items: Iterable[str], file: Path | None = None) -> dict[str, float]:
@@ -80,17 +108,28 @@ def apply(model: mujoco.MjModel, overrides: Mapping[str, float]) -> None:
 
     A name is a numeric (`wind_speed`, `air_strip[3]`), an element and attribute
     (`vehicle.mass`, `gimbal_x.damping`, `gimbal_x.range[1]`) or an option (`gravity[2]`).
-    A body's inertia follows an overridden mass in proportion.
+    A body's inertia follows an overridden mass in proportion; a ball or free joint takes one value
+    for all its axes; a range is heeded from then on, wherever it was not.
 
     Raises
     ------
-    TwinError : no such name; the message lists the nearest ones
+    TwinError : no such name, and the message lists the nearest ones; a value that no such thing
+        can have; a parameter that would change nothing, and what to set instead
     """
+    ranges: dict[tuple[str, str], set[int]] = {}
     for name, value in overrides.items():
         match = NAME.fullmatch(name)
         if match is None:
             raise TwinError(f"{name!r} is no parameter name; {_examples()}")
-        _write(model, name, value, match["owner"], match["attribute"], match["index"])
+        owner, attribute, at = match["owner"], match["attribute"], match["index"]
+        _write(model, name, value, owner, attribute, at)
+        if attribute in LIMITED:
+            ranges.setdefault((owner, attribute), set()).add(int(at or 0))
+    for (owner, attribute), places in ranges.items():
+        _limit(model, owner, attribute, places)
+    for name in overrides:
+        _refuse_decided(model, name)
+    _check_inertia(model, {n.partition(".")[0] for n in overrides if ".inertia" in n})
     if overrides:
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
@@ -118,12 +157,77 @@ def _write(
     at: str | None,
 ) -> None:
     array, index = _place(model, name, owner, attribute, at)
+    if attribute in NOT_NEGATIVE and value < 0:
+        raise TwinError(f"{name} = {value:g}: must be 0 or more")
+    if attribute == "inertia" and value <= 0:
+        raise TwinError(f"{name}: an inertia of {value:g} kg m² is not positive")
     if attribute == "mass":
         if value <= 0:
             raise TwinError(f"{name}: a mass of {value} kg is not positive")
         body = model.body(owner).id
+        if not model.body_mass[body] > 0:
+            raise TwinError(
+                f"{name}: the file gives this body no mass, so none of its inertia could follow;"
+                " set that of a part that has one"
+            )
         model.body_inertia[body] *= value / model.body_mass[body]
-    array[index] = value
+    if at is None and array.size > 1:  # all axes of a joint
+        array[:] = value
+    else:
+        array[index] = value
+
+
+def _limit(model: mujoco.MjModel, owner: str, attribute: str, places: set[int]) -> None:
+    """Let a range that was written be heeded."""
+    kind, field = ATTRIBUTES[attribute]
+    index = mujoco.mj_name2id(model, kind, owner)
+    limited, (low, high) = getattr(model, LIMITED[attribute]), getattr(model, field)[index]
+    name = f"{owner}.{attribute}"
+    if not limited[index] and places != {0, 1}:
+        missing = 1 if 0 in places else 0
+        raise TwinError(f"{name}: there is no limit yet, so set both; {name}[{missing}] is missing")
+    if not low < high:
+        raise TwinError(f"{name} = {low:g} to {high:g}: {name}[0] must be less than {name}[1]")
+    limited[index] = 1
+
+
+def _refuse_decided(model: mujoco.MjModel, name: str) -> None:
+    """Refuse a parameter that would change nothing."""
+    plain = name.partition("[")[0]
+    reason = DECIDED.get(plain, "")
+    if reason == BURNS and not _burns(model):
+        return
+    owner, _, attribute = plain.partition(".")
+    if attribute in ("pos", "range") and _is_free(model, owner, attribute):
+        reason = "a free joint says where it is and has no range"
+        if owner == "vehicle":
+            reason = "the ramp says where it starts; set ramp_position, ramp_elevation"
+    if reason:
+        raise TwinError(f"{name} would change nothing: {reason}")
+
+
+def _burns(model: mujoco.MjModel) -> bool:
+    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "motor_thrust")
+    return found >= 0 and bool(model.numeric("motor_thrust").data.any())
+
+
+def _is_free(model: mujoco.MjModel, owner: str, attribute: str) -> bool:
+    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, owner)
+    if attribute == "pos":
+        body = model.body(owner)
+        joint = int(body.jntadr[0]) if body.jntnum[0] == 1 else -1
+    return joint >= 0 and bool(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE)
+
+
+def _check_inertia(model: mujoco.MjModel, bodies: Iterable[str]) -> None:
+    """Refuse inertias that no distribution of mass has: none exceeds the sum of the other two."""
+    for body in bodies:
+        a, b, c = sorted(model.body(body).inertia.tolist())
+        if c > (a + b) * (1 + 1e-9):
+            raise TwinError(
+                f"{body}.inertia = {a:g}, {b:g}, {c:g} kg m²: the largest exceeds the sum of the"
+                " other two, as in no body"
+            )
 
 
 def _place(
@@ -139,9 +243,10 @@ def _place(
     if index < 0:
         known = _names(model, kind)
         raise TwinError(f"{name}: no {_word(kind)} {owner!r}; valid: {', '.join(known)}")
-    if field.startswith("dof_"):
-        index = int(model.jnt_dofadr[index])
     array = getattr(model, field)
+    if field.startswith("dof_"):
+        first, axes = int(model.jnt_dofadr[index]), AXES[mujoco.mjtJoint(model.jnt_type[index])]
+        return _indexed(array[first : first + axes], at or "0", name)
     return _indexed(array[index : index + 1] if array.ndim == 1 else array[index], at, name)
 
 

@@ -164,7 +164,7 @@ def _flown(config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Traje
             duration_ns=end_ns,
             command=np.zeros(2),
             each_tick=(sample,),
-            stop=lambda: "ground" if plant.data.ncon or plant.position[2] < 0.0 else None,
+            stop=lambda: "ground" if plant.landed else None,
         )
     time, position, attitude = (np.array(c) for c in zip(*kept, strict=True))
     return Trajectory(time, position, attitude)

@@ -5,6 +5,8 @@ import re
 from twin.errors import TwinError
 
 MODELS = ("linkage", "transfer-function")
+# how parameters begin that an identified model of the gimbal does not have
+OF_SERVOS = ("gimbal_servo_", "gimbal_rod_", "gimbal_play_", "gimbal_backlash")
 SIMULATED = ("emulator", "firmware")
 _PORT = re.compile(r"/|\\|://|^com\d+$", re.IGNORECASE)
 

@@ -268,6 +268,16 @@ def test_gusts_have_unit_variance_and_no_divergence() -> None:
     assert sum(slopes) == pytest.approx(0, abs=1e-6 * max(map(abs, slopes)) + 1e-7)
 
 
+def test_gusts_share_their_variance_among_components_as_documented() -> None:
+    """Of a mode a·cos(k·x + φ) each component has the variance a²/2 over all space."""
+    fields = np.array([air.gust_modes(seed, 150.0, 16).reshape(16, 7) for seed in range(1000)])
+    rms = np.sqrt((fields[:, :, 3:6] ** 2).sum(axis=1) / 2)
+    np.testing.assert_allclose((rms**2).sum(axis=1), 3.0)
+    np.testing.assert_allclose(rms.std(axis=0), 0.13, atol=0.015)
+    np.testing.assert_allclose(np.percentile(rms, [2.5, 97.5]), [0.71, 1.24], atol=0.02)
+    assert rms[0] == pytest.approx([0.70, 1.14, 1.10], abs=0.005)
+
+
 def test_gusts_decorrelate_over_their_length() -> None:
     """Correlation near 1 within a hundredth of the length and near 0 beyond five lengths."""
     pairs = {near: [] for near in (True, False)}

@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sysconfig
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from analysis import recording
 from analysis.transfer_function import TransferFunctionModel
+from twin.compose import MJCF
 from twin.configuration import Fly, Step
 from twin.errors import TwinError
 from twin.experiments import fly, step
@@ -116,6 +118,88 @@ def test_a_step_ends_at_the_command(tmp_path, gimbal):
     # stiffness (0.006 + 0.007 N m)/1.8 N m/rad = 0.4°; the horn of 8 mm on an arm of 20.5 mm makes
     # 0.35° of them at the gimbal. The identified model has none of these.
     assert error < math.radians(0.35 if gimbal == "linkage" else 0.01)
+
+
+def test_a_vehicle_that_waits_on_the_pad_has_not_passed_its_point(tmp_path):
+    late = Fly(target=(300, 0, 300), set=("motor_ignition=3",), out=tmp_path / "fly.rrd")
+    result = fly(late)
+    assert result.ended == "passed the point"
+    assert result.closest_approach_m < 5.0
+
+
+def numbers(name: str, values: list[float], size: int = 64) -> tuple[str, ...]:
+    """`--set` of a whole numeric; its last value fills it up."""
+    padded = [*values, *[values[-1]] * (size - len(values))]
+    return tuple(f"{name}[{k}]={v!r}" for k, v in enumerate(padded))
+
+
+UNLIT = (*numbers("motor_thrust", [0.0]), "motor_impulse=0")
+
+
+@pytest.mark.parametrize(
+    ("settings", "ended", "after"),
+    [
+        ((*UNLIT, "ramp_length=0", "ramp_position[2]=20"), "reached the ground", 2.0),
+        (UNLIT, "never left the ramp", 1.0),
+    ],
+    ids=["dropped by hand", "on the ramp"],
+)
+def test_a_vehicle_without_thrust_falls_or_stays(tmp_path, settings, ended, after):
+    result = fly(Fly(set=settings, out=tmp_path / "fly.rrd"))
+    assert result.ended == ended
+    assert result.flight_time_s == pytest.approx(after, abs=0.1)
+
+
+def test_a_motor_too_weak_for_its_vehicle_ends_the_flight_on_the_ramp(tmp_path):
+    hop = (  # 70 N under 4.15 kg for half a second
+        *numbers("motor_time", [0.0, 0.05, 0.5, 0.55]),
+        *numbers("motor_thrust", [0.0, 70.0, 70.0, 0.0]),
+        "motor_impulse=35",
+    )
+    rocket = MJCF / "examples" / "large_rocket.xml"
+    result = fly(Fly(vehicle=rocket, set=hop, out=tmp_path / "fly.rrd"))
+    assert result.max_speed_m_s > 1.0  # it did move
+    assert result.ended == "never left the ramp"
+    assert result.flight_time_s < 10.0
+
+
+@pytest.mark.parametrize(
+    "asked", [{"target": (0.0, 0.0, 300.0)}, {"programme": "point"}, {"programme": "step"}], ids=str
+)
+def test_a_vehicle_whose_motor_is_fixed_is_not_told_to_steer(tmp_path, asked):
+    rocket = MJCF / "examples" / "large_rocket.xml"
+    with pytest.raises(TwinError, match="motor is fixed"):
+        fly(Fly(vehicle=rocket, out=tmp_path / "fly.rrd", **asked))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("gimbal", "integrator", "dt", "largest"),
+    [
+        ("transfer-function", "ab1", 0.004, "0.0035"),
+        ("transfer-function", "ab3", 0.004, "0.0025"),
+        ("transfer-function", "ab4", 0.002, "0.0015"),
+        ("linkage", "ab2", 0.005, "0.004"),
+        ("linkage", "ab3", 0.002, "0.0015"),
+        ("linkage", "ab4", 0.002, "0.001"),
+    ],
+)
+def test_a_step_that_the_integrator_cannot_take_is_refused_and_the_largest_flies(
+    tmp_path, gimbal, integrator, dt, largest
+):
+    asked = Fly(gimbal=gimbal, integrator=integrator, dt=dt, control_hz=1 / dt, duration_s=2.0)
+    with pytest.raises(TwinError, match=f"--dt {dt:g}.*{integrator}.* {largest} s"):
+        fly(replace(asked, out=tmp_path / "fly.rrd"))
+
+    def end(**changes) -> np.ndarray:
+        out = tmp_path / "fly.rrd"
+        fly(replace(asked, out=out, **changes))
+        return recording.read(out).series["vehicle/position"].values[-1]
+
+    limit = float(largest)
+    flown = end(dt=limit, control_hz=1 / limit)
+    right = end(dt=limit / 4, control_hz=1 / limit, integrator="rk4")
+    np.testing.assert_allclose(flown, right, atol=0.3)  # of 27 m
 
 
 def test_a_step_past_the_stops_is_refused():

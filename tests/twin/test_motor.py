@@ -38,9 +38,20 @@ def test_several_motors_in_a_file_are_chosen_by_name(tmp_path: Path) -> None:
     file.write_text(GOOD + GOOD.replace("X1", "Y2"))
     assert [motor.name for motor in read(file)] == ["X1", "Y2"]
     assert Motor.from_eng(file, "Y2").name == "Y2"
-    for name, says in ((None, "2 motors; choose one of X1, Y2"), ("Z", "no motor 'Z'")):
+    for name, says in (
+        (None, "2 motors, X1, Y2; cut it down to the one that is meant"),
+        ("Z", "no motor 'Z'; there are X1, Y2"),
+    ):
         with pytest.raises(MotorError, match=says):
             Motor.from_eng(file, name)
+
+
+@pytest.mark.parametrize(("name", "says"), [(None, "2 motors, X1, X1"), ("X1", "2 motors 'X1'")])
+def test_two_motors_of_one_name_are_refused(tmp_path: Path, name: str | None, says: str) -> None:
+    file = tmp_path / "two.eng"
+    file.write_text(GOOD + GOOD.replace(" 10", " 20"))
+    with pytest.raises(MotorError, match=f"{says}.*cut it down"):
+        Motor.from_eng(file, name)
 
 
 @pytest.mark.parametrize(

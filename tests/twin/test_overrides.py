@@ -72,6 +72,74 @@ def test_a_wrong_name_or_value_is_told_with_what_would_be_right(model, name, say
         overrides.apply(model, {name: -1.0})
 
 
+JOINTED = """
+<mujoco>
+  <compiler autolimits="false"/>
+  <worldbody>
+    <body name="base"><freejoint name="base"/><geom type="box" size=".1 .2 .3"/>
+      <body name="rod"><joint name="rod" type="ball"/><geom type="box" size=".1 .2 .3"/>
+        <body name="tip"><joint name="tip"/><geom type="box" size=".1 .2 .3" density="0"/>
+          <body><geom type="box" size=".1 .2 .3"/></body></body></body></body>
+  </worldbody>
+  <actuator><motor name="drive" joint="tip"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def jointed() -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(JOINTED)
+
+
+@pytest.mark.parametrize("attribute", ["damping", "armature", "frictionloss"])
+def test_what_is_set_of_a_joint_is_set_of_all_its_axes_or_of_one(jointed, attribute):
+    overrides.apply(jointed, {f"rod.{attribute}": 0.3, f"base.{attribute}[1]": 0.2})
+    found = getattr(jointed, f"dof_{attribute}")
+    np.testing.assert_array_equal(found, [0, 0.2, 0, 0, 0, 0, 0.3, 0.3, 0.3, 0])
+    assert overrides.value(jointed, f"rod.{attribute}") == 0.3
+
+
+@pytest.mark.parametrize(
+    ("name", "limited"),
+    [
+        ("drive.forcerange", "actuator_forcelimited"),
+        ("drive.ctrlrange", "actuator_ctrllimited"),
+        ("tip.range", "jnt_limited"),
+    ],
+)
+def test_a_range_is_heeded_once_it_is_set_and_needs_both_ends(jointed, name, limited):
+    with pytest.raises(TwinError, match=r"set both; .*\[0\] is missing"):
+        overrides.apply(jointed, {f"{name}[1]": 0.1})
+    overrides.apply(jointed, {f"{name}[0]": -0.1, f"{name}[1]": 0.1})
+    assert getattr(jointed, limited)[-1] == 1
+    data = mujoco.MjData(jointed)
+    data.ctrl[0] = 5.0
+    mujoco.mj_forward(jointed, data)
+    if name.startswith("drive"):
+        assert data.actuator_force[0] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"tip.damping": -0.1}, "0 or more"),
+        ({"tip.armature": -0.1}, "0 or more"),
+        ({"tip.frictionloss": -0.1}, "0 or more"),
+        ({"tip.stiffness": -0.1}, "0 or more"),
+        ({"base.inertia[0]": 0.0}, "not positive"),
+        ({"base.inertia[0]": 1e3}, "sum of the other two"),
+        ({"tip.mass": 1.0}, "no mass"),
+        ({"tip.range[0]": 0.2, "tip.range[1]": -0.2}, r"\[0\] must be less"),
+        ({"base.pos[0]": 1.0}, "free joint"),
+        ({"base.range[0]": 0.0, "base.range[1]": 1.0}, "free joint"),
+    ],
+)
+def test_what_no_body_or_joint_can_have_or_heed_is_refused(jointed, values, says):
+    with pytest.raises(TwinError, match=says) as caught:
+        overrides.apply(jointed, values)
+    assert next(iter(values)).partition("[")[0] in str(caught.value)
+
+
 @pytest.mark.parametrize(
     "text", ["air_drag", "air_drag=x", "air_drag=nan", "air_drag=inf", "=", "a="]
 )

@@ -1,10 +1,13 @@
 """The plant: one consistent instant, time without accumulation, no silent divergence."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
 
 from twin import native
+from twin.compose import MJCF
 from twin.errors import DivergenceError
 from twin.model import ModelConfig, load
 from twin.plant import Plant
@@ -21,6 +24,17 @@ def test_time_is_the_step_count_times_dt_exactly(flight):
     for _ in range(10):
         flight.advance(37)
     assert flight.time_ns == 370 * 1_000_000
+
+
+def test_slow_commands_burn_the_propellant_as_commands_at_250_hz_do():
+    def after(parts: list[int]) -> np.ndarray:
+        with native.installed():
+            plant = Plant(load(ModelConfig()))  # a reset leaves sums of masses with rounding
+            for n in parts:
+                plant.advance(n)
+        return plant.data.qpos.copy()
+
+    np.testing.assert_array_equal(after([2002]), after([4] * 500 + [2]))
 
 
 def test_advancing_at_once_or_in_parts_ends_in_the_same_state():
@@ -70,6 +84,44 @@ def test_a_state_that_is_no_number_stops_the_run_and_names_the_joint(flight, spe
     with pytest.raises(DivergenceError, match=r"diverged at 0\.001"):
         flight.advance(1)
     flight.reset()
+
+
+@pytest.mark.parametrize("gimbal", ["linkage", "transfer-function"])
+def test_a_gimbal_far_past_its_stops_is_divergence_and_names_joint_angle_and_stops(gimbal):
+    with native.installed():
+        plant = Plant(load(ModelConfig(gimbal=gimbal)))
+        plant.data.qpos[plant.model.joint("gimbal_y").qposadr[0]] = np.radians(44.0)
+        with pytest.raises(DivergenceError, match=r"'gimbal_y' is at -?\d.*stops at -10° and 10°"):
+            plant.advance(1)
+
+
+def test_angles_that_somebody_measures_may_lie_past_the_stops():
+    with native.installed():
+        plant = Plant(load(ModelConfig(gimbal="follow")))
+        plant.data.ctrl[:] = np.radians(20.0)
+        for _ in range(10):
+            plant.advance(4)
+        assert np.isfinite(plant.gimbal_angle).all()
+
+
+def touching(folder):
+    """The direct-drive mechanism with MuJoCo's default contacts, its parts inside one another."""
+    text = (MJCF / "examples" / "direct_drive.xml").read_text()
+    path = folder / "mechanism.xml"
+    path.write_text(re.sub(r'contype="0" conaffinity="0"', "", text))
+    return path
+
+
+def test_parts_of_the_vehicle_that_touch_are_no_landing_and_the_ground_is_one(tmp_path):
+    with native.installed():
+        plant = Plant(load(ModelConfig(mechanism=touching(tmp_path))))
+        plant.advance(4)
+        assert plant.data.ncon > 0
+        assert not plant.landed
+        plant.position[2] = 0.01
+        plant.advance(1)
+        assert plant.landed
+        assert plant.position[2] > 0.0
 
 
 def test_warnings_of_mujoco_are_counted_by_name(flight):

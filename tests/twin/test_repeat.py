@@ -69,6 +69,24 @@ def test_gusts_make_every_flight_another(tmp_path):
     assert seat.spread.worst > 0.01
 
 
+def test_parameters_of_servos_stay_with_the_seats_that_have_servos(tmp_path):
+    result = repeat(
+        Fly(
+            gimbal="emulator", repeat=2, duration_s=0.5, out=tmp_path,
+            set=("gimbal_servo_gain=1.5", "wind_speed=2"),
+        )
+    )  # fmt: skip
+    asked = {
+        seat.gimbal: read(Path(seat.results[0].recording)).properties["configuration"]["set"]
+        for seat in result.seats
+    }
+    assert asked == {
+        "emulator": ["gimbal_servo_gain=1.5", "wind_speed=2.0"],
+        "linkage": ["gimbal_servo_gain=1.5", "wind_speed=2.0"],
+        "transfer-function": ["wind_speed=2.0"],
+    }
+
+
 def test_a_rig_that_fails_at_once_is_named_and_not_compared(capsys, tmp_path):
     line = f"--repeat 2 --duration-s 2 --fault link:unplug:1@0.95 --json --out {tmp_path / 'f'}"
     code, text, _ = command(capsys, "fly", "--gimbal", "emulator", *line.split())

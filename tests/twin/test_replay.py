@@ -334,3 +334,12 @@ def with_values(tape, name, change):
 
 def with_calibration(tape, text):
     return replace(tape, properties={**tape.properties, "files": {"calibration": {"text": text}}})
+
+
+def test_a_flight_with_other_servos_is_flown_again_with_the_identified_model(tmp_path):
+    tuned = Fly(set=("gimbal_servo_gain=1.5", "gimbal_backlash=0.02"), duration_s=0.2)
+    fly(replace(tuned, out=tmp_path / "fly.rrd"))
+    asked = Replay(tmp_path / "fly.rrd", gimbal="transfer-function", out=tmp_path / "a.rrd")
+    assert replay(asked).changed["set"] == ("gimbal_servo_gain=1.5 gimbal_backlash=0.02", "nothing")
+    with pytest.raises(TwinError, match="gimbal_servo_slew: an identified model has no servos"):
+        replay(replace(asked, set=("gimbal_servo_slew=5",)))

@@ -59,7 +59,7 @@ def mean_wind(speed: float, height: float, reference: float, exponent: float) ->
 def gust(
     modes: NDArray[np.float64], count: int, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """Turbulent velocity of unit variance per component at a point that drifts with the air.
+    """Turbulent velocity at a point that drifts with the air, of unit variance: `gust_modes`.
 
     `modes` (7 count,): see `gust_modes`; x, y, z [m].
     """
@@ -88,8 +88,9 @@ def wind(
     """Velocity of the air at a point above ground, world frame [m/s]: mean wind and gusts.
 
     x, y, z [m], `time` [s]; `speed`, `exponent` and `reference` as for `mean_wind`, `azimuth`
-    [rad] from east to north where it blows to; gusts of rms `turbulence` · `speed` per component,
-    a frozen field (Taylor's hypothesis) that travels with `speed` at every height.
+    [rad] from east to north where it blows to; gusts of rms `turbulence` · `speed`, taken over
+    the three components, a frozen field (Taylor's hypothesis) that travels with `speed` at every
+    height.
     """
     mean = mean_wind(speed, z, reference, exponent)
     east, north = np.cos(azimuth), np.sin(azimuth)
@@ -103,6 +104,9 @@ def wind(
 
 def gust_modes(seed: int, length: float, count: int) -> NDArray[np.float64]:
     """Random Fourier modes of isotropic turbulence of unit variance, (7 count,).
+
+    The variances of the three components add up to 3 in every field; each is 1 in the mean over
+    seeds, and with 16 modes one component's rms scatters by 13 % about it.
 
     A frozen field: a function of position alone, so it needs no state, and divergence-free, since
     every mode's direction is normal to its wave vector. Method: Kraichnan (1970), Physics of

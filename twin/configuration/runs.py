@@ -20,7 +20,7 @@ from twin.configuration.words import (
     refuse_no_number,
 )
 from twin.errors import TwinError
-from twin.seat_names import check_seat, is_port, is_rig
+from twin.seat_names import OF_SERVOS, check_seat, is_port, is_rig
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,10 @@ R = TypeVar("R", bound=Run)
 
 
 def with_model(config: R, gimbal: str, **changes: object) -> R:
-    """The same run with a model in the gimbal seat; what is about a rig alone goes."""
+    """The same run with a model in the gimbal seat; what is about a rig alone goes.
+
+    So do parameters of servos and rods where an identified model takes their place.
+    """
     rig: dict[str, object] = {"calibration": None, "fault": (), "unit": None, "clock": "lockstep"}
     if isinstance(config, Fly):
         rig |= {"attitude": "truth", "scene": config.plant_scene, "about": config.turns_about}
@@ -241,7 +244,23 @@ def with_model(config: R, gimbal: str, **changes: object) -> R:
         rig["on_fault"] = None
     if gimbal != TRANSFER_FUNCTION:
         rig["model"] = None
+    else:
+        rig |= _without_servos(config, changes)
     return replace(config, **{**rig, "gimbal": gimbal, **changes})  # type: ignore[arg-type]
+
+
+def _without_servos(config: Run, changes: dict[str, object]) -> dict[str, object]:
+    """Overrides of a run but those of servos and rods; takes what it adds out of `changes`."""
+    from twin import overrides  # not before a run: it imports MuJoCo
+
+    given = overrides.parse(config.set, config.set_from)
+    kept = {name: value for name, value in given.items() if not name.startswith(OF_SERVOS)}
+    if len(kept) == len(given):
+        return {}
+    now = changes.pop("set", config.set)
+    assert isinstance(now, tuple)
+    added = now[len(config.set) :]  # asked for of this run, so to be refused
+    return {"set": (*(f"{n}={v!r}" for n, v in kept.items()), *added), "set_from": None}
 
 
 def as_properties(config: Run) -> dict[str, object]:

@@ -50,7 +50,7 @@ def apply_servo(model: mujoco.MjModel) -> None:
 
 
 def insert_backlash(spec: mujoco.MjSpec, backlash: float | None = None) -> None:
-    """Put a hinge with play between each servo shaft and its horn; nothing for zero.
+    """Put a hinge with play between each servo shaft and its horn; nothing where it is zero.
 
     The joint `play_x` lies in the horn's body behind `servo_x`, limited to ± half the backlash, so
     that a horn's angle is the sum of the two.
@@ -58,23 +58,29 @@ def insert_backlash(spec: mujoco.MjSpec, backlash: float | None = None) -> None:
     Parameters
     ----------
     spec : model before compilation
-    backlash : stop to stop [rad]; the model's numeric `backlash` where None
+    backlash : of both axes, stop to stop [rad]; where None the model's numeric `backlash`, whose
+        one value serves both axes, two `[x, y]` each its own
 
     Raises
     ------
-    MechanismError : negative, or not finite
+    MechanismError : negative, or not finite; servos without a shaft of their own
     """
     joints = {joint.name: joint for joint in spec.joints}
-    before = "gimbal_" if "gimbal_servo_x" in joints else ""
-    width = _numeric(spec, f"{before}backlash") if backlash is None else backlash
-    if not (np.isfinite(width) and width >= 0):
-        raise MechanismError(f"backlash {width}: give an angle of at least zero [rad]")
-    if width == 0:
-        return
-    for axis in AXES:
+    before = "gimbal_" if "gimbal_x" in joints else ""
+    widths = _numeric(spec, f"{before}backlash") if backlash is None else [backlash]
+    for width in widths:
+        if not (np.isfinite(width) and width >= 0):
+            raise MechanismError(f"backlash {width}: give an angle of at least zero [rad]")
+    for index, axis in enumerate(AXES):
+        width = widths[min(index, len(widths) - 1)]
         shaft = joints.get(f"{before}servo_{axis}")
-        if shaft is None or f"{before}play_{axis}" in joints:
+        if width == 0 or f"{before}play_{axis}" in joints:
             continue
+        if shaft is None:
+            raise MechanismError(
+                f"backlash {width:g} rad: there is no joint '{before}servo_{axis}' to put play"
+                " behind; a servo on the gimbal axis itself has none, so leave it at 0"
+            )
         shaft.parent.add_joint(
             name=f"{before}play_{axis}",
             type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -89,8 +95,13 @@ def insert_backlash(spec: mujoco.MjSpec, backlash: float | None = None) -> None:
         )
 
 
-def _numeric(spec: mujoco.MjSpec, name: str) -> float:
-    return next((float(n.data[0]) for n in spec.numerics if n.name == name), 0.0)
+def _numeric(spec: mujoco.MjSpec, name: str) -> list[float]:
+    """Values of a numeric, filled up with zeros as MuJoCo does; a single zero without one."""
+    for numeric in spec.numerics:
+        if numeric.name == name:
+            data = [float(v) for v in numeric.data]
+            return [*data, *[0.0] * (numeric.size - len(data))]
+    return [0.0]
 
 
 def _value(

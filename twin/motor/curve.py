@@ -16,6 +16,7 @@ LONGEST_BURN = 300.0  # s
 LARGEST_THRUST = 1e5  # N
 LARGEST_MASS = 1e3  # kg
 LARGEST_SIZE = 10.0  # m
+MOST_NAMES = 8  # that a message lists
 
 
 class MotorError(TwinError):
@@ -78,19 +79,23 @@ class Motor:
 
         Raises
         ------
-        MotorError : unreadable, malformed, or several motors and no name
+        MotorError : unreadable, malformed, no motor of that name or several, or several and no name
         """
         from twin.motor.eng import read
 
-        motors = {motor.name: motor for motor in read(Path(path))}
-        if name is None and len(motors) == 1:
-            chosen = next(iter(motors.values()))
-        elif name in motors:
-            chosen = motors[name]
-        else:
-            asked = f"no motor {name!r}" if name else f"{len(motors)} motors"
-            raise MotorError(f"{path}: {asked}; choose one of {', '.join(motors)}")
-        return cls(**vars(chosen))
+        motors = read(Path(path))
+        names = ", ".join(motor.name for motor in motors[:MOST_NAMES])
+        names += ", …" if len(motors) > MOST_NAMES else ""
+        found = [motor for motor in motors if name is None or motor.name == name]
+        if not found:
+            raise MotorError(f"{path}: no motor {name!r}; there are {names}")
+        if len(found) > 1:
+            raise MotorError(
+                f"{path} holds {len(found)} motors, {names}; cut it down to the one that is meant"
+                if name is None
+                else f"{path} holds {len(found)} motors {name!r}; cut it down to the one meant"
+            )
+        return cls(**vars(found[0]))
 
     @property
     def impulse(self) -> float:

@@ -15,9 +15,10 @@ NUMERICS = ("time", "thrust", "ignition", "propellant_mass", "grain_length", "gr
 class Depletion:
     """Keeps the propellant of one model in step with its thrust curve.
 
-    Propellant goes with the impulse delivered. The plant calls `update` once per control tick:
-    mass that leaves in between is milligrams. A model without a motor is left alone. Weights
-    that MuJoCo derives for its constraint solver (`body_invweight0`) keep their loaded values.
+    Propellant goes with the impulse delivered. The plant calls `update` once per control tick
+    and every 4 ms of longer ones: mass that leaves in between is milligrams. A model without a
+    motor is left alone. Weights that MuJoCo derives for its constraint solver (`body_invweight0`)
+    keep their loaded values.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:

@@ -38,7 +38,7 @@ NUMERICS: Final = (
     Numeric("wind_azimuth", 1, "rad", "where it blows to, from east to north", "0"),
     Numeric("wind_exponent", 1, "-", "power law of height; 0: constant", "1/7"),
     Numeric("wind_reference_height", 1, "m", "height above ground of `wind_speed`", "10"),
-    Numeric("wind_turbulence", 1, "-", "gust rms per component over `wind_speed`", "0"),
+    Numeric("wind_turbulence", 1, "-", "gust rms over `wind_speed`, mean of the components", "0"),
     Numeric("wind_length", 1, "m", "integral length of the turbulence", "150"),
     Numeric("wind_seed", 1, "-", "seed of the gusts, a whole number", "0"),
     Numeric("wind_modes", 7, "-", "written by `bind` from seed and length; zeros", "size 112"),

@@ -46,6 +46,8 @@ class StudyPlant(Plant):
     make every multi-step method first order.
     """
 
+    renewal_ns = INTERVAL_NS
+
     def advance(self, n: int) -> None:
         """Take `n` physics steps without memory of earlier ones."""
         self._stepper.restart()
@@ -221,7 +223,7 @@ def _steered(config: Converge, end_ns: int) -> Start:
     loop = Loop(_load(config, STEERED_DT), "implicitfast", config, tick_of(config))
     loop.run(end_ns)
     plant = loop.plant
-    if plant.data.ncon or plant.position[2] < 0.0:
+    if plant.landed:
         raise TwinError(f"the vehicle is on the ground before {end_ns * 1e-9:g} s of flight")
     plant.rate += DISTURBANCE
     return Start(end_ns, plant.data.qpos.copy(), plant.data.qvel.copy())
