@@ -49,7 +49,15 @@ def compiled() -> Iterator[None]:
     if sys.stderr.isatty():
         timer.start()
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_warn)  # MuJoCo's own handler leaves a log file where one stands
+    told: set[str] = set()
+
+    def warn(message: str) -> None:
+        kind = message.partition("Time")[0]
+        if kind not in told:  # a simulation in trouble says the same at every step
+            told.add(kind)
+            print(f"twin: MuJoCo: {message}", file=sys.stderr)
+
+    mujoco.set_mju_user_warning(warn)  # MuJoCo's own handler leaves a log file where one stands
     try:
         with native.installed():
             timer.cancel()
@@ -57,10 +65,6 @@ def compiled() -> Iterator[None]:
     finally:
         timer.cancel()
         mujoco.set_mju_user_warning(before)
-
-
-def _warn(message: str) -> None:
-    print(f"twin: MuJoCo: {message}", file=sys.stderr)
 
 
 def _explain_wait() -> None:

@@ -70,7 +70,7 @@ def parse(items: Iterable[str], file: Path | None = None) -> dict[str, float]:
     for item in items:
         name, equals, text = item.partition("=")
         if not equals:
-            raise TwinError(f"--set {item!r}: write NAME=VALUE, for example air_drag=0.5")
+            raise TwinError(f"--set {item!r}: write NAME=VALUE, for example wind_speed=3")
         values[name.strip()] = _number(text, f"--set {item!r}")
     return values
 
