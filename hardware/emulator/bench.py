@@ -77,7 +77,7 @@ class Bench:
         self._uniform = np.random.default_rng([seed, 3])
         self._gaussian = Gaussian(rng)
         self._imus = ImuPair(self.parameters.sensors.imus, np.random.default_rng([seed, 4]))
-        self._held: dict[str, float] = {}
+        self._held: dict[Injection, float] = {}
         self._frozen: dict[str, list[int]] = {}
         self._closed = [False] * 4
         self._shaft: Triple = (0.0, 0.0, 0.0)
@@ -120,7 +120,7 @@ class Bench:
                 and injection.kind == kind
                 and injection.active(self.time)
             ):
-                return injection.value or 1.0
+                return injection.strength
         return 0.0
 
     def potentiometer_codes(self) -> tuple[int, int, int, int]:
@@ -144,12 +144,12 @@ class Bench:
             if fault.target != name:
                 continue
             if not fault.active(self.time):
-                self._held.pop(name, None)
+                self._held.pop(fault, None)
             elif fault.kind == "glitch":
                 if self._uniform.random() < fault.value:
                     fraction = self._uniform.random()
             elif fault.kind == "stuck":
-                fraction = self._held.setdefault(name, fraction)
+                fraction = self._held.setdefault(fault, fraction)
             elif fault.kind == "open":
                 fraction *= float(np.exp(-(self.time - fault.start) / OPEN_WIRE_TIME))
             elif fault.kind == "offset":

@@ -60,6 +60,12 @@ class Injection:
     start: float = 0.0
     end: float = math.inf
 
+    @property
+    def strength(self) -> float:
+        """`value`, or 1 for a fault that has none; a value of 0 is a fault of nothing."""
+        _, low, high, _ = VALID[self.target][self.kind]
+        return self.value if low < high else 1.0
+
     def active(self, time: float) -> bool:
         """Tell whether the fault is there at a rig time [s]."""
         return self.start <= time < self.end

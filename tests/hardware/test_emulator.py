@@ -334,6 +334,27 @@ def test_sag_scales_all_four():
     np.testing.assert_allclose(ratio, 0.9, atol=0.004)
 
 
+@pytest.mark.parametrize(
+    "fault", ["supply:sag:0", "gyro:bias:0", "base_gyro:bias:0", "potentiometer_x_a:offset:0"]
+)
+def test_fault_of_nothing_changes_nothing(fault):
+    def seen(*faults):
+        host = _Host(Emulator(injections=tuple(map(parse, faults))))
+        return [(m.potentiometer, m.holder_gyro, m.base_gyro) for m in host.telemetry(50)]
+
+    assert seen(fault) == seen()
+
+
+@pytest.mark.parametrize("other", ["glitch:0.2@50-60", "stuck@50-60", "offset:5@50-60"])
+def test_stuck_reading_stays_stuck_beside_a_fault_still_to_come(other):
+    faults = (parse("potentiometer_x_a:stuck@0.05"), parse(f"potentiometer_x_a:{other}"))
+    host = _Host(Emulator(injections=faults))
+    host.send(Arm(), drive(3200, timeout=2000))
+    codes = np.array([m.potentiometer for m in host.telemetry(400)])
+    assert np.ptp(codes[40:, 0]) <= 5
+    assert np.ptp(codes[:, 1]) > 10
+
+
 def test_dropped_and_corrupted_bytes_are_counted_and_nothing_wrong_is_accepted():
     faults = (parse("link:drop:0.002"), parse("link:corrupt:0.002"))
     host = _Host(Emulator(quiet(reference_rig()), injections=faults))
