@@ -156,9 +156,14 @@ class Bench:
                 fraction += fault.value / 240.0
         return fraction
 
-    def imu_counts(self) -> list[int]:
-        """Return both IMUs' registers (12,): gyro and accelerometer of holder, then of base."""
-        counts = self._imus.counts()
+    def imu_counts(self, age: Pair = (0.0, 0.0)) -> list[int]:
+        """Return both IMUs' registers (12,): gyro and accelerometer of holder, then of base.
+
+        Parameters
+        ----------
+        age : how long ago each was read, at most the latest `advance` [s]
+        """
+        counts = self._imus.counts(age)
         for name, half in (("gyro", slice(0, 6)), ("base_gyro", slice(6, 12))):
             if self.injections and self._value(name, "frozen"):
                 counts[half] = self._frozen.setdefault(name, counts[half])

@@ -56,12 +56,14 @@ class Emulator:
         self._boot_us = boot_us
         self._tick = 0
         self._tick_s = TICK_US * 1e-6 / (1 + self.parameters.skew)
-        self._latched = self.device.pulse
+        holder, base = (age / TICK_US * self._tick_s for age in IMU_AGE_US)
+        self._age_s: Pair = (holder, base)
         self._incoming: deque[tuple[float, int]] = deque()
         self._outgoing: deque[tuple[float, bytes]] = deque()
         self._wire_free = [0.0, 0.0]  # when each direction has sent its last byte [µs, world]
         self._cable = Cable(injections, seed)
         self.device.hello()
+        self._latch()
 
     @property
     def time_ns(self) -> int:
@@ -109,14 +111,14 @@ class Emulator:
             self._advance_tick()
 
     def _advance_tick(self) -> None:
-        if self._tick % FRAME_TICKS == 0:
-            self._latch()
         self.bench.advance(self._tick_s)
         self._tick += 1
         world_us = self._tick * self._tick_s * 1e6
         device_us = self._boot_us + self._tick * TICK_US
         self._receive(world_us, device_us)
         self.device.update(device_us)
+        if self._tick % FRAME_TICKS == 0:
+            self._latch()
         if self._tick % self.device.config.telemetry_period_ms == 0:
             self._report(device_us)
         self._transmit(world_us)
@@ -146,7 +148,7 @@ class Emulator:
                 device_us=device_us,
                 frame_us=self._tick % FRAME_TICKS * TICK_US,
                 potentiometer=bench.potentiometer_codes(),
-                imu=bench.imu_counts(),
+                imu=bench.imu_counts(self._age_s),
                 imu_age_us=IMU_AGE_US,
                 imu_fresh=(True, True),
                 pulse=self._latched,
