@@ -79,6 +79,7 @@ class Bench:
         self._imus = ImuPair(self.parameters.sensors.imus, np.random.default_rng([seed, 4]))
         self._held: dict[Injection, float] = {}
         self._frozen: dict[str, list[int]] = {}
+        self._dips = [f for f in injections if (f.target, f.kind) == ("supply", "reset")]
         self._closed = [False] * 4
         self._shaft: Triple = (0.0, 0.0, 0.0)
         self._watch_switches()
@@ -170,6 +171,18 @@ class Bench:
             else:
                 self._frozen.pop(name, None)
         return counts
+
+    def imu_present(self) -> tuple[bool, bool]:
+        """Tell whether the IMUs of holder and base answer on the bus."""
+        if not self.injections:
+            return True, True
+        return not self._value("imu", "unplug"), not self._value("base_imu", "unplug")
+
+    def supply_dipped(self) -> bool:
+        """Tell, once for each, whether a dip of the supply resets the board now."""
+        past = [f for f in self._dips if f.start <= self.time]
+        self._dips = [f for f in self._dips if f not in past]
+        return bool(past)
 
     def gyro_bias(self) -> Triple:
         """Return the holder gyro's zero-rate output as it is now [rad/s]."""

@@ -69,7 +69,7 @@ class Gateway:
         self._stepped_us = 0
         self._stopped = False
         self.pwm.set(self.device.pulse)
-        self.device.hello()
+        self.device.boot()
 
     def now_us(self) -> int:
         """Return the device's clock [µs]."""

@@ -400,6 +400,47 @@ def test_stuck_reading_stays_stuck_beside_a_fault_still_to_come(other):
     assert moved[1] > 10
 
 
+@pytest.mark.parametrize(
+    ("target", "flag", "other", "k"),
+    [
+        ("imu", Flags.HOLDER_IMU, Flags.BASE_IMU, 0),
+        ("base_imu", Flags.BASE_IMU, Flags.HOLDER_IMU, 1),
+    ],
+)
+def test_unplugged_imu_loses_its_flag_keeps_its_last_reading_and_comes_back(target, flag, other, k):
+    host = _Host(Emulator(injections=(parse(f"{target}:unplug:0.05@0.1"),)))
+    frames = host.telemetry(200)
+    gone = [m for m in frames if not m.flags & flag]
+    assert len(gone) == 25
+    assert all(m.flags & other for m in frames)
+    readings = [(m.holder_gyro, m.base_gyro)[k] for m in gone]
+    assert len(set(readings)) == 1
+    assert gone[-1].imu_age_us[k] - gone[0].imu_age_us[k] == 48_000
+    assert frames[-1].flags & flag
+    assert frames[-1].imu_age_us == frames[0].imu_age_us
+
+
+def test_age_of_an_imu_that_stays_away_stops_at_the_wires_largest():
+    frames = _Host(Emulator(injections=(parse("imu:unplug:60"),))).telemetry(200)
+    assert frames[-1].imu_age_us[0] == 0xFFFF
+    assert frames[-1].holder_gyro == (0, 0, 0)
+
+
+def test_reset_boots_the_board_again_disarmed_and_with_its_clock_at_zero():
+    device = Emulator(injections=(parse("supply:reset@0.3"),), boot_us=7_000_000)
+    host = _Host(device)
+    host.send(Arm(), drive(3400, timeout=2000))
+    assert host.telemetry(300)[-1].pulse[0] == 3400
+    messages = host.receive(100)
+    hello = next(m for m in messages if isinstance(m, Hello))
+    assert hello.reset_cause == 4
+    after = [m for m in messages[messages.index(hello) :] if isinstance(m, Telemetry)]
+    assert [m.device_us for m in after[:3]] == [2000, 4000, 6000]
+    assert [m.frame_us for m in after[:11]] == [m.device_us % 20_000 for m in after[:11]]
+    assert all(m.pulse[0] == constants.PULSE_NEUTRAL and not m.flags & Flags.ARMED for m in after)
+    assert not any(isinstance(m, Hello) for m in host.receive(300))
+
+
 def test_dropped_and_corrupted_bytes_are_counted_and_nothing_wrong_is_accepted():
     faults = (parse("link:drop:0.002"), parse("link:corrupt:0.002"))
     host = _Host(Emulator(quiet(reference_rig()), injections=faults))

@@ -8,10 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware.emulator import parse, sample_rig
+from hardware.emulator import Emulator, parse, sample_rig
 from hardware.emulator.trial import random_steps, run
+from hardware.emulator.truth import exact_calibration
 from hardware.faults import SENSORS, TRANSITIONS, Monitor, Prediction, Reading, Sign, State
 from hardware.faults.states import NAMED
+from hardware.frames import GimbalCommand
+from hardware.protocol import Flags
+from hardware.rig import in_process
 
 SEED, ONSET, END = 21, 3.0, 5.0
 
@@ -96,6 +100,66 @@ def test_gyro_that_is_no_longer_read_is_not_used_and_is_named():
         remedy = monitor.inspect(stale, _expected())
         assert remedy.use_gyro == (False, False)
     assert [(f.sensor, f.kind) for f in monitor.faults] == [("gyro", "frozen")]
+
+
+def _both_rigs():
+    from hardware import avr
+    from hardware.emulator import FirmwareRig
+
+    return (Emulator,) if avr.missing() else (Emulator, FirmwareRig)
+
+
+def _steps(kind, fault, seconds):
+    """Fly steps of ±4° with a fault; give the device, the rig and every health seen [s]."""
+    parameters = replace(sample_rig(4), skew=0.0)
+    device = kind(parameters, injections=(parse(fault),), seed=4)
+    calibration = replace(exact_calibration(parameters), rig=0)  # a firmware is another build
+    rig = in_process(device, calibration)
+    rig.connect()
+    seen = {}
+    while device.time_us < seconds * 1e6:
+        time = device.time_us * 1e-6
+        side = 1 if time % 0.8 < 0.4 else -1
+        rig.send(GimbalCommand(device.time_ns, (radians(4) * side, radians(-3) * side)))
+        device.advance_us(2000)
+        rig.poll()
+        seen.setdefault(rig.health, time)
+    return device, rig, seen
+
+
+@pytest.mark.parametrize("kind", _both_rigs())
+def test_unplugged_imu_is_named_and_forgiven_when_it_is_back(kind):
+    device, rig, seen = _steps(kind, "imu:unplug:0.5@3", 6.5)
+    assert set(seen) == {"ok", "gyro frozen"}
+    assert 3.0 < seen["gyro frozen"] < 3.06  # ten frames without it
+    assert rig.health == "ok"
+    truth, _ = device.truth()
+    assert np.abs(np.subtract(rig.state.angle, truth)).max() < radians(0.3)
+    rig.close()
+
+
+@pytest.mark.parametrize("kind", _both_rigs())
+def test_unplugged_base_imu_loses_its_flag_and_leaves_the_gimbal_alone(kind):
+    device, rig, seen = _steps(kind, "base_imu:unplug:9@1", 1.2)
+    device.advance_us(10_000)
+    last = rig.poll()[-1]
+    assert set(seen) == {"ok"}
+    assert not last.flags & Flags.BASE_IMU
+    assert last.flags & Flags.HOLDER_IMU
+    rig.close()
+
+
+@pytest.mark.parametrize("start", [1.9995, 2.0005])  # between two frames, and in one's middle
+@pytest.mark.parametrize("kind", _both_rigs())
+def test_rig_comes_back_after_a_reset_of_the_board(kind, start):
+    device, rig, seen = _steps(kind, f"supply:reset@{start}", 4.0)
+    assert rig.session == 2
+    assert rig.health == "ok"
+    assert "rig syncing" in seen
+    truth, _ = device.truth()
+    assert abs(truth[0]) > radians(3)  # armed and driven again
+    assert np.abs(np.subtract(rig.state.angle, truth)).max() < radians(0.3)
+    rig.close()
 
 
 def test_fault_that_ends_is_forgiven_after_two_clean_seconds():
