@@ -33,7 +33,8 @@ RAIL = 0.02  # fraction of the supply no wired potentiometer reaches within ±10
 SMOOTHING = 0.016  # s; of the potentiometers' distance from the dead-reckoned angle
 LEAK = 0.25  # s; with which the dead-reckoned angle is drawn to the estimate
 SETTLING = 1.5  # s; the gyro's bias is not yet known before
-FROZEN = 10  # equal gyro readings in a row: its noise moves the last digit every time
+FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit every time
+FROZEN_DELAYS = 5.5  # delays of its low-pass; over 600 s at rest a sound one stood still for 2.0
 DRIFT = radians(0.45)  # distance that counts when at rest: 6 σ plus potentiometer linearity
 COMMON_DRIFT = radians(0.3)  # the same for both potentiometers of an axis together
 LAG = 0.8e-3  # s; what stays of the gyro's delay while moving
@@ -70,6 +71,7 @@ class Monitor:
         self._last_gyro: Triple | None = None
         self._equal = 0
         self._named = 0
+        self._stands = False  # the gyro has given one reading for too long
 
     @property
     def healthy(self) -> bool:
@@ -151,7 +153,7 @@ class Monitor:
             track.score *= fade
         rest, supply = self._without_supply(reading, prediction)
         use = self._outliers(reading, prediction, rest)
-        self._frozen(reading)
+        self._frozen(reading, prediction)
         self._dead_reckon(reading, prediction, rest, use)
         if self._running > SETTLING:
             self._compare(reading, prediction)
@@ -177,7 +179,7 @@ class Monitor:
                 kind = "open"
             elif axis.outlying[k] > MOSTLY:
                 kind = "deviating"
-        elif index == GYRO and self._equal >= FROZEN:
+        elif index == GYRO and self._stands:
             kind = "frozen"
         track.kind = kind
 
@@ -235,10 +237,12 @@ class Monitor:
         same_sense = r.gain[2 * axis] * r.gain[2 * axis + 1] > 0
         return same_sense and self._tracks[SUPPLY].state in NAMED
 
-    def _frozen(self, r: Reading) -> None:
+    def _frozen(self, r: Reading, p: Prediction) -> None:
         self._equal = self._equal + 1 if r.gyro == self._last_gyro or not r.fresh else 0
         self._last_gyro = r.gyro
-        if self._equal >= FROZEN:
+        slow = self._equal * r.dt < FROZEN_DELAYS * p.gyro_delay
+        self._stands = self._equal >= FROZEN and not slow
+        if self._stands:
             self._accuse(GYRO, 1.0, "frozen")
 
     def _doubts(

@@ -14,7 +14,7 @@ from hardware.emulator.truth import exact_calibration
 from hardware.faults import SENSORS, TRANSITIONS, Monitor, Prediction, Reading, Sign, State
 from hardware.faults.states import NAMED
 from hardware.frames import GimbalCommand
-from hardware.protocol import Flags
+from hardware.protocol import Flags, default_config
 from hardware.rig import in_process
 
 SEED, ONSET, END = 21, 3.0, 5.0
@@ -91,6 +91,22 @@ def test_sag_is_named_too_where_both_potentiometers_turn_in_the_same_sense():
     assert list(trial.named()) == ["supply"]
     # The gyro alone carries the angle: bias known to 0.05 °/s for 2 s, scale to 0.3 % of the steps.
     assert trial.error(ONSET, END).max() < radians(0.3)
+
+
+@pytest.mark.parametrize(("dlpf", "period"), [(2, 2), (5, 2), (6, 2), (6, 5)])
+def test_gyro_at_rest_behind_a_slow_low_pass_is_not_frozen(dlpf, period):
+    device = Emulator(injections=(parse("gyro:frozen@12"),), seed=1)
+    rig = in_process(device)
+    rig.connect()
+    rig.configure(replace(default_config(), dlpf=dlpf, telemetry_period_ms=period))
+    heard = []
+    rig.fusion.monitor.listener = lambda *change: heard.append((device.time_us, *change))
+    while device.time_us < 12.3e6:
+        device.advance_us(2000)
+        rig.poll()
+    assert {change[1] for change in heard} == {"gyro"}
+    assert min(change[0] for change in heard) > 12e6
+    assert rig.health == "gyro frozen"
 
 
 def test_gyro_that_is_no_longer_read_is_not_used_and_is_named():
