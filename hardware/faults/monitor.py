@@ -8,7 +8,7 @@ slowly, each potentiometer is compared with an angle dead-reckoned from the gyro
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from math import cos, exp, radians
+from math import cos, degrees, exp, radians
 from typing import Any
 
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
@@ -71,6 +71,7 @@ class Monitor:
         self._last_gyro: Triple | None = None
         self._equal = 0
         self._named = 0
+        self._blur = 0.0  # what the vaguest potentiometer map leaves open [rad]
         self._stands = False  # the gyro has given one reading for too long
 
     @property
@@ -99,6 +100,17 @@ class Monitor:
             if axis.doubtful >= DOUBTFUL and not parts
         ]
         return ", ".join(parts) or "ok"
+
+    @property
+    def note(self) -> str:
+        """What the maps are too vague to show, in one line; "" where they are good enough."""
+        if self._blur <= DRIFT:
+            return ""
+        seen = degrees(DRIFT + self._blur)
+        return (
+            f"not calibrated: potentiometers of an axis may part by {seen:.0f}° before health "
+            "says so, and it cannot tell which one is wrong"
+        )
 
     def snapshot(self) -> dict[str, object]:
         """Return everything this monitor remembers, as JSON values."""
@@ -148,6 +160,7 @@ class Monitor:
         dt = reading.dt
         self.time += dt
         self._running += dt
+        self._blur = max(prediction.tolerance)
         fade = exp(-dt / SCORE_TIME)
         for track in self._tracks:
             track.score *= fade
@@ -301,9 +314,10 @@ class Monitor:
         for index, axis in enumerate(self._axes):
             a, b = axis.distance
             axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
-            moving = LAG * abs(p.rate[index]) + max(p.tolerance[2 * index : 2 * index + 2])
+            vague = max(p.tolerance[2 * index : 2 * index + 2])
+            moving = LAG * abs(p.rate[index]) + vague
             if abs(a - b) > DRIFT + moving:
-                self._disagree(index, a, b, DRIFT + moving, r.dt)
+                self._disagree(index, a, b, DRIFT + moving, r.dt, vague <= DRIFT)
             elif (
                 not self._mute(r, index)
                 and min(a * a, b * b) > (COMMON_DRIFT + moving) ** 2
@@ -311,12 +325,21 @@ class Monitor:
             ):
                 self._accuse(GYRO, 0.2, "bias")
 
-    def _disagree(self, index: int, a: float, b: float, margin: float, dt: float) -> None:
-        if abs(a) > abs(b) + 0.5 * margin:
+    def _disagree(
+        self, index: int, a: float, b: float, margin: float, dt: float, tellable: bool
+    ) -> None:
+        """Name the one further off; where the maps are too vague for that, doubt the axis."""
+        if not tellable:
+            self._doubt(index, dt)
+        elif abs(a) > abs(b) + 0.5 * margin:
             self._accuse(2 * index, 0.2, "deviating")
         elif abs(b) > abs(a) + 0.5 * margin:
             self._accuse(2 * index + 1, 0.2, "deviating")
-        elif not (self._excluded(2 * index) or self._excluded(2 * index + 1)):
+        else:
+            self._doubt(index, dt)
+
+    def _doubt(self, index: int, dt: float) -> None:
+        if not (self._excluded(2 * index) or self._excluded(2 * index + 1)):
             self._axes[index].doubtful += 2 * dt
 
     def _advance(self, p: Prediction, dt: float) -> tuple[Pair | None, Pair | None]:

@@ -1,7 +1,7 @@
 """One fault at a time in an emulated rig: the right sensor is named in time, and nothing else."""
 
 from dataclasses import replace
-from math import radians
+from math import degrees, radians
 
 import numpy as np
 import pytest
@@ -259,6 +259,48 @@ def test_disagreement_without_a_culprit_is_said_and_ends_with_it():
     show((0.0, 0.0, 0.0, 0.0), 2.0)
     assert monitor.healthy
     assert monitor.describe() == "ok"
+
+
+def _uncalibrated(seed, *faults):
+    """Move an uncalibrated rig from −6° to 6° at 3 s; give the rig and every health seen."""
+    device = Emulator(sample_rig(seed), injections=tuple(map(parse, faults)), seed=seed)
+    rig = in_process(device)
+    rig.connect()
+    seen = set()
+    while device.time_us < 5e6:
+        x = radians(-6 if device.time_us < 3e6 else 6)
+        rig.send(GimbalCommand(device.time_ns, (x, 0.0)))
+        device.advance_us(2000)
+        rig.poll()
+        seen.add(rig.health)
+    return rig, seen
+
+
+def test_uncalibrated_rig_does_not_say_which_potentiometer_is_stuck():
+    rig, seen = _uncalibrated(0, "potentiometer_x_a:stuck@2.5")
+    assert seen == {"ok", "potentiometers of x disagree"}
+    assert not rig.state.healthy
+
+
+def test_uncalibrated_rig_still_names_an_open_wire_and_a_glitch():
+    assert "potentiometer_x_b open" in _uncalibrated(1, "potentiometer_x_b:open@4")[1]
+    assert "potentiometer_y_a glitch" in _uncalibrated(1, "potentiometer_y_a:glitch:0.1@4")[1]
+
+
+def test_uncalibrated_rig_notes_from_where_it_sees_a_wrong_potentiometer():
+    rig, seen = _uncalibrated(2)
+    assert seen == {"ok"}
+    sigma = rig.calibration.potentiometer_sigma(0, radians(5.0))
+    told = degrees(3 * sigma) + 0.45
+    assert f"part by {told:.0f}°" in rig.fusion.monitor.note
+    assert "\n" not in rig.fusion.monitor.note
+
+
+def test_calibrated_rig_has_nothing_to_note():
+    monitor = _monitor()
+    assert monitor.note == ""
+    monitor.inspect(_frame(), replace(_expected(), tolerance=(radians(0.3),) * 4))
+    assert monitor.note == ""
 
 
 def test_every_state_can_be_left_and_faulty_never_jumps_to_ok():
