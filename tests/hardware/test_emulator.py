@@ -1,11 +1,13 @@
 """The emulated rig: wire behaviour, servo frame timing, sensor errors, faults, ports."""
 
 import contextlib
+import re
 import threading
 import time
 from dataclasses import replace
 from itertools import pairwise
 from math import degrees, radians
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +29,7 @@ from hardware.emulator import (
     serve,
     valid_names,
 )
+from hardware.emulator.bench import OPEN_WIRE_TIME
 from hardware.emulator.sensors import GYRO_NOISE, TRAVEL, ImuPair, Mpu6050, Potentiometer
 from hardware.emulator.server import PtyPort, TcpPort
 from hardware.protocol import (
@@ -370,6 +373,13 @@ def test_stuck_reading_keeps_its_place_and_open_wire_falls_to_ground():
     assert np.ptp(stuck[40:, 0]) <= 5  # electrical noise stays
     assert np.ptp(stuck[:, 1]) > 10
     assert (_codes("potentiometer_y_a:open@0.1")[60:, 2] <= 3).all()  # 5 σ of electrical noise
+
+
+def test_open_wire_falls_as_fast_as_the_parts_of_the_wiring_page_let_it():
+    page = (Path(__file__).parents[2] / "docs" / "wiring.md").read_text(encoding="utf-8")
+    ohm = re.search(r"^\| 4 \| resistor (\d+) MΩ \|", page, re.MULTILINE)
+    farad = re.search(r"^\| 4 \| ceramic capacitor (\d+) nF \|", page, re.MULTILINE)
+    assert int(ohm[1]) * 1e6 * int(farad[1]) * 1e-9 == pytest.approx(OPEN_WIRE_TIME)
 
 
 def test_sag_scales_all_four():
