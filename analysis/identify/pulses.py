@@ -84,8 +84,8 @@ def pulse_frames(recording: "Recording", components: tuple[str, ...], name: str)
             f"{name}: {len(new)} pulse frames brought a new pulse; {_FEWEST} are needed"
         )
     phase = _phase(device, new)
-    number = np.floor((device - phase) / FRAME - 1e-6).astype(int)
-    # a reading at the very end of a frame still shows that frame's pulse
+    # a reading at the very beginning of a frame shows its pulse already
+    number = np.floor((device - phase) / FRAME + 1e-6).astype(int)
     first = np.flatnonzero(np.diff(number, prepend=number[0] - 1) > 0)
     last = np.append(first[1:], len(number)) - 1
     pace, offset = np.polyfit(device - device[0], time, 1)

@@ -77,8 +77,9 @@ class Bench:
         self._uniform = np.random.default_rng([seed, 3])
         self._gaussian = Gaussian(rng)
         self._imus = ImuPair(self.parameters.sensors.imus, np.random.default_rng([seed, 4]))
-        self._held: dict[str, float] = {}
+        self._held: dict[Injection, float] = {}
         self._frozen: dict[str, list[int]] = {}
+        self._dips = [f for f in injections if (f.target, f.kind) == ("supply", "reset")]
         self._closed = [False] * 4
         self._shaft: Triple = (0.0, 0.0, 0.0)
         self._watch_switches()
@@ -120,7 +121,7 @@ class Bench:
                 and injection.kind == kind
                 and injection.active(self.time)
             ):
-                return injection.value or 1.0
+                return injection.strength
         return 0.0
 
     def potentiometer_codes(self) -> tuple[int, int, int, int]:
@@ -144,27 +145,44 @@ class Bench:
             if fault.target != name:
                 continue
             if not fault.active(self.time):
-                self._held.pop(name, None)
+                self._held.pop(fault, None)
             elif fault.kind == "glitch":
                 if self._uniform.random() < fault.value:
                     fraction = self._uniform.random()
             elif fault.kind == "stuck":
-                fraction = self._held.setdefault(name, fraction)
+                fraction = self._held.setdefault(fault, fraction)
             elif fault.kind == "open":
                 fraction *= float(np.exp(-(self.time - fault.start) / OPEN_WIRE_TIME))
             elif fault.kind == "offset":
                 fraction += fault.value / 240.0
         return fraction
 
-    def imu_counts(self) -> list[int]:
-        """Return both IMUs' registers (12,): gyro and accelerometer of holder, then of base."""
-        counts = self._imus.counts()
+    def imu_counts(self, age: Pair = (0.0, 0.0)) -> list[int]:
+        """Return both IMUs' registers (12,): gyro and accelerometer of holder, then of base.
+
+        Parameters
+        ----------
+        age : how long ago each was read, at most the latest `advance` [s]
+        """
+        counts = self._imus.counts(age)
         for name, half in (("gyro", slice(0, 6)), ("base_gyro", slice(6, 12))):
             if self.injections and self._value(name, "frozen"):
                 counts[half] = self._frozen.setdefault(name, counts[half])
             else:
                 self._frozen.pop(name, None)
         return counts
+
+    def imu_present(self) -> tuple[bool, bool]:
+        """Tell whether the IMUs of holder and base answer on the bus."""
+        if not self.injections:
+            return True, True
+        return not self._value("imu", "unplug"), not self._value("base_imu", "unplug")
+
+    def supply_dipped(self) -> bool:
+        """Tell, once for each, whether a dip of the supply resets the board now."""
+        past = [f for f in self._dips if f.start <= self.time]
+        self._dips = [f for f in self._dips if f not in past]
+        return bool(past)
 
     def gyro_bias(self) -> Triple:
         """Return the holder gyro's zero-rate output as it is now [rad/s]."""

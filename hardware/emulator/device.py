@@ -83,8 +83,13 @@ class Device:
         """Commands are obeyed."""
         return bool(self.flags & Flags.ARMED)
 
+    def boot(self) -> None:
+        """Say who is here, after ending whatever the line carried before."""
+        self.transmit += b"\0"
+        self.hello()
+
     def hello(self) -> None:
-        """Say who is here; on boot and on request."""
+        """Say who is here."""
         self._send(hello(self.board, self.build, self.config, self.reset_cause, self.serial))
 
     def receive(self, data: bytes, received_us: int, now_us: int) -> None:

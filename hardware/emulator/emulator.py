@@ -14,6 +14,7 @@ from hardware.protocol import Board, constants
 
 TICK_US = 1000  # of the device's clock; the firmware reads its IMUs this often
 FRAME_TICKS = constants.PWM_PERIOD_US // TICK_US
+BROWN_OUT = 1 << 2  # of MCUSR
 IMU_AGE_US = (620, 310)  # the two readings are taken one after the other before the sample
 
 
@@ -55,13 +56,18 @@ class Emulator:
         self.time_us = 0
         self._boot_us = boot_us
         self._tick = 0
+        self._booted = 0  # tick at which the device's clock was at `boot_us`
         self._tick_s = TICK_US * 1e-6 / (1 + self.parameters.skew)
-        self._latched = self.device.pulse
+        holder, base = (age / TICK_US * self._tick_s for age in IMU_AGE_US)
+        self._age_s: Pair = (holder, base)
+        self._imu = [0] * 12
+        self._read_us = [boot_us, boot_us]
         self._incoming: deque[tuple[float, int]] = deque()
         self._outgoing: deque[tuple[float, bytes]] = deque()
         self._wire_free = [0.0, 0.0]  # when each direction has sent its last byte [µs, world]
         self._cable = Cable(injections, seed)
-        self.device.hello()
+        self.device.boot()
+        self._latch()
 
     @property
     def time_ns(self) -> int:
@@ -109,17 +115,28 @@ class Emulator:
             self._advance_tick()
 
     def _advance_tick(self) -> None:
-        if self._tick % FRAME_TICKS == 0:
-            self._latch()
         self.bench.advance(self._tick_s)
         self._tick += 1
         world_us = self._tick * self._tick_s * 1e6
-        device_us = self._boot_us + self._tick * TICK_US
+        up = self._tick - self._booted
+        device_us = self._boot_us + up * TICK_US
         self._receive(world_us, device_us)
         self.device.update(device_us)
-        if self._tick % self.device.config.telemetry_period_ms == 0:
+        if up % FRAME_TICKS == 0:
+            self._latch()
+        if up % self.device.config.telemetry_period_ms == 0:
             self._report(device_us)
+        if self.bench.supply_dipped():
+            self._restart()
         self._transmit(world_us)
+
+    def _restart(self) -> None:
+        """Boot again, with the clock at zero; what was still to be sent is lost."""
+        self.device = Device(Board.EMULATOR, 0, BROWN_OUT, self.device.serial)
+        self._booted, self._boot_us = self._tick, 0
+        self._imu, self._read_us = [0] * 12, [0, 0]
+        self.device.boot()
+        self._latch()
 
     def _latch(self) -> None:
         """Timer1 takes the new widths when a frame begins: its compare registers are doubled."""
@@ -139,21 +156,32 @@ class Emulator:
 
     def _report(self, device_us: int) -> None:
         bench = self.bench
+        fresh = self._read_imus(device_us)
+        holder, base = (min(device_us - t, 0xFFFF) for t in self._read_us)
         if self.observer is not None:
             self.observer(device_us, *self.truth())
         self.device.report(
             Sample(
                 device_us=device_us,
-                frame_us=self._tick % FRAME_TICKS * TICK_US,
+                frame_us=(self._tick - self._booted) % FRAME_TICKS * TICK_US,
                 potentiometer=bench.potentiometer_codes(),
-                imu=bench.imu_counts(),
-                imu_age_us=IMU_AGE_US,
-                imu_fresh=(True, True),
+                imu=self._imu,
+                imu_age_us=(holder, base),
+                imu_fresh=fresh,
                 pulse=self._latched,
                 switches=bench.switch_bits(),
                 joystick=bench.joystick_codes(),
             )
         )
+
+    def _read_imus(self, device_us: int) -> tuple[bool, bool]:
+        """Take the registers of the IMUs that answer; tell which do."""
+        counts, present = self.bench.imu_counts(self._age_s), self.bench.imu_present()
+        for k, answers in enumerate(present):
+            if answers:
+                self._imu[6 * k : 6 * k + 6] = counts[6 * k : 6 * k + 6]
+                self._read_us[k] = device_us - IMU_AGE_US[k]
+        return present
 
     def _transmit(self, world_us: float) -> None:
         """Move what is queued onto the wire, as far as a tick goes."""

@@ -16,6 +16,7 @@ POTENTIOMETER_NAMES = (
     "potentiometer_y_a",
     "potentiometer_y_b",
 )
+_UNPLUG = {"unplug": (2.0, 0.0, 3600.0, "seconds")}
 # kind → (default value, lowest, highest, meaning of the value)
 _POTENTIOMETER = {
     "glitch": (0.2, 0.0, 1.0, "fraction of readings that are wrong"),
@@ -25,7 +26,10 @@ _POTENTIOMETER = {
 }
 VALID: dict[str, dict[str, tuple[float, float, float, str]]] = {
     **dict.fromkeys(POTENTIOMETER_NAMES, _POTENTIOMETER),
-    "supply": {"sag": (0.1, 0.0, 0.9, "fraction of the supply that is missing")},
+    "supply": {
+        "sag": (0.1, 0.0, 0.9, "fraction of the supply that is missing"),
+        "reset": (0.0, 0.0, 0.0, "no value"),
+    },
     "gyro": {
         "bias": (20.0, -500.0, 500.0, "degrees per second"),
         "frozen": (0.0, 0.0, 0.0, "no value"),
@@ -34,11 +38,13 @@ VALID: dict[str, dict[str, tuple[float, float, float, str]]] = {
         "bias": (20.0, -500.0, 500.0, "degrees per second"),
         "frozen": (0.0, 0.0, 0.0, "no value"),
     },
+    "imu": _UNPLUG,
+    "base_imu": _UNPLUG,
     "turntable": {"stuck": (0.0, 0.0, 0.0, "no value")},
     "link": {
         "drop": (0.001, 0.0, 1.0, "fraction of bytes"),
         "corrupt": (0.001, 0.0, 1.0, "fraction of bytes"),
-        "unplug": (2.0, 0.0, 3600.0, "seconds"),
+        **_UNPLUG,
     },
 }
 
@@ -59,6 +65,12 @@ class Injection:
     value: float
     start: float = 0.0
     end: float = math.inf
+
+    @property
+    def strength(self) -> float:
+        """`value`, or 1 for a fault that has none; a value of 0 is a fault of nothing."""
+        _, low, high, _ = VALID[self.target][self.kind]
+        return self.value if low < high else 1.0
 
     def active(self, time: float) -> bool:
         """Tell whether the fault is there at a rig time [s]."""

@@ -48,6 +48,7 @@ class FirmwareRig:
         self._tick = 0
         self._tick_s = TICK_US * 1e-6 / (1 + self.parameters.skew)
         self._cable = Cable(injections, seed)
+        self._present = (True, True)
         self._ticks = [constants.PULSE_NEUTRAL] * 3
 
     @property
@@ -100,9 +101,12 @@ class FirmwareRig:
             second = constants.TICK / (1 + self.parameters.skew)
             a, b, c = self._ticks
             self.bench.set_pulses((a * second, b * second, c * second))
-        self.bench.dlpf = self.nano.imu_register(self._sensors[0], 0x1A) & 7
+        if self._present[0]:
+            self.bench.dlpf = self.nano.imu_register(self._sensors[0], 0x1A) & 7
         self.bench.advance(self._tick_s)
         self._tick += 1
+        if self.bench.supply_dipped():
+            self.nano.reset()
 
     def _show_sensors(self) -> None:
         bench, imu = self.bench, self.bench.imu_counts()
@@ -110,5 +114,9 @@ class FirmwareRig:
         self.nano.set_adc([*bench.potentiometer_codes(), 0, 0, *stick])
         bits = bench.switch_bits()
         self.nano.set_switches([bool(bits >> i & 1) for i in range(4)])
+        present = bench.imu_present()
         for k, sensor in enumerate(self._sensors):
+            if present[k] != self._present[k]:
+                self.nano.plug_imu(sensor, present[k])
             self.nano.set_imu_counts(sensor, imu[6 * k : 6 * k + 3], imu[6 * k + 3 : 6 * k + 6])
+        self._present = present

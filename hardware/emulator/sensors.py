@@ -7,7 +7,7 @@ from math import pi, radians, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.frames import Triple
+from hardware.frames import Pair, Triple
 from hardware.protocol import constants as c
 
 TRAVEL = radians(240.0)  # of the potentiometer track
@@ -168,6 +168,8 @@ class ImuPair:
             self._walk[g] = imu.bias_walk
             self._lsb[g], self._lsb[a] = c.GYRO_SCALE, c.ACCELEROMETER_SCALE
         self._stage = np.zeros((2, 12))
+        self._before = np.zeros(12)  # the second stage `_dt` earlier
+        self._dt = 1.0
         self._draws = np.empty((0, 12))
         self._at = 0
         self._primed = False
@@ -182,13 +184,22 @@ class ImuPair:
         sensed = self._matrix @ truth + self.bias + self._noise * (0.5 / dt) ** 0.5 * draw
         if not self._primed:
             self._stage[:] = sensed
+            self._before[:] = sensed
             self._primed = True
+        self._before[:], self._dt = self._stage[1], dt
         blend = dt / (dt + delay / 2)  # two first-order stages, each with half of the delay
         self._stage[0] += blend * (sensed - self._stage[0])
         self._stage[1] += blend * (self._stage[0] - self._stage[1])
 
-    def counts(self) -> list[int]:
-        """Return the registers (12,), saturated at 16 bit."""
-        codes = np.clip(np.rint(self._stage[1] / self._lsb), -32768, 32767)
+    def counts(self, age: Pair = (0.0, 0.0)) -> list[int]:
+        """Return the registers (12,), saturated at 16 bit.
+
+        Parameters
+        ----------
+        age : how long ago holder and base were read, within the latest `advance` [s]
+        """
+        back = np.repeat(age, 6) / self._dt
+        value = self._stage[1] + back * (self._before - self._stage[1])
+        codes = np.clip(np.rint(value / self._lsb), -32768, 32767)
         values: list[int] = codes.astype(int).tolist()
         return values

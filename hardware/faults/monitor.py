@@ -8,7 +8,7 @@ slowly, each potentiometer is compared with an angle dead-reckoned from the gyro
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from math import cos, exp, radians
+from math import cos, degrees, exp, radians
 from typing import Any
 
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
@@ -33,7 +33,8 @@ RAIL = 0.02  # fraction of the supply no wired potentiometer reaches within ±10
 SMOOTHING = 0.016  # s; of the potentiometers' distance from the dead-reckoned angle
 LEAK = 0.25  # s; with which the dead-reckoned angle is drawn to the estimate
 SETTLING = 1.5  # s; the gyro's bias is not yet known before
-FROZEN = 10  # equal gyro readings in a row: its noise moves the last digit every time
+FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit every time
+FROZEN_DELAYS = 5.5  # delays of its low-pass; over 600 s at rest a sound one stood still for 2.0
 DRIFT = radians(0.45)  # distance that counts when at rest: 6 σ plus potentiometer linearity
 COMMON_DRIFT = radians(0.3)  # the same for both potentiometers of an axis together
 LAG = 0.8e-3  # s; what stays of the gyro's delay while moving
@@ -70,6 +71,8 @@ class Monitor:
         self._last_gyro: Triple | None = None
         self._equal = 0
         self._named = 0
+        self._blur = 0.0  # what the vaguest potentiometer map leaves open [rad]
+        self._stands = False  # the gyro has given one reading for too long
 
     @property
     def healthy(self) -> bool:
@@ -97,6 +100,17 @@ class Monitor:
             if axis.doubtful >= DOUBTFUL and not parts
         ]
         return ", ".join(parts) or "ok"
+
+    @property
+    def note(self) -> str:
+        """What the maps are too vague to show, in one line; "" where they are good enough."""
+        if self._blur <= DRIFT:
+            return ""
+        seen = degrees(DRIFT + self._blur)
+        return (
+            f"not calibrated: potentiometers of an axis may part by {seen:.0f}° before health "
+            "says so, and it cannot tell which one is wrong"
+        )
 
     def snapshot(self) -> dict[str, object]:
         """Return everything this monitor remembers, as JSON values."""
@@ -146,12 +160,13 @@ class Monitor:
         dt = reading.dt
         self.time += dt
         self._running += dt
+        self._blur = max(prediction.tolerance)
         fade = exp(-dt / SCORE_TIME)
         for track in self._tracks:
             track.score *= fade
         rest, supply = self._without_supply(reading, prediction)
         use = self._outliers(reading, prediction, rest)
-        self._frozen(reading)
+        self._frozen(reading, prediction)
         self._dead_reckon(reading, prediction, rest, use)
         if self._running > SETTLING:
             self._compare(reading, prediction)
@@ -177,7 +192,7 @@ class Monitor:
                 kind = "open"
             elif axis.outlying[k] > MOSTLY:
                 kind = "deviating"
-        elif index == GYRO and self._equal >= FROZEN:
+        elif index == GYRO and self._stands:
             kind = "frozen"
         track.kind = kind
 
@@ -235,10 +250,12 @@ class Monitor:
         same_sense = r.gain[2 * axis] * r.gain[2 * axis + 1] > 0
         return same_sense and self._tracks[SUPPLY].state in NAMED
 
-    def _frozen(self, r: Reading) -> None:
+    def _frozen(self, r: Reading, p: Prediction) -> None:
         self._equal = self._equal + 1 if r.gyro == self._last_gyro or not r.fresh else 0
         self._last_gyro = r.gyro
-        if self._equal >= FROZEN:
+        slow = self._equal * r.dt < FROZEN_DELAYS * p.gyro_delay
+        self._stands = self._equal >= FROZEN and not slow
+        if self._stands:
             self._accuse(GYRO, 1.0, "frozen")
 
     def _doubts(
@@ -297,9 +314,10 @@ class Monitor:
         for index, axis in enumerate(self._axes):
             a, b = axis.distance
             axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
-            moving = LAG * abs(p.rate[index]) + max(p.tolerance[2 * index : 2 * index + 2])
+            vague = max(p.tolerance[2 * index : 2 * index + 2])
+            moving = LAG * abs(p.rate[index]) + vague
             if abs(a - b) > DRIFT + moving:
-                self._disagree(index, a, b, DRIFT + moving, r.dt)
+                self._disagree(index, a, b, DRIFT + moving, r.dt, vague <= DRIFT)
             elif (
                 not self._mute(r, index)
                 and min(a * a, b * b) > (COMMON_DRIFT + moving) ** 2
@@ -307,12 +325,21 @@ class Monitor:
             ):
                 self._accuse(GYRO, 0.2, "bias")
 
-    def _disagree(self, index: int, a: float, b: float, margin: float, dt: float) -> None:
-        if abs(a) > abs(b) + 0.5 * margin:
+    def _disagree(
+        self, index: int, a: float, b: float, margin: float, dt: float, tellable: bool
+    ) -> None:
+        """Name the one further off; where the maps are too vague for that, doubt the axis."""
+        if not tellable:
+            self._doubt(index, dt)
+        elif abs(a) > abs(b) + 0.5 * margin:
             self._accuse(2 * index, 0.2, "deviating")
         elif abs(b) > abs(a) + 0.5 * margin:
             self._accuse(2 * index + 1, 0.2, "deviating")
-        elif not (self._excluded(2 * index) or self._excluded(2 * index + 1)):
+        else:
+            self._doubt(index, dt)
+
+    def _doubt(self, index: int, dt: float) -> None:
+        if not (self._excluded(2 * index) or self._excluded(2 * index + 1)):
             self._axes[index].doubtful += 2 * dt
 
     def _advance(self, p: Prediction, dt: float) -> tuple[Pair | None, Pair | None]:

@@ -6,20 +6,21 @@ import sys
 
 from hardware.emulator.server import TcpPort
 from hardware.frames import HardwareError
-from hardware.raspberry_pi.gateway import PORT, Gateway
+from hardware.raspberry_pi.gateway import PORT, Gateway, serial_number
 from hardware.raspberry_pi.pwm import KernelPwm
 from hardware.raspberry_pi.sensors import open_adc, open_bus
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the gateway; return the exit code, 2 when the Pi is not set up."""
+    """Run the gateway; return the exit code, 2 when the Pi does not do what it should."""
     parser = argparse.ArgumentParser(prog="python -m hardware.raspberry_pi", description=__doc__)
     parser.add_argument("--port", type=int, default=PORT, help="TCP port on 127.0.0.1")
     parser.add_argument("--bus", type=int, default=1, help="number of the I²C bus")
     options = parser.parse_args(arguments)
     try:
         bus = open_bus(options.bus)
-        gateway = Gateway(KernelPwm(), bus, TcpPort(options.port), open_adc())
+        port = TcpPort(options.port)
+        gateway = Gateway(KernelPwm(), bus, port, open_adc(), serial=serial_number())
     except HardwareError as error:
         print(error, file=sys.stderr)
         return 2
@@ -30,7 +31,11 @@ def main(arguments: list[str] | None = None) -> int:
         f"{options.port} PI`",
         file=sys.stderr,
     )
-    gateway.run()
+    try:
+        gateway.run()
+    except HardwareError as error:
+        print(error, file=sys.stderr)
+        return 2
     return 0
 
 

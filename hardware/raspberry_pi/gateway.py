@@ -1,23 +1,57 @@
 """A Raspberry Pi as a rig: the firmware's behaviour over its PWM and buses, on loopback TCP."""
 
+import re
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 
 from hardware.emulator.device import Device, Sample
 from hardware.emulator.server import Port
 from hardware.protocol import Board, constants
 from hardware.raspberry_pi.pwm import KernelPwm
-from hardware.raspberry_pi.sensors import Bus, Imu, Mcp3008
+from hardware.raspberry_pi.sensors import Bus, Imu, Mcp3008, Sampler
 
 PORT = 5555
 BUILD = 0x5249_0100  # "RI", version 1.0: the gateway is Python, there is no image to hash
 TICK_US = 1000
 _CENTRE = constants.ADC_LEVELS // 2
 _SLEEPLESS_US = 200_000  # after a longer pause the deadlines start anew
+_IMUS_S = 1.5e-3  # what both take; the potentiometers are read after them, but do not wait longer
+_CHANNELS = 6  # of the ADC: four potentiometers, two axes of the joystick
+_MOST_READS = 64  # of the port in one step, so that a flood cannot keep the servos waiting
+
+
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """What the IMUs gave: counts (12,), when each was read [µs], and whether it answered."""
+
+    counts: tuple[int, ...]
+    read_us: tuple[int, int]
+    fresh: tuple[bool, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class _Codes:
+    """What the ADC gave, None where it failed, and when [µs]."""
+
+    code: tuple[int | None, ...]
+    read_us: int
+
+
+def serial_number(cpuinfo: Path = Path("/proc/cpuinfo")) -> int:
+    """Return the lower half of the number a Pi's chip was made with, u32; 0 where there is none."""
+    try:
+        text = cpuinfo.read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return constants.SERIAL_NONE
+    found = re.search(r"^Serial\s*:\s*([0-9a-fA-F]{1,16})\s*$", text, re.MULTILINE)
+    number = int(found[1], 16) & constants.SERIAL_BLANK if found else constants.SERIAL_NONE
+    return constants.SERIAL_NONE if number == constants.SERIAL_BLANK else number
 
 
 class Gateway:
-    """Serves one host at a time.
+    """Serves one host at a time; slow or stuck sensors hold up neither servos nor timeout.
 
     Parameters
     ----------
@@ -26,6 +60,7 @@ class Gateway:
     port : where the host connects
     adc : potentiometers and joystick; None reads as open wires
     clock : monotonic nanoseconds
+    serial : which board this is, u32; 0 for one that does not know
     """
 
     def __init__(
@@ -35,18 +70,21 @@ class Gateway:
         port: Port,
         adc: Mcp3008 | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
+        serial: int = constants.SERIAL_NONE,
     ) -> None:
         self.pwm, self.port, self.adc = pwm, port, adc
-        self.device = Device(Board.RASPBERRY_PI, BUILD)
+        self.device = Device(Board.RASPBERRY_PI, BUILD, serial=serial)
         self._imus = [Imu(bus, address) for address in constants.IMU_ADDRESSES]
-        self._counts = [0] * 12
-        self._read_us = [0, 0]
+        self._motion = Sampler(self._read_imus, _Motion((0,) * 12, (0, 0), (False, False)))
+        self._codes = Sampler(self._read_adc, _Codes((None,) * _CHANNELS, 0))
         self._clock = clock
         self._start = clock()
         self._report_us = 0
+        self._reading = False  # a report waits for its sensors
+        self._stepped_us = 0
         self._stopped = False
         self.pwm.set(self.device.pulse)
-        self.device.hello()
+        self.device.boot()
 
     def now_us(self) -> int:
         """Return the device's clock [µs]."""
@@ -54,53 +92,102 @@ class Gateway:
 
     def step(self) -> None:
         """Take what the host sent, drive the servos, and report when it is time."""
-        data = self.port.read()
-        now = self.now_us()
-        if data:
-            self.device.receive(data, now, now)
-        self.device.update(now)
+        self._listen()
         self.pwm.set(self.device.pulse)
-        if now >= self._report_us:
-            period = 1000 * self.device.config.telemetry_period_ms
-            self._report_us = max(self._report_us + period, now - period)
-            self._report()
+        self._sense()
         if self.device.transmit:
             self.port.write(bytes(self.device.transmit))
             self.device.transmit.clear()
 
-    def _report(self) -> None:
-        fresh = [self._read(k) for k in (0, 1)]
+    def _listen(self) -> None:
+        data = self.port.read()
         now = self.now_us()
-        code = [self.adc.read(channel) for channel in range(6)] if self.adc else [0] * 6
-        age = [min(now - t, 0xFFFF) for t in self._read_us]
+        pause, self._stepped_us = now - self._stepped_us, now
+        self.device.update(now)
+        for _ in range(_MOST_READS):
+            if not data:
+                return
+            self.device.receive(data, now, now)
+            # It may have waited in the socket since the step before: a command that has run out
+            # in a long pause must not drive the servos as if it were new.
+            self.device.update(now + pause)
+            data = self.port.read()
+
+    def _sense(self) -> None:
+        """Begin a sample when it is time, and report it when it is there."""
+        self._hand_over()
+        now = self.now_us()
+        if now < self._report_us:
+            return
+        period = 1000 * self.device.config.telemetry_period_ms
+        self._report_us = max(self._report_us + period, now - period)
+        self._reading = self._codes.ready
+        if not self._reading:  # the ADC is held: report without it, what it gives then is too old
+            self._report(now)
+        self._motion.ask()
+        if self._reading:
+            self._codes.ask()
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        if self._reading and self._codes.ready:
+            self._reading = False
+            self._report(self._codes.latest.read_us)
+
+    def _report(self, sample_us: int) -> None:
+        motion = self._motion.latest
+        fresh = motion.fresh if self._motion.ready else (False, False)
+        code = self._codes.latest.code if self._codes.ready else (None,) * _CHANNELS
+        wired = [c or 0 for c in code]
+        age = [min(max(sample_us - t, 0), 0xFFFF) for t in motion.read_us]
         self.device.report(
             Sample(
-                device_us=now,
-                frame_us=now % constants.PWM_PERIOD_US,
-                potentiometer=(code[0], code[1], code[2], code[3]),
-                imu=self._counts,
+                device_us=sample_us,
+                frame_us=sample_us % constants.PWM_PERIOD_US,
+                potentiometer=(wired[0], wired[1], wired[2], wired[3]),
+                imu=list(motion.counts),
                 imu_age_us=(age[0], age[1]),
-                imu_fresh=(fresh[0], fresh[1]),
+                imu_fresh=fresh,
                 pulse=self.device.pulse,
                 switches=0,
-                joystick=(code[4], code[5]) if self.adc else (_CENTRE, _CENTRE),
+                joystick=(
+                    _CENTRE if code[4] is None else code[4],
+                    _CENTRE if code[5] is None else code[5],
+                ),
             )
         )
 
-    def _read(self, k: int) -> bool:
-        counts = self._imus[k].read(self.device.config.dlpf)
-        if counts is None:
-            return False
-        self._counts[6 * k : 6 * k + 6] = counts
-        self._read_us[k] = self.now_us()
-        return True
+    def _read_imus(self) -> _Motion:
+        last = self._motion.latest
+        counts, read_us, fresh = list(last.counts), list(last.read_us), [False, False]
+        for k, imu in enumerate(self._imus):
+            answer = imu.read(self.device.config.dlpf)
+            if answer is not None:
+                counts[6 * k : 6 * k + 6] = answer
+                read_us[k], fresh[k] = self.now_us(), True
+        return _Motion(tuple(counts), (read_us[0], read_us[1]), (fresh[0], fresh[1]))
+
+    def _read_adc(self) -> _Codes:
+        self._motion.wait(_IMUS_S)
+        now = self.now_us()
+        if self.adc is None:
+            return _Codes((None,) * _CHANNELS, now)
+        return _Codes(tuple(self.adc.read(channel) for channel in range(_CHANNELS)), now)
 
     def stop(self) -> None:
         """End `run` after its present step; for another thread or a signal."""
         self._stopped = True
 
     def run(self) -> None:
-        """Serve until `stop`; then the servos go limp and the port closes."""
+        """Serve until `stop`; then the servos go to neutral and limp, and the port closes.
+
+        Raises
+        ------
+        PwmError : the kernel no longer takes pulse widths
+        """
+        samplers = self._motion, self._codes
+        for sampler in samplers:
+            sampler.start()
         deadline = self.now_us()
         try:
             while not self._stopped:
@@ -112,5 +199,7 @@ class Gateway:
                 elif wait > 0:
                     time.sleep(wait * 1e-6)
         finally:
-            self.pwm.close()
+            for sampler in samplers:
+                sampler.stop()
+            self.pwm.close(self.device.config.neutral)
             self.port.close()

@@ -15,6 +15,7 @@ SYSFS = Path("/sys/class/pwm")
 CHANNELS = 2
 PERIOD_NS = constants.PWM_PERIOD_US * 1000
 _EXPORT_WAIT_S = 1.0  # udev sets the group of a fresh channel's files a moment after they appear
+_TRAVEL_S = 0.3  # a 9 g servo crosses its whole range meanwhile
 _OVERLAY = "add `dtoverlay=pwm-2chan` to /boot/firmware/config.txt and reboot"
 
 
@@ -100,8 +101,15 @@ class KernelPwm:
                 _write(self._folder(channel) / "enable", 1)
             self._duty[channel] = duty
 
-    def close(self) -> None:
-        """Stop the pulses, so that the servos go limp."""
+    def close(self, rest: tuple[int, int, int]) -> None:
+        """Send the servos to pulse widths [0.5 µs], then stop the pulses: they go limp there.
+
+        A channel that the kernel refuses does not keep the other one from it.
+        """
+        for channel in range(CHANNELS):
+            with contextlib.suppress(PwmError):
+                _write(self._folder(channel) / "duty_cycle", rest[channel] * constants.TICK_NS)
+        time.sleep(_TRAVEL_S)
         for channel in range(CHANNELS):
             with contextlib.suppress(PwmError):
                 _write(self._folder(channel) / "enable", 0)

@@ -3,7 +3,9 @@
 Registers: InvenSense RM-MPU-6000A-00 revision 4.2. The Pi has no ADC of its own.
 """
 
-from typing import Protocol
+import threading
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
 
 from hardware.frames import HardwareError
 from hardware.protocol import constants
@@ -15,6 +17,8 @@ CLOCK_PLL_X = 1
 FS_SEL_500, AFS_SEL_4 = 1 << 3, 1 << 3
 assert constants.GYRO_RANGE_DPS == 500
 assert constants.ACCELEROMETER_RANGE_G == 4
+
+T = TypeVar("T")
 
 
 class BusError(HardwareError):
@@ -75,6 +79,9 @@ class Imu:
         except OSError:
             self.dlpf = -1
             return None
+        if not any(data):  # asleep: a short dip of its supply has reset it, yet it answers
+            self.dlpf = -1
+            return None
         a, g = [_word(data, i) for i in (0, 2, 4)], [_word(data, i) for i in (8, 10, 12)]
         return g[0], g[1], g[2], a[0], a[1], a[2]
 
@@ -101,9 +108,12 @@ class Mcp3008:
     def __init__(self, spi: Spi) -> None:
         self.spi = spi
 
-    def read(self, channel: int) -> int:
-        """Return the code of a channel, 0…1023."""
-        answer = self.spi.xfer2([1, (8 + channel) << 4, 0])
+    def read(self, channel: int) -> int | None:
+        """Return the code of a channel, 0…1023, None when the bus fails."""
+        try:
+            answer = self.spi.xfer2([1, (8 + channel) << 4, 0])
+        except OSError:
+            return None
         return (answer[1] & 3) << 8 | answer[2]
 
 
@@ -118,3 +128,60 @@ def open_adc() -> Mcp3008 | None:
     except (ImportError, OSError):
         return None
     return Mcp3008(spi)
+
+
+class Sampler(Generic[T]):
+    """Reads a bus in a thread of its own: the kernel gives a stuck one up only after a second.
+
+    Before `start` it reads in the caller's thread, for tests in lockstep.
+
+    Parameters
+    ----------
+    read : takes one sample
+    first : the sample before there is one
+    """
+
+    def __init__(self, read: Callable[[], T], first: T) -> None:
+        self.latest = first
+        self._read = read
+        self._asked, self._ready = threading.Event(), threading.Event()
+        self._ready.set()
+        self._thread: threading.Thread | None = None
+        self._stopped = False
+
+    @property
+    def ready(self) -> bool:
+        """What was asked for last has been read into `latest`."""
+        return self._ready.is_set()
+
+    def wait(self, seconds: float) -> None:
+        """Wait until `ready`, at most so long [s]."""
+        self._ready.wait(seconds)
+
+    def ask(self) -> None:
+        """Begin a sample, unless the one before is still awaited."""
+        if not self.ready:
+            return
+        self._ready.clear()
+        self._asked.set()
+        if self._thread is None:
+            self._sample()
+
+    def start(self) -> None:
+        """Read in a thread from now on; it does not hold up the end of the program."""
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Let the thread end after its present sample."""
+        self._stopped = True
+        self._asked.set()
+
+    def _serve(self) -> None:
+        while self._asked.wait() and not self._stopped:
+            self._sample()
+
+    def _sample(self) -> None:
+        self._asked.clear()
+        self.latest = self._read()
+        self._ready.set()

@@ -416,7 +416,7 @@ class Rig:
             return None
         if not self._obeys(t.flags):
             return None
-        if not self._delay_known and self.hello is not None:
+        if not self._delay_known and self.hello is not None and t.flags & Flags.HOLDER_IMU:
             low_pass = constants.GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
             self.gyro_delay = low_pass + t.imu_age_us[0] * 1e-6
             self.fusion.set_gyro_delay(self.gyro_delay)

@@ -1,11 +1,13 @@
 """The emulated rig: wire behaviour, servo frame timing, sensor errors, faults, ports."""
 
 import contextlib
+import re
 import threading
 import time
 from dataclasses import replace
 from itertools import pairwise
 from math import degrees, radians
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +29,7 @@ from hardware.emulator import (
     serve,
     valid_names,
 )
+from hardware.emulator.bench import OPEN_WIRE_TIME
 from hardware.emulator.sensors import GYRO_NOISE, TRAVEL, ImuPair, Mpu6050, Potentiometer
 from hardware.emulator.server import PtyPort, TcpPort
 from hardware.protocol import (
@@ -257,6 +260,50 @@ def test_gyro_is_late_by_the_delay_of_its_setting(dlpf):
     assert lag == pytest.approx(delay, rel=1e-6)  # a ramp of 1 rad/s² lags by its delay
 
 
+def test_imu_counts_are_as_old_as_the_telemetry_says():
+    rig = quiet(replace(reference_rig(), skew=2e-3))
+    still = Mpu6050(bias_walk=0.0)
+    rig = replace(rig, sensors=replace(rig.sensors, imus=(still, still)))
+
+    class Ramp:  # both IMUs turn with 2 rad/s²
+        time = 0.0
+
+        def advance(self, dt, _shaft):
+            self.time += dt
+
+        def angles(self):
+            return 0.0, 0.0
+
+        rates = angles
+
+        def holder_imu(self):
+            return (2.0 * self.time, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+        base_imu = holder_imu
+
+    plant = Ramp()
+    device = Emulator(rig, plant=plant)
+    device.bench._imus._noise[:] = 0
+    lag = []
+    device.observer = lambda *_: lag.append(2.0 * plant.time)
+    frames = _Host(device).telemetry(500)
+    late = constants.GYRO_DELAY_S[constants.DLPF]
+    for name, k in (("holder_gyro", 0), ("base_gyro", 1)):
+        read = np.array([getattr(m, name)[0] for m in frames[100:]]) * constants.GYRO_SCALE
+        behind = np.array(lag[100 : 100 + len(read)]) - read
+        told = late + np.mean([m.imu_age_us[k] for m in frames]) * 1e-6
+        # 0.2 % of the clock, and 1/√12 LSB of quantisation over 100 and more readings
+        assert behind.mean() / 2.0 == pytest.approx(told, rel=5e-3)
+
+
+def test_report_at_a_frames_beginning_shows_the_pulses_of_that_frame(host):
+    host.send(Arm())
+    host.receive(11)
+    host.send(drive(3200))
+    first = next(m for m in host.telemetry(40) if m.pulse[0] == 3200)
+    assert (first.device_us, first.frame_us) == (20_000, 0)
+
+
 def test_switches_close_at_their_angle_and_open_before_it():
     host = _Host(Emulator(quiet(reference_rig())))
     host.send(Arm())
@@ -328,10 +375,80 @@ def test_stuck_reading_keeps_its_place_and_open_wire_falls_to_ground():
     assert (_codes("potentiometer_y_a:open@0.1")[60:, 2] <= 3).all()  # 5 σ of electrical noise
 
 
+def test_open_wire_falls_as_fast_as_the_parts_of_the_wiring_page_let_it():
+    page = (Path(__file__).parents[2] / "docs" / "wiring.md").read_text(encoding="utf-8")
+    ohm = re.search(r"^\| 4 \| resistor (\d+) MΩ \|", page, re.MULTILINE)
+    farad = re.search(r"^\| 4 \| ceramic capacitor (\d+) nF \|", page, re.MULTILINE)
+    assert int(ohm[1]) * 1e6 * int(farad[1]) * 1e-9 == pytest.approx(OPEN_WIRE_TIME)
+
+
 def test_sag_scales_all_four():
     codes = _codes("supply:sag:0.1@0.2")
     ratio = codes[-50:].mean(axis=0) / codes[80:95].mean(axis=0)
     np.testing.assert_allclose(ratio, 0.9, atol=0.004)
+
+
+@pytest.mark.parametrize(
+    "fault", ["supply:sag:0", "gyro:bias:0", "base_gyro:bias:0", "potentiometer_x_a:offset:0"]
+)
+def test_fault_of_nothing_changes_nothing(fault):
+    def seen(*faults):
+        host = _Host(Emulator(injections=tuple(map(parse, faults))))
+        return [(m.potentiometer, m.holder_gyro, m.base_gyro) for m in host.telemetry(50)]
+
+    assert seen(fault) == seen()
+
+
+@pytest.mark.parametrize("other", ["glitch:0.2@50-60", "stuck@50-60", "offset:5@50-60"])
+def test_stuck_reading_stays_stuck_beside_a_fault_still_to_come(other):
+    faults = (parse("potentiometer_x_a:stuck@0.02"), parse(f"potentiometer_x_a:{other}"))
+    host = _Host(Emulator(injections=faults))
+    host.send(Arm(), drive(3200, timeout=2000))
+    codes = np.array([m.potentiometer for m in host.telemetry(400)])
+    moved = np.abs(codes[-50:].mean(axis=0) - codes[:8].mean(axis=0))
+    assert moved[0] < 1.0  # 0.6 codes of noise, 8 readings
+    assert moved[1] > 10
+
+
+@pytest.mark.parametrize(
+    ("target", "flag", "other", "k"),
+    [
+        ("imu", Flags.HOLDER_IMU, Flags.BASE_IMU, 0),
+        ("base_imu", Flags.BASE_IMU, Flags.HOLDER_IMU, 1),
+    ],
+)
+def test_unplugged_imu_loses_its_flag_keeps_its_last_reading_and_comes_back(target, flag, other, k):
+    host = _Host(Emulator(injections=(parse(f"{target}:unplug:0.05@0.1"),)))
+    frames = host.telemetry(200)
+    gone = [m for m in frames if not m.flags & flag]
+    assert len(gone) == 25
+    assert all(m.flags & other for m in frames)
+    readings = [(m.holder_gyro, m.base_gyro)[k] for m in gone]
+    assert len(set(readings)) == 1
+    assert gone[-1].imu_age_us[k] - gone[0].imu_age_us[k] == 48_000
+    assert frames[-1].flags & flag
+    assert frames[-1].imu_age_us == frames[0].imu_age_us
+
+
+def test_age_of_an_imu_that_stays_away_stops_at_the_wires_largest():
+    frames = _Host(Emulator(injections=(parse("imu:unplug:60"),))).telemetry(200)
+    assert frames[-1].imu_age_us[0] == 0xFFFF
+    assert frames[-1].holder_gyro == (0, 0, 0)
+
+
+def test_reset_boots_the_board_again_disarmed_and_with_its_clock_at_zero():
+    device = Emulator(injections=(parse("supply:reset@0.3"),), boot_us=7_000_000)
+    host = _Host(device)
+    host.send(Arm(), drive(3400, timeout=2000))
+    assert host.telemetry(300)[-1].pulse[0] == 3400
+    messages = host.receive(100)
+    hello = next(m for m in messages if isinstance(m, Hello))
+    assert hello.reset_cause == 4
+    after = [m for m in messages[messages.index(hello) :] if isinstance(m, Telemetry)]
+    assert [m.device_us for m in after[:3]] == [2000, 4000, 6000]
+    assert [m.frame_us for m in after[:11]] == [m.device_us % 20_000 for m in after[:11]]
+    assert all(m.pulse[0] == constants.PULSE_NEUTRAL and not m.flags & Flags.ARMED for m in after)
+    assert not any(isinstance(m, Hello) for m in host.receive(300))
 
 
 def test_dropped_and_corrupted_bytes_are_counted_and_nothing_wrong_is_accepted():

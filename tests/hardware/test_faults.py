@@ -1,17 +1,21 @@
 """One fault at a time in an emulated rig: the right sensor is named in time, and nothing else."""
 
 from dataclasses import replace
-from math import radians
+from math import degrees, radians
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware.emulator import parse, sample_rig
+from hardware.emulator import Emulator, parse, sample_rig
 from hardware.emulator.trial import random_steps, run
+from hardware.emulator.truth import exact_calibration
 from hardware.faults import SENSORS, TRANSITIONS, Monitor, Prediction, Reading, Sign, State
 from hardware.faults.states import NAMED
+from hardware.frames import GimbalCommand
+from hardware.protocol import Flags, default_config
+from hardware.rig import in_process
 
 SEED, ONSET, END = 21, 3.0, 5.0
 
@@ -89,6 +93,22 @@ def test_sag_is_named_too_where_both_potentiometers_turn_in_the_same_sense():
     assert trial.error(ONSET, END).max() < radians(0.3)
 
 
+@pytest.mark.parametrize(("dlpf", "period"), [(2, 2), (5, 2), (6, 2), (6, 5)])
+def test_gyro_at_rest_behind_a_slow_low_pass_is_not_frozen(dlpf, period):
+    device = Emulator(injections=(parse("gyro:frozen@12"),), seed=1)
+    rig = in_process(device)
+    rig.connect()
+    rig.configure(replace(default_config(), dlpf=dlpf, telemetry_period_ms=period))
+    heard = []
+    rig.fusion.monitor.listener = lambda *change: heard.append((device.time_us, *change))
+    while device.time_us < 12.3e6:
+        device.advance_us(2000)
+        rig.poll()
+    assert {change[1] for change in heard} == {"gyro"}
+    assert min(change[0] for change in heard) > 12e6
+    assert rig.health == "gyro frozen"
+
+
 def test_gyro_that_is_no_longer_read_is_not_used_and_is_named():
     monitor = _monitor()
     for k in range(12):
@@ -96,6 +116,66 @@ def test_gyro_that_is_no_longer_read_is_not_used_and_is_named():
         remedy = monitor.inspect(stale, _expected())
         assert remedy.use_gyro == (False, False)
     assert [(f.sensor, f.kind) for f in monitor.faults] == [("gyro", "frozen")]
+
+
+def _both_rigs():
+    from hardware import avr
+    from hardware.emulator import FirmwareRig
+
+    return (Emulator,) if avr.missing() else (Emulator, FirmwareRig)
+
+
+def _steps(kind, fault, seconds):
+    """Fly steps of ±4° with a fault; give the device, the rig and every health seen [s]."""
+    parameters = replace(sample_rig(4), skew=0.0)
+    device = kind(parameters, injections=(parse(fault),), seed=4)
+    calibration = replace(exact_calibration(parameters), rig=0)  # a firmware is another build
+    rig = in_process(device, calibration)
+    rig.connect()
+    seen = {}
+    while device.time_us < seconds * 1e6:
+        time = device.time_us * 1e-6
+        side = 1 if time % 0.8 < 0.4 else -1
+        rig.send(GimbalCommand(device.time_ns, (radians(4) * side, radians(-3) * side)))
+        device.advance_us(2000)
+        rig.poll()
+        seen.setdefault(rig.health, time)
+    return device, rig, seen
+
+
+@pytest.mark.parametrize("kind", _both_rigs())
+def test_unplugged_imu_is_named_and_forgiven_when_it_is_back(kind):
+    device, rig, seen = _steps(kind, "imu:unplug:0.5@3", 6.5)
+    assert set(seen) == {"ok", "gyro frozen"}
+    assert 3.0 < seen["gyro frozen"] < 3.06  # ten frames without it
+    assert rig.health == "ok"
+    truth, _ = device.truth()
+    assert np.abs(np.subtract(rig.state.angle, truth)).max() < radians(0.3)
+    rig.close()
+
+
+@pytest.mark.parametrize("kind", _both_rigs())
+def test_unplugged_base_imu_loses_its_flag_and_leaves_the_gimbal_alone(kind):
+    device, rig, seen = _steps(kind, "base_imu:unplug:9@1", 1.2)
+    device.advance_us(10_000)
+    last = rig.poll()[-1]
+    assert set(seen) == {"ok"}
+    assert not last.flags & Flags.BASE_IMU
+    assert last.flags & Flags.HOLDER_IMU
+    rig.close()
+
+
+@pytest.mark.parametrize("start", [1.9995, 2.0005])  # between two frames, and in one's middle
+@pytest.mark.parametrize("kind", _both_rigs())
+def test_rig_comes_back_after_a_reset_of_the_board(kind, start):
+    device, rig, seen = _steps(kind, f"supply:reset@{start}", 4.0)
+    assert rig.session == 2
+    assert rig.health == "ok"
+    assert "rig syncing" in seen
+    truth, _ = device.truth()
+    assert abs(truth[0]) > radians(3)  # armed and driven again
+    assert np.abs(np.subtract(rig.state.angle, truth)).max() < radians(0.3)
+    rig.close()
 
 
 def test_fault_that_ends_is_forgiven_after_two_clean_seconds():
@@ -179,6 +259,48 @@ def test_disagreement_without_a_culprit_is_said_and_ends_with_it():
     show((0.0, 0.0, 0.0, 0.0), 2.0)
     assert monitor.healthy
     assert monitor.describe() == "ok"
+
+
+def _uncalibrated(seed, *faults):
+    """Move an uncalibrated rig from −6° to 6° at 3 s; give the rig and every health seen."""
+    device = Emulator(sample_rig(seed), injections=tuple(map(parse, faults)), seed=seed)
+    rig = in_process(device)
+    rig.connect()
+    seen = set()
+    while device.time_us < 5e6:
+        x = radians(-6 if device.time_us < 3e6 else 6)
+        rig.send(GimbalCommand(device.time_ns, (x, 0.0)))
+        device.advance_us(2000)
+        rig.poll()
+        seen.add(rig.health)
+    return rig, seen
+
+
+def test_uncalibrated_rig_does_not_say_which_potentiometer_is_stuck():
+    rig, seen = _uncalibrated(0, "potentiometer_x_a:stuck@2.5")
+    assert seen == {"ok", "potentiometers of x disagree"}
+    assert not rig.state.healthy
+
+
+def test_uncalibrated_rig_still_names_an_open_wire_and_a_glitch():
+    assert "potentiometer_x_b open" in _uncalibrated(1, "potentiometer_x_b:open@4")[1]
+    assert "potentiometer_y_a glitch" in _uncalibrated(1, "potentiometer_y_a:glitch:0.1@4")[1]
+
+
+def test_uncalibrated_rig_notes_from_where_it_sees_a_wrong_potentiometer():
+    rig, seen = _uncalibrated(2)
+    assert seen == {"ok"}
+    sigma = rig.calibration.potentiometer_sigma(0, radians(5.0))
+    told = degrees(3 * sigma) + 0.45
+    assert f"part by {told:.0f}°" in rig.fusion.monitor.note
+    assert "\n" not in rig.fusion.monitor.note
+
+
+def test_calibrated_rig_has_nothing_to_note():
+    monitor = _monitor()
+    assert monitor.note == ""
+    monitor.inspect(_frame(), replace(_expected(), tolerance=(radians(0.3),) * 4))
+    assert monitor.note == ""
 
 
 def test_every_state_can_be_left_and_faulty_never_jumps_to_ok():

@@ -1,13 +1,30 @@
 """The Pi's gateway against a stand-in sysfs tree, a fake SMBus and a fake SPI."""
 
+import contextlib
 import struct
+import threading
+import time
 
+import numpy as np
 import pytest
 
 from hardware.frames import HardwareError
-from hardware.protocol import Arm, Board, Command, Decoder, Encoder, Flags, Hello, Mode, Telemetry
+from hardware.protocol import (
+    Arm,
+    Board,
+    Command,
+    Decoder,
+    Disarm,
+    Encoder,
+    Flags,
+    Hello,
+    HelloRequest,
+    Mode,
+    Telemetry,
+)
+from hardware.raspberry_pi import __main__ as command
 from hardware.raspberry_pi.__main__ import main
-from hardware.raspberry_pi.gateway import Gateway
+from hardware.raspberry_pi.gateway import Gateway, serial_number
 from hardware.raspberry_pi.pwm import KernelPwm, PwmError, find_chip
 from hardware.raspberry_pi.sensors import BusError, Imu, Mcp3008, open_bus
 
@@ -65,7 +82,8 @@ def sysfs(tmp_path):
 
 
 def _value(folder, channel, file):
-    return int((folder / "pwmchip2" / f"pwm{channel}" / file).read_text())
+    text = (folder / "pwmchip2" / f"pwm{channel}" / file).read_text()
+    return int(text or -1)  # empty while a gateway in a thread of its own writes it
 
 
 class _Port:
@@ -201,6 +219,208 @@ def test_imu_of_negative_counts_is_read_as_signed():
     assert Imu(bus, 0x68).read(2) == (-32768, 32767, -1, 0, 1, -2)
 
 
+def test_imu_that_answers_zeros_has_fallen_asleep_and_is_set_up_again(pi):
+    pi.run()
+    pi.bus.registers[0x68] = {0x6B: 0x40}  # a dip of its supply: reset, asleep, on the bus
+    frames = [m for m in pi.run(milliseconds=20) if isinstance(m, Telemetry)]
+    assert not frames[0].flags & Flags.HOLDER_IMU
+    assert frames[0].holder_gyro == (100, -200, 300)  # the last reading, not zeros
+    assert frames[-1].flags & Flags.HOLDER_IMU
+    assert pi.bus.registers[0x68] == {0x6B: 1, 0x1A: 2, 0x1B: 8, 0x1C: 8, 0x19: 0}
+
+
+def test_spi_error_reads_as_open_wires_and_a_joystick_at_rest(pi):
+    pi.run()
+
+    def fail(_values):
+        raise OSError(5, "Input/output error")
+
+    pi.gateway.adc.spi.xfer2 = fail
+    last = pi.run()[-1]
+    assert last.potentiometer == (0, 0, 0, 0)
+    assert last.joystick == (512, 512)
+    assert last.holder_gyro == (100, -200, 300)
+
+
+def test_command_that_waited_longer_than_its_timeout_is_not_obeyed(pi, sysfs):
+    pi.run(Arm())
+    pi.time_ns += 2_000_000_000  # the gateway is held up, and the socket fills
+    last = pi.run(Command((3500, 3500, 0), 100, Mode.DRIVE))[-1]
+    assert _value(sysfs, 0, "duty_cycle") == 1_500_000
+    assert last.flags & Flags.TIMED_OUT
+    pi.run(Command((3500, 3500, 0), 100, Mode.DRIVE))
+    assert _value(sysfs, 0, "duty_cycle") == 1_750_000
+
+
+def test_all_that_waited_is_taken_at_once_and_what_is_no_command_is_obeyed(pi, sysfs):
+    class Slow(_Port):
+        def read(self):
+            data, self.inbox = self.inbox[:16], self.inbox[16:]
+            return data
+
+    pi.port = pi.gateway.port = Slow()
+    pi.run(Arm())
+    pi.time_ns += 2_000_000_000
+    stale = [Command((3500, 3500, 0), 100, Mode.DRIVE)] * 20
+    messages = pi.run(*stale, HelloRequest(), Disarm(), milliseconds=3)
+    assert _value(sysfs, 0, "duty_cycle") == 1_500_000
+    assert any(isinstance(m, Hello) for m in messages)
+    assert not messages[-1].flags & Flags.ARMED
+
+
+class _StuckBus(_FakeBus):
+    """Holds every read until it is released, as a sensor that pulls the clock down does."""
+
+    def __init__(self):
+        super().__init__()
+        self.free = threading.Event()
+        self.free.set()
+
+    def read_i2c_block_data(self, *arguments):
+        if not self.free.wait(5.0):
+            raise TimeoutError(110, "Connection timed out")
+        return super().read_i2c_block_data(*arguments)
+
+
+@contextlib.contextmanager
+def _running(sysfs, bus, spi=None):
+    """A gateway on the wall clock; gives its port and what sends to it."""
+    port, encoder = _Port(), Encoder()
+    adc = Mcp3008(spi or _FakeSpi([500, 510, 520, 530, 512, 700, 0, 0]))
+    gateway = Gateway(KernelPwm(find_chip(sysfs)), bus, port, adc)
+    thread = threading.Thread(target=gateway.run)
+    thread.start()
+
+    def send(*messages):
+        port.inbox += b"".join(encoder.encode(m) for m in messages)
+
+    try:
+        yield port, send
+    finally:
+        gateway.stop()
+        thread.join(5)
+        assert not thread.is_alive()
+
+
+def _until(condition, seconds=3.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+    return time.monotonic()
+
+
+def _reports(port):
+    decoder = Decoder()
+    decoder.receive_data(port.outbox)
+    return [f.message for f in decoder if isinstance(f.message, Telemetry)]
+
+
+def test_stuck_bus_holds_up_neither_the_timeout_nor_the_potentiometers(sysfs):
+    bus = _StuckBus()
+    with _running(sysfs, bus) as (port, send):
+        send(Arm(), Command((4000, 3000, 0), 100, Mode.DRIVE))
+        driven = _until(lambda: _value(sysfs, 0, "duty_cycle") == 2_000_000)
+        bus.free.clear()
+        neutral = _until(lambda: _value(sysfs, 0, "duty_cycle") == 1_500_000)
+        assert neutral - driven < 1.0  # 0.1 s, and what a busy machine adds; the bus holds 5 s
+        port.outbox = b""
+        _until(lambda: len(port.outbox) > 2000)
+        last = _reports(port)[-1]
+        assert not last.flags & (Flags.HOLDER_IMU | Flags.BASE_IMU)
+        assert last.holder_gyro == (100, -200, 300)
+        assert last.imu_age_us[0] > 20_000
+        assert last.potentiometer == (500, 510, 520, 530)
+        bus.free.set()
+        port.outbox = b""
+        _until(lambda: len(port.outbox) > 2000)
+        assert _reports(port)[-1].flags & Flags.HOLDER_IMU
+
+
+def test_stuck_adc_reads_as_open_wires_and_what_it_gives_late_is_not_reported(sysfs):
+    class StuckSpi(_FakeSpi):
+        free = threading.Event()
+
+        def xfer2(self, values):
+            assert self.free.wait(5.0)
+            return super().xfer2(values)
+
+    StuckSpi.free.set()
+    with _running(sysfs, _FakeBus(), StuckSpi([500, 510, 520, 530, 512, 700, 0, 0])) as (port, _):
+        _until(lambda: len(port.outbox) > 2000)
+        StuckSpi.free.clear()
+        _until(lambda: _reports(port)[-1].potentiometer == (0, 0, 0, 0))
+        _until(lambda: _reports(port)[-1].flags & Flags.HOLDER_IMU)  # the gyro speaks on
+        StuckSpi.free.set()
+        _until(lambda: _reports(port)[-1].potentiometer == (500, 510, 520, 530))
+        stamps = [r.device_us for r in _reports(port)]
+    assert stamps == sorted(set(stamps))
+
+
+def test_readings_of_a_running_gateway_are_as_old_as_they_say(sysfs):
+    with _running(sysfs, _FakeBus()) as (port, _):
+        _until(lambda: len(port.outbox) > 10_000)
+        reports = _reports(port)[2:]
+    # a busy machine may take the thread's turn away now and then
+    assert np.mean([bool(r.flags & Flags.HOLDER_IMU) for r in reports]) > 0.8
+    stamps = [r.device_us for r in reports]
+    assert stamps == sorted(stamps)
+    assert min(r.imu_age_us[0] for r in reports) < 2000
+
+
+def test_closed_gateway_has_sent_the_servos_to_neutral_first(sysfs, monkeypatch):
+    written = []
+    real = type(sysfs).write_text
+
+    def note(path, text):
+        written.append((path.parent.name, path.name, text.strip()))
+        return real(path, text)
+
+    with _running(sysfs, _FakeBus()) as (_, send):
+        send(Arm(), Command((4000, 4000, 0), 2000, Mode.DRIVE))
+        _until(lambda: _value(sysfs, 1, "duty_cycle") == 2_000_000)
+        monkeypatch.setattr(type(sysfs), "write_text", note)
+    files = [w[:2] for w in written]
+    for name in ("pwm0", "pwm1"):
+        assert (name, "duty_cycle", "1500000") in written
+        assert files.index((name, "duty_cycle")) < files.index((name, "enable"))
+    assert _value(sysfs, 0, "enable") == 0
+
+
+def test_refused_pulse_is_one_line_and_the_other_servo_is_still_sent_to_neutral(
+    sysfs, monkeypatch, capsys
+):
+    chip, real = find_chip(sysfs), type(sysfs).write_text
+
+    class Begun(_Port):
+        def read(self):  # driven once, then the kernel takes nothing more for servo x
+            if not self.inbox:
+                monkeypatch.setattr(type(sysfs), "write_text", refuse)
+                return b""
+            return super().read()
+
+        drop = restore = _Port.close
+
+    def refuse(path, text):
+        if path.parent.name == "pwm0":
+            raise OSError(5, "Input/output error")
+        return real(path, text)
+
+    encoder, port = Encoder(), Begun()
+    port.inbox = encoder.encode(Arm()) + encoder.encode(Command((4000, 4000, 0), 50, Mode.DRIVE))
+    monkeypatch.setattr(command, "open_bus", lambda _: _FakeBus())
+    monkeypatch.setattr(command, "open_adc", lambda: None)
+    monkeypatch.setattr(command, "KernelPwm", lambda: KernelPwm(chip))
+    monkeypatch.setattr(command, "TcpPort", lambda _: port)
+    monkeypatch.setattr(command.signal, "signal", lambda *_: None)
+    assert main([]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2  # where to reach it, and why it ended
+    assert "pwm0/duty_cycle: Input/output error" in said[1]
+    assert _value(sysfs, 1, "duty_cycle") == 1_500_000
+    assert port.closed
+
+
 def test_missing_bus_or_library_is_one_line_and_exit_2(capsys):
     with pytest.raises(BusError) as caught:
         open_bus(99)
@@ -208,3 +428,20 @@ def test_missing_bus_or_library_is_one_line_and_exit_2(capsys):
     assert isinstance(caught.value, HardwareError)
     assert main(["--bus", "99"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("Hardware\t: BCM2835\nSerial\t\t: 00000000a3b2c1d0\nModel\t\t: Pi 3\n", 0xA3B2C1D0),
+        ("Serial : 10000000ffffffff\n", 0),  # all ones stands for none on the wire
+        ("Serial : zebra\n", 0),
+        ("processor : 0\n", 0),
+        (None, 0),
+    ],
+)
+def test_pi_tells_its_chips_number(tmp_path, text, number):
+    file = tmp_path / "cpuinfo"
+    if text is not None:
+        file.write_text(text)
+    assert serial_number(file) == number

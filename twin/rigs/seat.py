@@ -258,7 +258,10 @@ class RigGimbal:
         r.news = []
         self._follow_connection()
         newest = r.states[-1] if r.states else self._stale
-        self._heard |= bool(r.states)
+        if r.states and not self._heard:
+            self._heard = True
+            if note := rig.fusion.monitor.note:
+                r.news.append(("INFO", note))
         known = self._ready and self._heard and newest.sigma != (0.0, 0.0)
         r.age_ns = self.now_ns() - newest.time_ns if known else None
         statistics = rig.statistics
