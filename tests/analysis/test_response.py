@@ -146,6 +146,58 @@ def test_the_settling_band_is_never_below_the_noise():
     assert m.settling_time < 0.6  # a 2 % band would only be left at the end
 
 
+def first_order(t):
+    return 1.0 - np.exp(-np.clip(t, 0.0, None) / 0.05)
+
+
+def well_damped(t):
+    """ωn 40 rad/s, ζ 0.6."""
+    late = np.clip(t, 0.0, None)
+    return 1.0 - np.exp(-24.0 * late) * (np.cos(32.0 * late) + 0.75 * np.sin(32.0 * late))
+
+
+def repeated(answer, noise, seed, period=0.002, repeats=10):
+    """Figures of a square wave of one through an answer to a unit step."""
+    at = 1.0 * np.arange(1, 2 * repeats + 1)
+    t = np.arange(0.0, at[-1] + 1.0, period)
+    y = sum((1.0 if k % 2 == 0 else -1.0) * answer(t - b) for k, b in enumerate(at))
+    y = y + noise * np.random.default_rng(seed).normal(size=len(t))
+    return step_figures(cut_steps(t, y, np.append(-1.0, at), np.append(0.0, np.arange(20) % 2 < 1)))
+
+
+@pytest.mark.parametrize("answer", [first_order, well_damped])
+@pytest.mark.parametrize("noise", [0.003, 0.006, 0.02])
+def test_settling_and_overshoot_of_noisy_steps_are_those_of_the_answer(answer, noise):
+    """500 Hz, ten steps either way; 95 % intervals, so of eight two may miss by chance (0.6 %)."""
+    fine = np.linspace(0.0, 2.0, 200_001)
+    true = step_metrics(fine, answer(fine), start=0.0, final=1.0)
+    held = {name: 0 for name in ("settling_time", "overshoot", "peak", "rise_time", "dead_time")}
+    for seed in range(4):
+        for f in repeated(answer, noise, seed):
+            name = f.name.split()[0]
+            if name in held:
+                held[name] += f.interval[0] <= getattr(true, name) + 1e-6
+                held[name] -= f.interval[1] < getattr(true, name) - 1e-6
+    assert min(held.values()) >= 6, held
+
+
+def test_an_overshoot_within_the_noise_is_none_and_has_no_time():
+    """Less than the noise could hide is none, but the interval says how much it could be."""
+    figures = repeated(first_order, 0.006, 0)
+    over = next(f for f in figures if f.name == "overshoot up")
+    assert over.value == 0.0
+    assert 0.2 < over.interval[1] < 1.0
+    assert math.isnan(value(figures, "peak_time up"))
+    assert value(figures, "peak up") == pytest.approx(1.0, abs=2e-3)
+
+
+def test_the_corner_of_a_limited_speed_is_not_smoothed_into_an_overshoot():
+    figures = repeated(lambda t: np.clip(5.0 * t, 0.0, 1.0), 0.003, 0)
+    over = next(f for f in figures if f.name == "overshoot up")
+    assert over.value == pytest.approx(0.0, abs=0.1)
+    assert value(figures, "settling_time up") == pytest.approx(0.196, abs=2e-3)
+
+
 def test_a_step_that_drowns_in_noise_is_refused():
     y = 0.01 * np.random.default_rng(0).normal(size=100)
     with pytest.raises(AnalysisError, match="no more than its noise"):
