@@ -57,10 +57,15 @@ def over_repeats(name: str, values: ArrayLike, unit: str, amplitude: float = mat
     mean = float(found.mean())
     if len(found) == 1:
         return Figure(name, mean, unit, amplitude, 1)
+    half = student(len(found) - 1) * float(found.std(ddof=1)) / math.sqrt(len(found))
+    return Figure(name, mean, unit, amplitude, len(found), (mean - half, mean + half))
+
+
+def student(freedom: int) -> float:
+    """Half width of a 95 % interval in estimated deviations: Student's, by degrees of freedom."""
     from scipy.special import stdtrit
 
-    half = float(stdtrit(len(found) - 1, 0.975) * found.std(ddof=1) / math.sqrt(len(found)))
-    return Figure(name, mean, unit, amplitude, len(found), (mean - half, mean + half))
+    return float(stdtrit(freedom, 0.975))
 
 
 def fitted_line(x: Array, y: Array) -> tuple[float, float, Array]:

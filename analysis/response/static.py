@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.response.figure import Figure, fitted_line
+from analysis.response.figure import Figure, fitted_line, over_repeats, student
 from analysis.response.steps import Step
 from analysis.schema import AnalysisError
 
@@ -92,10 +92,7 @@ def hysteresis(
     ]
     if not gaps:
         raise AnalysisError("no command was approached from below and from above")
-    mean = float(np.mean(gaps))
-    half = 1.96 * float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)) if len(gaps) > 1 else math.nan
-    interval = (mean - half, mean + half)
-    return Figure("hysteresis", mean, "rad", float(np.ptp(u)) / 2.0, len(gaps), interval)
+    return over_repeats("hysteresis", gaps, "rad", float(np.ptp(u)) / 2.0)
 
 
 def linearity(command: ArrayLike, angle: ArrayLike) -> tuple[Figure, Figure, Figure]:
@@ -103,9 +100,9 @@ def linearity(command: ArrayLike, angle: ArrayLike) -> tuple[Figure, Figure, Fig
     u, y = np.asarray(command, dtype=np.float64), np.asarray(angle, dtype=np.float64)
     slope, offset, left = fitted_line(u, y)
     amplitude, n = float(np.ptp(u)) / 2.0, len(u)
-    scatter = math.sqrt(float(left @ left) / max(n - 2, 1))
-    slope_half = 1.96 * scatter / math.sqrt(float(np.sum((u - u.mean()) ** 2)))
-    offset_half = 1.96 * scatter * math.sqrt(1.0 / n + u.mean() ** 2 / np.sum((u - u.mean()) ** 2))
+    scatter = student(n - 2) * math.sqrt(float(left @ left) / (n - 2))
+    slope_half = scatter / math.sqrt(float(np.sum((u - u.mean()) ** 2)))
+    offset_half = scatter * math.sqrt(1.0 / n + u.mean() ** 2 / np.sum((u - u.mean()) ** 2))
     worst = 100.0 * float(np.abs(left).max()) / float(np.ptp(y))
     return (
         Figure("gain", slope, "1", amplitude, n, (slope - slope_half, slope + slope_half)),
@@ -160,11 +157,8 @@ def repeatability(
             raise AnalysisError(f"{len(attained)} approaches {way}; repeatability needs 3 or more")
         n, mean = len(attained), float(attained.mean())
         means.append(mean)
-        spread = float(attained.std(ddof=1))
         distance = np.abs(attained - mean)
-        half = 1.96 * spread / math.sqrt(n)
-        ap = mean - command
-        figures.append(Figure(f"accuracy AP {way}", ap, "rad", command, n, (ap - half, ap + half)))
+        figures.append(over_repeats(f"accuracy AP {way}", attained - command, "rad", command))
         rp = float(distance.mean() + 3.0 * distance.std(ddof=1))
         low, high = _spread_interval(n)
         figures.append(

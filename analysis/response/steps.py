@@ -127,7 +127,7 @@ def step_metrics(
 
 
 def _smoothed(t: Array, rise: Array, noise: float) -> tuple[Array, Array, float, float]:
-    """Time and response (n,), smoothed beyond 70 %, with the bound and the lift of what noise is left.
+    """Time and response (n,), smoothed beyond 70 %; bound and lift of the noise that is left.
 
     The largest reading and the last departure of a raw record are those of its noise. Quadratics
     through a window (Savitzky and Golay 1964), passed twice, are compared with those of all

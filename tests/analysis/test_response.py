@@ -171,7 +171,7 @@ def test_settling_and_overshoot_of_noisy_steps_are_those_of_the_answer(answer, n
     """500 Hz, ten steps either way; 95 % intervals, so of eight two may miss by chance (0.6 %)."""
     fine = np.linspace(0.0, 2.0, 200_001)
     true = step_metrics(fine, answer(fine), start=0.0, final=1.0)
-    held = {name: 0 for name in ("settling_time", "overshoot", "peak", "rise_time", "dead_time")}
+    held = dict.fromkeys(("settling_time", "overshoot", "peak", "rise_time", "dead_time"), 0)
     for seed in range(4):
         for f in repeated(answer, noise, seed):
             name = f.name.split()[0]
@@ -301,6 +301,27 @@ def test_repeatability_is_iso_9283s():
     assert value(found, "variation vAP") == pytest.approx(1.0)
     with pytest.raises(AnalysisError, match="3 or more"):
         repeatability(0.0, [1.0, 2.0])
+
+
+@pytest.mark.parametrize("n", [3, 5, 8])
+def test_intervals_of_few_places_hold_the_truth_in_95_of_100(n):
+    """1000 each: 95 % ± 2 % is three standard deviations."""
+    rng = np.random.default_rng(n)
+    u = np.linspace(-0.1, 0.1, n)
+    both, way = np.tile(u, 2), np.repeat([1.0, -1.0], n)
+    held = {"gain": 0, "null offset": 0, "hysteresis": 0, "accuracy AP from below": 0}
+    true = {"gain": 1.0, "null offset": 0.0, "hysteresis": 4e-3, "accuracy AP from below": 0.0}
+    for _ in range(1000):
+        noise = 1e-3 * rng.normal(size=4 * n)
+        figures = (
+            *linearity(u, u + noise[:n]),
+            hysteresis(both, both - 2e-3 * way + noise[n : 3 * n], way),
+            *repeatability(0.0, noise[3 * n :]),
+        )
+        for f in figures:
+            if f.name in held:
+                held[f.name] += f.interval[0] <= true[f.name] <= f.interval[1]
+    assert {name: 930 <= count <= 970 for name, count in held.items()} == dict.fromkeys(held, True)
 
 
 def test_cosine_loss_of_eight_degrees_is_one_percent():
