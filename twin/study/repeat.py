@@ -38,7 +38,7 @@ class SeatFlights:
     ----------
     gimbal : who had the seat
     results, paths : of each flight; a flight that a fault ended has no path here
-    repeats : whether each flight is the one before to the last bit; then only two were flown
+    repeats : whether all flights are equal to the last bit; then only two were flown
     spread : of the paths; None for a single flight
     figures : over the flights, with their intervals
     """
@@ -154,7 +154,7 @@ def _seat(config: Fly, gimbal: str, folder: Path) -> SeatFlights:
         paths.append(flight_path(recording))
         if (found := attitude_step(recording)) is not None:
             steps.append(found)
-        same = len(paths) > 1 and _equal(paths[-1], paths[-2])
+        same = len(paths) > 1 and all(_equal(path, paths[0]) for path in paths[1:])
         if same and k == 1:  # nothing random in it: more flights would tell nothing
             break
     _progress(gimbal, config.repeat, config.repeat)
@@ -204,7 +204,7 @@ def _progress(gimbal: str, k: int, n: int) -> None:
 
 def _count(seat: SeatFlights) -> str:
     if seat.repeats:
-        return "2 flights, equal to the last bit"
+        return f"{len(seat.paths)} flights, equal to the last bit"
     return f"{len(seat.results)} flights"
 
 
@@ -215,9 +215,9 @@ def _spread_rows(seat: SeatFlights) -> list[tuple[str, str]]:
     return [
         (
             "",
-            f"{'path':<20}{s.distance[-1]:.2f} m rms at {s.time[-1]:.1f} s, {s.worst:.2f} m worst",
+            f"{'path':<20}{s.distance[-1]:.2f} m deviation at {s.time[-1]:.1f} s, {s.worst:.2f} m worst",
         ),
-        ("", f"{'attitude':<20}{math.degrees(s.attitude):.2f}° rms from the mean"),
+        ("", f"{'attitude':<20}{math.degrees(s.attitude):.2f}° deviation from the mean"),
     ]
 
 
