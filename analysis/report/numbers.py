@@ -1,5 +1,6 @@
 """The report's numbers, for machines: the same the page shows."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -33,7 +34,8 @@ class RunNumbers:
     samples : of the angle
     figures : per axis
     responses : frequency response by axis, where the command allows one
-    disagree : (axis, figure) outside the interval of the first run, if that was measured
+    disagree : (axis, figure, amplitude [rad]) outside the interval of the first run, if that was
+        measured
     """
 
     label: str
@@ -42,7 +44,7 @@ class RunNumbers:
     samples: int
     figures: tuple[AxisFigures, ...]
     responses: Mapping[str, FrequencyResponse]
-    disagree: tuple[tuple[str, str], ...] = ()
+    disagree: tuple[tuple[str, str, float], ...] = ()
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON."""
@@ -53,7 +55,10 @@ class RunNumbers:
             "samples": self.samples,
             "axes": [f.to_dict() for f in self.figures],
             "frequency_response": {k: r.to_dict() for k, r in self.responses.items()},
-            "disagree": [list(pair) for pair in self.disagree],
+            "disagree": [
+                [axis, name, amplitude if math.isfinite(amplitude) else None]
+                for axis, name, amplitude in self.disagree
+            ],
         }
 
 
@@ -118,7 +123,7 @@ def same_command(a: AxisRecord, b: AxisRecord) -> bool:
 
 
 def _numbers(
-    run: Run, figures: Sequence[AxisFigures], disagree: tuple[tuple[str, str], ...]
+    run: Run, figures: Sequence[AxisFigures], disagree: tuple[tuple[str, str, float], ...]
 ) -> RunNumbers:
     responses = {}
     kinds = {f.axis: f.kind for f in figures}
@@ -143,13 +148,15 @@ def _numbers(
 
 def _disagree(
     reference: Sequence[AxisFigures], other: Sequence[AxisFigures]
-) -> tuple[tuple[str, str], ...]:
-    found = []
-    for a in reference:
-        for b in other:
-            if a.axis == b.axis and a.kind == b.kind:
-                found += [(a.axis, name) for name in disagreements(a.figures, b.figures)]
-    return tuple(found)
+) -> tuple[tuple[str, str, float], ...]:
+    found = [
+        (a.axis, own.name, own.amplitude)
+        for a in reference
+        for b in other
+        if a.axis == b.axis and a.kind == b.kind
+        for _, own in disagreements(a.figures, b.figures)
+    ]
+    return tuple(dict.fromkeys(found))
 
 
 def _compared(reference: Run, other: Run) -> Comparison:

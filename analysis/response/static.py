@@ -21,7 +21,8 @@ def staircase_figures(steps: Sequence[Step], gain: float = 1.0) -> tuple[Figure,
 
     Threshold: the smallest commanded step that, with every larger one, moves the gimbal beyond
     three standard errors. Resolution: the smallest that, with every larger one, moves it by at
-    least half of what was asked. The interval runs from the largest step that failed.
+    least half of what was asked. The interval runs from the largest step that failed; the amplitude
+    is that of the largest step.
 
     Parameters
     ----------
@@ -59,9 +60,10 @@ def _smallest(name: str, points: Sequence[tuple[float, bool]]) -> Figure:
     failed = [a for a, ok in points if not ok]
     limit = max(failed, default=0.0)
     above = sorted(a for a, ok in points if ok and a > limit * (1.0 + 1e-9))
+    largest = max(a for a, _ in points)
     if not above:
-        return Figure(name, math.nan, "rad", max(a for a, _ in points), len(points))
-    return Figure(name, above[0], "rad", above[0], len(points), (limit, above[0]))
+        return Figure(name, math.nan, "rad", largest, len(points))
+    return Figure(name, above[0], "rad", largest, len(points), (limit, above[0]))
 
 
 def hysteresis(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.response.figure import Figure, over_repeats
+from analysis.response.figure import ALIKE, Figure, over_repeats
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
@@ -328,7 +328,7 @@ def _up_to_hidden(figure: Figure, group: Sequence[StepMetrics]) -> Figure:
 def _groups(measured: Sequence[StepMetrics]) -> list[list[StepMetrics]]:
     groups: list[list[StepMetrics]] = []
     for m in sorted(measured, key=lambda m: m.amplitude):
-        if groups and abs(m.amplitude - groups[-1][0].amplitude) <= 0.05 * abs(m.amplitude):
+        if groups and abs(m.amplitude - groups[-1][0].amplitude) <= ALIKE * abs(m.amplitude):
             groups[-1].append(m)
         else:
             groups.append([m])

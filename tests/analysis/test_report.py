@@ -141,9 +141,37 @@ def test_runs_are_laid_over_each_other_by_their_commands_and_the_shift_is_told(t
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "shifted by 700 ms" in text
     linkage = next(r for r in numbers.runs if r.label == "linkage")
-    assert ("x", "gain") in linkage.disagree  # 1.1 is not 1
+    assert ("x", "gain", pytest.approx(0.1)) in linkage.disagree  # 1.1 is not 1
     exact = next(r for r in numbers.runs if r.label == "model")
-    assert ("x", "gain") not in exact.disagree
+    assert "gain" not in [name for _, name, _ in exact.disagree]
+
+
+def test_steps_of_two_sizes_through_a_limited_speed_disagree_only_where_they_do(tmp_path):
+    """The same gimbal twice, and one that is slower only where its speed is limited."""
+    one = np.repeat(np.tile([0.03, 0.0, 0.12, 0.0, -0.03, 0.0, -0.12, 0.0], 6), 400)
+    commands = np.stack([one, 0 * one], axis=1)
+
+    def limited(limit, seed):
+        angle, y = 0.0, np.zeros(len(one))
+        for k, u in enumerate(one):
+            y[k] = angle
+            angle += DT * np.clip(25.0 * (u - angle), -limit, limit)
+        noise = np.random.default_rng(seed).normal(0.0, 1e-4, (len(one), 2))
+        return recorded(commands, np.stack([y, 0 * y], axis=1) + noise, motion="measured")
+
+    runs = [limited(1.0, 1), limited(1.0, 2), limited(0.8, 3)]
+    numbers = report(runs, tmp_path / "a.html", labels=["a", "same", "slower"])
+    same, slower = (
+        {(n, round(a, 2)) for _, n, a in r.disagree if n.startswith("rise")}
+        for r in numbers.runs[1:]
+    )
+    assert len(same) <= 1  # of four intervals of 95 %
+    assert {("rise_time up", 0.12), ("rise_time down", -0.12)} <= slower
+    assert ("rise_time up", 0.03) not in slower
+    assert (tmp_path / "a.html").read_text(encoding="utf-8").count("class=off") == sum(
+        len(r.disagree) for r in numbers.runs
+    )
+    json.dumps(numbers.to_dict(), allow_nan=False)
 
 
 def test_motions_under_different_commands_are_not_compared(tmp_path):

@@ -204,11 +204,38 @@ def test_a_step_that_drowns_in_noise_is_refused():
         step_metrics(np.arange(100.0), y, start=0.0, final=0.01, noise=0.01)
 
 
+def names(pairs):
+    return [(m.name, m.amplitude) for m, _ in pairs]
+
+
 def test_model_and_measurement_that_disagree_are_named():
     measured = (Figure("rise_time", 1.0, "s", 0.1, 5, (0.9, 1.1)),)
     model = (Figure("rise_time", 1.3, "s", n=0),)
-    assert disagreements(measured, model) == ("rise_time",)
+    assert names(disagreements(measured, model)) == [("rise_time", 0.1)]
     assert disagreements(measured, (Figure("rise_time", 1.05, "s"),)) == ()
+
+
+def test_figures_of_different_amplitudes_are_not_held_against_each_other():
+    """A limited speed: twice the rise at four times the amplitude, and the same again."""
+    measured = tuple(
+        Figure("rise_time up", rise, "s", size, 5, (rise - 0.01, rise + 0.01))
+        for rise, size in ((0.1, 0.02), (0.2, 0.08))
+    )
+    assert disagreements(measured, measured) == ()
+    off = (measured[0], Figure("rise_time up", 0.25, "s", 0.0805, 5))
+    assert names(disagreements(measured, off)) == [("rise_time up", 0.08)]
+
+
+def test_a_linear_models_figures_are_of_every_amplitude_and_direction():
+    """Twice as slow as measured: 8 steps either way, all else alike."""
+    t, y, at, u = raw_steps(np.random.default_rng(4))
+    figures = step_figures(cut_steps(t, y, at, u))
+    assert not {n for n, _ in names(disagreements(figures, model_figures(SECOND)))} & {
+        "overshoot up", "overshoot down", "peak up", "peak down", "rise_time down"
+    }  # fmt: skip
+    slow = Channel((0.9 * 15.0**2,), (1.0, 15.0, 15.0**2), 0.012)
+    off = {name for name, _ in names(disagreements(figures, model_figures(slow)))}
+    assert {"rise_time up", "rise_time down", "static_error down", "peak up"} <= off
 
 
 def test_interval_over_repeats_is_students():

@@ -15,6 +15,7 @@ Key = tuple[str, str, str]  # axis, figure, amplitude
 def figures(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
     """Value ± half of its 95 % interval, number of repeats, amplitude; disagreement is marked."""
     told = [_by_key(n) for n in numbers.runs]
+    marked = [{(axis, name, _at(a)) for axis, name, a in n.disagree} for n in numbers.runs]
     found = dict.fromkeys(key for by in told for key in by)
     axes = list(dict.fromkeys(a.axis for n in numbers.runs for a in n.figures))
     order = list(dict.fromkeys(split(name)[0] for _, name, _ in found))
@@ -28,15 +29,11 @@ def figures(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
     for key in keys:
         axis, name, amplitude = key
         words, direction = split(name)
-        cells = [
-            _cell(by.get(key), (axis, name) in n.disagree)
-            for by, n in zip(told, numbers.runs, strict=True)
-        ]
+        cells = [_cell(by.get(key), key in off) for by, off in zip(told, marked, strict=True)]
         rows.append((axis, words, direction, amplitude, *cells))
     head = ("axis", "figure", "direction", "at", *(r.label for r in runs))
-    marked = any(n.disagree for n in numbers.runs)
     caption = "Value ± half of the 95 % interval; n is the number of repeats or averages. "
-    if marked:
+    if any(marked):
         caption += f"≠: outside the interval of {runs[0].label}. "
     caption += "Times count from the command; settling to 2 %, rise from 10 to 90 %, dead to 5 %."
     parts = [Table(head, tuple(rows), caption)]
@@ -57,11 +54,11 @@ def _notes(numbers: ReportNumbers) -> Table:
 
 
 def _by_key(run: RunNumbers) -> dict[Key, Figure]:
-    return {
-        (a.axis, f.name, amplitude_text(f) if math.isfinite(f.amplitude) else "–"): f
-        for a in run.figures
-        for f in a.figures
-    }
+    return {(a.axis, f.name, _at(f.amplitude)): f for a in run.figures for f in a.figures}
+
+
+def _at(amplitude: float) -> str:
+    return amplitude_text(amplitude) if math.isfinite(amplitude) else "–"
 
 
 def _cell(figure: Figure | None, disagrees: bool) -> Cell:
