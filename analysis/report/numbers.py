@@ -176,7 +176,8 @@ def _axis_compared(reference: Run, other: Run, a: AxisRecord, b: AxisRecord) -> 
         Motion(*_rising(r.angle_time, r.angle), (r.name,), run.label)
         for r, run in ((a, reference), (b, other))
     )
-    found = compare(*motions, repeats=edges).axes[0]
+    still = () if (np.diff(a.command) != 0.0).any() else (a.name,)
+    found = compare(*motions, repeats=edges, still=still).axes[0]
     # the last edge is the end of the last repeat; what follows it is none
     return replace(found, repeats=found.repeats[: max(len(edges) - 1, 0)])
 

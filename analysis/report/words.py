@@ -28,7 +28,7 @@ def split(name: str) -> tuple[str, str]:
 def figure_text(figure: Figure) -> str:
     """Value with its interval, amplitude and number of repeats: `54.2 ± 0.3 ms at +5°, n = 6`."""
     told = value_text(figure)
-    at = f" at {amplitude_text(figure.amplitude)}" if math.isfinite(figure.amplitude) else ""
+    at = f" at {amplitude_text(figure)}" if math.isfinite(figure.amplitude) else ""
     return f"{told}{at}, n = {figure.n}" if figure.n else f"{told}{at}"
 
 
@@ -47,9 +47,14 @@ def value_text(figure: Figure) -> str:
     return f"{_rounded(value, half)} ± {number(half, 2)}{space}{unit}"
 
 
-def amplitude_text(amplitude: float) -> str:
-    """An amplitude [rad] in degrees."""
-    return f"{number(math.degrees(amplitude), 3)}°"
+def amplitude_text(figure: Figure) -> str:
+    """Amplitude in degrees."""
+    return angle_text(figure.amplitude)
+
+
+def angle_text(angle: float) -> str:
+    """An angle [rad] in degrees."""
+    return f"{number(math.degrees(angle), 3)}°"
 
 
 def number(value: float, digits: int = 4) -> str:

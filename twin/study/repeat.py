@@ -212,11 +212,9 @@ def _spread_rows(seat: SeatFlights) -> list[tuple[str, str]]:
     s = seat.spread
     if s is None or seat.repeats:
         return []
+    scatter = f"{s.distance[-1]:.2f} m deviation at {s.time[-1]:.1f} s"
     return [
-        (
-            "",
-            f"{'path':<20}{s.distance[-1]:.2f} m deviation at {s.time[-1]:.1f} s, {s.worst:.2f} m worst",
-        ),
+        ("", f"{'path':<20}{scatter}, {s.worst:.2f} m worst"),
         ("", f"{'attitude':<20}{math.degrees(s.attitude):.2f}° deviation from the mean"),
     ]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from analysis.report.numbers import ReportNumbers, RunNumbers
 from analysis.report.parts import Cell, Section, Table
 from analysis.report.run import Run
-from analysis.report.words import amplitude_text, split, value_text
+from analysis.report.words import angle_text, split, value_text
 from analysis.response import Figure
 
 Key = tuple[str, str, str]  # axis, figure, amplitude
@@ -58,7 +58,7 @@ def _by_key(run: RunNumbers) -> dict[Key, Figure]:
 
 
 def _at(amplitude: float) -> str:
-    return amplitude_text(amplitude) if math.isfinite(amplitude) else "–"
+    return angle_text(amplitude) if math.isfinite(amplitude) else "–"
 
 
 def _cell(figure: Figure | None, disagrees: bool) -> Cell:
