@@ -3,19 +3,23 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.caveats import caveats
 from analysis.compare import AxisComparison, Comparison, Motion, compare
-from analysis.report.figures import AxisFigures, run_figures
+from analysis.report.figures import AxisFigures, report_figures
 from analysis.report.run import AxisRecord, Run
 from analysis.report.spectrum import FrequencyResponse, frequency_response
 from analysis.response import disagreements
 from analysis.schema import AnalysisError
+from analysis.transfer_function import TransferFunctionModel
 
 Array = NDArray[np.float64]
+
+NO_MODELS: Mapping[str, TransferFunctionModel] = MappingProxyType({})
 
 SAME = 0.98  # of the time two commands must agree for their answers to be compared
 CLOSE = 1e-3  # rad; a command within 0.06° is the same command
@@ -92,15 +96,24 @@ class ReportNumbers:
         }
 
 
-def numbers_of(runs: Sequence[Run], title: str) -> ReportNumbers:
-    """Compute whatever the runs allow; what they do not allow becomes a note."""
+def numbers_of(
+    runs: Sequence[Run], title: str, models: Mapping[str, TransferFunctionModel] = NO_MODELS
+) -> ReportNumbers:
+    """Compute whatever the runs allow; what they do not allow becomes a note.
+
+    Parameters
+    ----------
+    models : by the labels of the runs that are their answers
+    """
     notes = list(caveats([r.recording for r in runs], [r.label for r in runs], together=False))
-    first = run_figures(runs[0])
+    first = report_figures(runs[0], models.get(runs[0].label))
     told = []
     for k, run in enumerate(runs):
-        figures = first if k == 0 else run_figures(run)
+        figures = first if k == 0 else report_figures(run, models.get(run.label))
         notes += [f"{run.label}, {a.axis}: {note}" for a in figures for note in a.notes]
         disagree = _disagree(first, figures) if k and runs[0].motion == "measured" else ()
+        if run.motion != "measured":  # a simulation has no noise to scatter by
+            disagree = tuple(d for d in disagree if not d[1].startswith("repeatability"))
         told.append(_numbers(run, figures, disagree))
     comparisons = []
     for k, other in enumerate(runs):

@@ -120,5 +120,5 @@ def _counterpart(figure: Figure, others: Sequence[Figure]) -> Figure | None:
 
 def _same(a: float, b: float) -> bool:
     if math.isfinite(a) and math.isfinite(b):
-        return abs(a - b) <= ALIKE * max(abs(a), abs(b))
+        return abs(a - b) <= ALIKE * max(abs(a), abs(b)) + 1e-9
     return math.isfinite(a) == math.isfinite(b)

@@ -98,14 +98,18 @@ def hysteresis(
 
 
 def linearity(command: ArrayLike, angle: ArrayLike) -> tuple[Figure, Figure, Figure]:
-    """Gain, null offset [rad] and linearity [% of the range]: worst distance from the best line."""
+    """Gain, null offset [rad] and linearity [% of the range]: worst distance from the best line.
+
+    A gimbal that did not move has a gain of zero and no linearity.
+    """
     u, y = np.asarray(command, dtype=np.float64), np.asarray(angle, dtype=np.float64)
     slope, offset, left = fitted_line(u, y)
     amplitude, n = float(np.ptp(u)) / 2.0, len(u)
     scatter = student(n - 2) * math.sqrt(float(left @ left) / (n - 2))
     slope_half = scatter / math.sqrt(float(np.sum((u - u.mean()) ** 2)))
     offset_half = scatter * math.sqrt(1.0 / n + u.mean() ** 2 / np.sum((u - u.mean()) ** 2))
-    worst = 100.0 * float(np.abs(left).max()) / float(np.ptp(y))
+    reached = float(np.ptp(y))
+    worst = 100.0 * float(np.abs(left).max()) / reached if reached else math.nan
     return (
         Figure("gain", slope, "1", amplitude, n, (slope - slope_half, slope + slope_half)),
         Figure("null offset", offset, "rad", amplitude, n,

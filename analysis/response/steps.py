@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.response.figure import ALIKE, Figure, over_repeats
+from analysis.response.figure import ALIKE, Figure, over_repeats, student
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
@@ -15,12 +15,15 @@ Array = NDArray[np.float64]
 _PLATEAU = 1.0 / 3.0  # of the step's duration, at its end, is taken as rest
 _BAND = 0.02  # settling band, of the change
 _DEAD = 0.05  # of the change: the motion has begun
+_FEWEST = 5  # samples of a step
+_FAR = 2.0  # times the knee
 _REACHED = 0.9  # of the largest amplitude: a knee beyond is none
 _DEAD_NOISES = 2.0  # sigma: no motion begins below
 _NOISES = 3.0  # sigma: less is no motion
 _TAIL = 0.7  # of the change: from here on a measured response is smoothed
 _SURE = 0.99  # of steps: noise alone stays below the bound
 _WINDOWS = (5, 7, 11, 15, 21, 31, 43, 61, 87, 123, 173, 245)  # samples, about √2 apart
+_CLEAR = 20.0  # times the noise: smaller steps have no speed
 _MOST = 1_000_000  # samples of one step
 
 
@@ -95,8 +98,8 @@ def step_metrics(
     """
     t, y = np.asarray(time, dtype=np.float64), np.asarray(response, dtype=np.float64)
     change = final - start
-    if len(t) < 5 or t.shape != y.shape:
-        raise AnalysisError(f"a step of {len(t)} samples; 5 or more are needed")
+    if len(t) < _FEWEST or t.shape != y.shape:
+        raise AnalysisError(f"a step of {len(t)} samples; {_FEWEST} or more are needed")
     if not math.isfinite(change) or abs(change) <= _NOISES * noise or change == 0.0:
         raise AnalysisError(f"the response moves by {change:g}, no more than its noise {noise:g}")
     rise = (y - start) / change
@@ -263,18 +266,21 @@ def cut_steps(
 
 def measure(step: Step) -> StepMetrics:
     """Metrics of a measured step: plateau means at both ends, noise from the final plateau."""
-    count = max(int(len(step.time) * _PLATEAU), 3)
-    plateau = step.response[-count:]
-    start = float(step.before.mean())
-    noise = float(np.std(np.diff(plateau)) / math.sqrt(2.0))
+    final, noise = _plateau(step)
     return step_metrics(
         step.time,
         step.response,
-        start=start,
-        final=float(plateau.mean()),
+        start=float(step.before.mean()),
+        final=final,
         command_change=step.command_after - step.command_before,
         noise=noise,
     )
+
+
+def _plateau(step: Step) -> tuple[float, float]:
+    """Mean of the end of a step, and the deviation of its noise."""
+    plateau = step.response[-max(int(len(step.time) * _PLATEAU), 3) :]
+    return float(plateau.mean()), float(np.std(np.diff(plateau)) / math.sqrt(2.0))
 
 
 def step_figures(steps: Sequence[Step]) -> tuple[Figure, ...]:
@@ -335,42 +341,65 @@ def _groups(measured: Sequence[StepMetrics]) -> list[list[StepMetrics]]:
     return groups
 
 
+def slew_points(steps: Sequence[Step]) -> tuple[Array, Array]:
+    """Amplitude [rad] and speed [rad/s] (n,) of every step that stands clear of its noise.
+
+    The speed is that of the straight part, between 20 and 80 % of the change; sorted by amplitude.
+    """
+    points = []
+    for step in steps:
+        start = float(step.before.mean())
+        final, noise = _plateau(step)
+        change = final - start
+        if len(step.time) < _FEWEST or not abs(change) > _CLEAR * noise:
+            continue
+        rise = (step.response - start) / change
+        a, b = (_crossing(step.time, rise, level, noisy=True) for level in (0.2, 0.8))
+        if b > a:
+            size = abs(step.command_after - step.command_before)
+            points.append((size, 0.6 * abs(change) / (b - a)))
+    amplitude, speed = np.array(sorted(points), dtype=np.float64).reshape(-1, 2).T
+    return amplitude, speed
+
+
 def slew_figures(steps: Sequence[Step]) -> tuple[Figure, Figure]:
     """Slew rate and knee: the speed large steps reach, and the amplitude from which they do.
 
-    The speed of every step is that of its straight part, between 20 and 80 % of the change. Below
-    the knee it grows with the amplitude, above it stays; the two lines meet at the knee.
+    Below the knee the speed of a step grows with its amplitude, above it stays; the two lines meet
+    at the knee. Where none is in sight the slew rate is the speed of the largest step.
 
     Raises
     ------
     AnalysisError
         for fewer than four steps that move.
     """
-    points = []
-    for step in steps:
-        try:
-            m = measure(step)
-        except AnalysisError:
-            continue
-        change = m.amplitude - m.static_error
-        rise = (step.response - step.before.mean()) / change
-        a, b = (_crossing(step.time, rise, level, noisy=True) for level in (0.2, 0.8))
-        if b > a:
-            points.append((abs(m.amplitude), 0.6 * abs(change) / (b - a)))
-    if len(points) < 4:
-        raise AnalysisError(f"{len(points)} steps that move; a slew rate needs 4 or more")
-    amplitude, speed = np.array(sorted(points)).T
+    amplitude, speed = slew_points(steps)
+    if len(amplitude) < 4:
+        raise AnalysisError(f"{len(amplitude)} steps that move; a slew rate needs 4 or more")
     ratio, limit = _knee(amplitude, speed)
     largest, knee = float(amplitude[-1]), limit / ratio
     if knee > _REACHED * largest:  # the line goes on to the largest step: no limit in sight
         return (
-            over_repeats("slew_rate", speed[-1:], "rad/s", largest),
-            Figure("slew_knee", math.nan, "rad", largest, len(points)),
+            over_repeats("slew_rate", speed[amplitude > (1.0 - ALIKE) * largest], "rad/s", largest),
+            Figure("slew_knee", math.nan, "rad", largest, len(amplitude)),
         )
+    below = speed[amplitude < knee] / amplitude[amplitude < knee]
+    far = amplitude >= _FAR * knee  # just above the knee a part of every step is still linear
+    above = speed[far] if far.sum() > 1 else speed[amplitude >= knee]
+    knee = float(above.mean()) / ratio
+    half = knee * _spread(below, above)
     return (
-        over_repeats("slew_rate", speed[amplitude >= knee], "rad/s", largest),
-        Figure("slew_knee", knee, "rad", largest, len(points)),
+        over_repeats("slew_rate", above, "rad/s", largest),
+        Figure("slew_knee", knee, "rad", largest, len(amplitude), (knee - half, knee + half)),
     )
+
+
+def _spread(*groups: Array) -> float:
+    """Relative half width of a product or quotient of means; NaN if a group has no two values."""
+    if min(map(len, groups)) < 2:
+        return math.nan
+    error = sum((g.std(ddof=1) / g.mean()) ** 2 / len(g) for g in groups)
+    return student(sum(map(len, groups)) - len(groups)) * math.sqrt(float(error))
 
 
 def _knee(amplitude: Array, speed: Array) -> tuple[float, float]:
