@@ -4,7 +4,7 @@ import math
 
 from analysis.response import Figure
 
-NOTHING = 5e-6  # °, ms, %, Hz: rounding errors of a simulation are no figures
+NOTHING = 1e-4  # °, ms, %, Hz: rounding errors of a simulation are no figures
 DIRECTIONS = ("up", "from below", "down", "from above")
 READ: dict[str, tuple[str, float]] = {
     "rad": ("°", 180.0 / math.pi), "rad/s": ("°/s", 180.0 / math.pi), "s": ("ms", 1e3),
