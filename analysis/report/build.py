@@ -3,16 +3,18 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from analysis.recording import Recording, TimeSeries
-from analysis.report.numbers import NO_MODELS, ReportNumbers, numbers_of
+from analysis.report.numbers import ReportNumbers, numbers_of
 from analysis.report.page import render
 from analysis.report.run import ReportError, Run, aligned, run_of, runs_of
 from analysis.report.sections import SECTIONS
 from analysis.transfer_function import TransferFunctionModel
 
+NO_MODELS: Mapping[str, TransferFunctionModel] = MappingProxyType({})
 LARGEST = 2_000_000  # ticks simulated for one model
 
 
@@ -43,11 +45,10 @@ def report(
     if out.suffix.lower() not in (".html", ".htm"):
         raise ReportError(f"{out}: a report is an .html file")
     runs = list(runs_of(recordings, labels))
-    answers = [simulated(runs[0], name, model) for name, model in models.items()]
-    by_label = {r.label: m for r, m in zip(answers, models.values(), strict=True)}
-    runs += answers
+    whose = [*(None for _ in runs), *models.values()]
+    runs += [simulated(runs[0], name, model) for name, model in models.items()]
     runs = list(aligned(runs))
-    numbers = replace(numbers_of(runs, title, by_label), page=str(out))
+    numbers = replace(numbers_of(runs, title, whose), page=str(out))
     sections = [s for compose in SECTIONS if (s := compose(runs, numbers)) is not None]
     render(sections, title, out, numbers.to_dict())
     return numbers

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,6 @@ from analysis.schema import AnalysisError
 from analysis.transfer_function import TransferFunctionModel
 
 Array = NDArray[np.float64]
-
-NO_MODELS: Mapping[str, TransferFunctionModel] = MappingProxyType({})
 
 SAME = 0.98  # of the time two commands must agree for their answers to be compared
 CLOSE = 1e-3  # rad; a command within 0.06° is the same command
@@ -97,19 +94,20 @@ class ReportNumbers:
 
 
 def numbers_of(
-    runs: Sequence[Run], title: str, models: Mapping[str, TransferFunctionModel] = NO_MODELS
+    runs: Sequence[Run], title: str, models: Sequence[TransferFunctionModel | None] = ()
 ) -> ReportNumbers:
     """Compute whatever the runs allow; what they do not allow becomes a note.
 
     Parameters
     ----------
-    models : by the labels of the runs that are their answers
+    models : of each run the model whose answer it is, or None; nothing if no run is one's
     """
     notes = list(caveats([r.recording for r in runs], [r.label for r in runs], together=False))
-    first = report_figures(runs[0], models.get(runs[0].label))
+    models = [*models, *(None for _ in runs[len(models) :])]
+    first = report_figures(runs[0], models[0])
     told = []
     for k, run in enumerate(runs):
-        figures = first if k == 0 else report_figures(run, models.get(run.label))
+        figures = first if k == 0 else report_figures(run, models[k])
         notes += [f"{run.label}, {a.axis}: {note}" for a in figures for note in a.notes]
         disagree = _disagree(first, figures) if k and runs[0].motion == "measured" else ()
         if run.motion != "measured":  # a simulation has no noise to scatter by

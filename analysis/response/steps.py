@@ -315,20 +315,21 @@ def step_figures(steps: Sequence[Step]) -> tuple[Figure, ...]:
                 values = []  # what most repeats do not have is noise in the others
             found = over_repeats(name, values, _UNITS[field.name], amplitude)
             if field.name in ("overshoot", "peak"):
-                found = _up_to_hidden(found, group)
+                found = up_to_hidden(found, group)
             figures.append(found)
     return tuple(figures)
 
 
-def _up_to_hidden(figure: Figure, group: Sequence[StepMetrics]) -> Figure:
+def up_to_hidden(figure: Figure, group: Sequence[StepMetrics]) -> Figure:
     """The interval reaches what noise may have hidden: zeros that agree are no certainty."""
     scale = 1.0 if figure.unit == "%" else 0.01 * abs(figure.amplitude)
     hidden = scale * sum(m.hidden for m in group if m.overshoot == 0.0) / len(group)
     low, high = figure.interval
     if hidden == 0.0:
         return figure
-    low = figure.value if math.isnan(low) else low
-    return replace(figure, interval=(low, max(high, figure.value + hidden)))
+    reach = figure.value + hidden
+    interval = (figure.value, reach) if math.isnan(high) else (low, max(high, reach))
+    return replace(figure, interval=interval)
 
 
 def _groups(measured: Sequence[StepMetrics]) -> list[list[StepMetrics]]:

@@ -189,6 +189,11 @@ def test_an_overshoot_within_the_noise_is_none_and_has_no_time():
     assert 0.2 < over.interval[1] < 1.0
     assert math.isnan(value(figures, "peak_time up"))
     assert value(figures, "peak up") == pytest.approx(1.0, abs=2e-3)
+    t, y = np.arange(0.0, 2.0, 0.002), first_order(np.arange(-1.0, 1.0, 0.002))
+    y = y + 0.006 * np.random.default_rng(1).normal(size=len(t))
+    single = step_figures(cut_steps(t, y, [-1.0, 1.0], [0.0, 1.0]))
+    over = next(f for f in single if f.name == "overshoot up")
+    assert over.interval == (0.0, pytest.approx(0.6, abs=0.3))
 
 
 def test_the_corner_of_a_limited_speed_is_not_smoothed_into_an_overshoot():

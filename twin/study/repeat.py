@@ -18,7 +18,7 @@ from analysis.flights import (
 from analysis.recording import read
 from analysis.report import render
 from analysis.response.figure import Figure, over_repeats
-from analysis.response.steps import StepMetrics
+from analysis.response.steps import StepMetrics, up_to_hidden
 from twin.configuration import Fly, with_model
 from twin.errors import TwinError
 from twin.experiments import fly
@@ -185,10 +185,11 @@ def _figures(results: list[FlightResult], steps: list[StepMetrics]) -> tuple[Fig
         found.append(over_repeats("closest_approach", closest, "m"))
     if steps:
         size = steps[0].amplitude
-        found += [
+        told = [
             over_repeats(name, [getattr(s, name) for s in steps], unit, size)
             for name, unit in STEP_FIGURES
         ]
+        found += [up_to_hidden(f, steps) if f.name == "overshoot" else f for f in told]
     return tuple(found)
 
 
