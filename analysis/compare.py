@@ -1,8 +1,9 @@
 """Two motions side by side: simulated against measured, rig against model."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ Array = NDArray[np.float64]
 _LONGEST = 0.25  # s of delay searched
 _FEWEST = 16  # common samples
 _SEGMENTS = 6  # of the record, averaged for coherence
+_HOLE = 5.0  # periods without a reading: nothing is drawn straight across
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +100,16 @@ class AxisComparison:
     ----------
     axis : its name
     delay : of the other motion behind the reference [s], sub-sample; it is reported, and only
-        `aligned` has it taken out
+        `aligned` has it taken out; NaN for an axis that was not commanded
     as_is : errors without any alignment
     aligned : errors after the delay is taken out
     repeats : errors as they are, per repeat
-    spectrum : gain, phase and coherence, without alignment
+    spectrum : gain, phase and coherence, without alignment, over the longest stretch without a hole
     samples : compared
+    left_out : share of the reference's readings that lie in holes of the other and are not
+        compared, 0 … 1
+    commanded : whether its command changed; the fit of an axis that was to stand still is that of
+        its noise, and counts for nothing
     """
 
     axis: str
@@ -113,6 +119,8 @@ class AxisComparison:
     repeats: tuple[Errors, ...]
     spectrum: Spectrum
     samples: int
+    left_out: float = 0.0
+    commanded: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,14 +133,25 @@ class Comparison:
 
     @property
     def fit(self) -> float:
-        """Smallest NRMSE fit [%] of any axis, as it is: what a limit is held against."""
-        return min(a.as_is.fit for a in self.axes)
+        """Smallest NRMSE fit [%], as it is, of the axes that count: what a limit is held against.
+
+        NaN if none counts.
+        """
+        return min((a.as_is.fit for a in self.axes if a.axis not in self.uncounted),
+                   default=math.nan)  # fmt: skip
+
+    @property
+    def uncounted(self) -> dict[str, str]:
+        """Axes that no limit is held against, and why."""
+        found = {a.axis: "not commanded" for a in self.axes if not a.commanded}
+        still = (a.axis for a in self.axes if a.commanded and math.isnan(a.as_is.fit))
+        return found | dict.fromkeys(still, "the reference stood still")
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON; NaN becomes None."""
         content = _plain(self)
         assert isinstance(content, dict)
-        return {**content, "fit": _plain(self.fit)}
+        return {**content, "fit": _plain(self.fit), "uncounted": self.uncounted}
 
 
 def compare(
@@ -141,10 +160,11 @@ def compare(
     *,
     repeats: Sequence[float] = (),
     longest_delay: float = _LONGEST,
+    still: Collection[str] = (),
 ) -> Comparison:
     """Compare two motions over the time and the axes they share.
 
-    The other motion is interpolated at the stamps of the reference.
+    The other motion is interpolated at the stamps of the reference, but not across its holes.
 
     Parameters
     ----------
@@ -152,6 +172,7 @@ def compare(
     other : usually what was simulated
     repeats : times [s] at which repeats begin; each lasts until the next
     longest_delay : of either motion behind the other [s]
+    still : axes that were not commanded
 
     Raises
     ------
@@ -164,26 +185,34 @@ def compare(
             f"no axis in common: {reference.name} has {', '.join(reference.components)}; "
             f"{other.name} has {', '.join(other.components)}"
         )
-    axes = tuple(_axis(reference, other, c, repeats, longest_delay) for c in shared)
+    axes = tuple(_axis(reference, other, c, repeats, longest_delay, c in still) for c in shared)
     return Comparison(reference.name, other.name, axes)
 
 
 def _axis(
-    reference: Motion, other: Motion, axis: str, repeats: Sequence[float], longest: float
+    reference: Motion,
+    other: Motion,
+    axis: str,
+    repeats: Sequence[float],
+    longest: float,
+    still: bool,
 ) -> AxisComparison:
     t, y = _column(reference, axis)
     s, x = _column(other, axis)
-    delay = _delay(t, y, s, x, longest)
-    both = (t >= s[0]) & (t <= s[-1])
+    shared = (t >= s[0]) & (t <= s[-1])
+    there = bridged(t, s, x)
+    both = np.isfinite(there)
     if both.sum() < _FEWEST:
         raise AnalysisError(
             f"axis '{axis}': {int(both.sum())} samples in common; {reference.name} covers "
             f"{t[0]:g} to {t[-1]:g} s, {other.name} {s[0]:g} to {s[-1]:g} s"
+            + (", with holes" if shared.sum() > both.sum() else "")
         )
-    t, y = t[both], y[both]
-    there = np.interp(t, s, x)
-    inside = (t + delay >= s[0]) & (t + delay <= s[-1])
-    shifted = np.interp(t[inside] + delay, s, x)
+    delay = math.nan if still else _delay(t, y, s, x, longest)
+    shifted = bridged(t, s, x, 0.0 if still else delay)
+    inside = both & np.isfinite(shifted)
+    aligned = errors(y[inside], shifted[inside])
+    t, y, there = t[both], y[both], there[both]
     edges = np.searchsorted(t, np.asarray(repeats, dtype=np.float64))
     parts = [p for p in np.split(np.arange(len(t)), edges) if len(p) > 2] if len(edges) else []
     if len(edges) and edges[0] > 0 and parts:
@@ -192,11 +221,45 @@ def _axis(
         axis,
         delay,
         errors(y, there),
-        errors(y[inside], shifted),
+        aligned,
         tuple(errors(y[p], there[p]) for p in parts),
-        _spectrum(t, y, there),
+        _spectrum(*_unbroken(t, y, there)),
         len(t),
+        1.0 - float(both.sum()) / float(shared.sum()),
+        not still,
     )
+
+
+def bridged(time: ArrayLike, stamps: ArrayLike, values: ArrayLike, delay: float = 0.0) -> Array:
+    """Values (m,) at times `delay` after those (n,) asked for; NaN outside, and in holes.
+
+    A hole is longer than five periods of the sparser of the two.
+    """
+    t, s, x = (np.asarray(v, dtype=np.float64) for v in (time, stamps, values))
+    there = np.interp(t + delay, s, x, left=math.nan, right=math.nan)
+    there[_in_hole(t, s, delay)] = math.nan
+    return there
+
+
+def _in_hole(t: Array, s: Array, delay: float = 0.0, margin: float = 0.0) -> NDArray[np.bool_]:
+    """Which of the times (n,), moved by a delay, lie in a hole of the stamps or close to one."""
+    rows = np.flatnonzero(np.diff(s) > _HOLE * max(_period(t), _period(s)))
+    begun = np.searchsorted(s[rows] - margin, t + delay, side="left")
+    ended = np.searchsorted(s[rows + 1] + margin, t + delay, side="right")
+    return np.asarray(begun > ended)
+
+
+def _period(t: Array) -> float:
+    """Mean, not median: stamps that come in bursts have no holes between them."""
+    return float(t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 0.0
+
+
+def _unbroken(t: Array, *values: Array) -> tuple[Array, ...]:
+    """The longest stretch without a hole."""
+    breaks = np.flatnonzero(np.diff(t) > _HOLE * _period(t)) + 1
+    edges = [0, *breaks.tolist(), len(t)]
+    a, b = max(pairwise(edges), key=lambda e: float(t[e[1] - 1] - t[e[0]]))
+    return tuple(v[a:b] for v in (t, *values))
 
 
 def errors(reference: ArrayLike, other: ArrayLike) -> Errors:
@@ -230,9 +293,9 @@ def _delay(t: Array, y: Array, s: Array, x: Array, longest: float) -> float:
     if longest <= 0.0:
         return 0.0
     period = min(float(np.median(np.diff(t))), float(np.median(np.diff(s))))
-    inside = (t - longest >= s[0]) & (t + longest <= s[-1])
+    inside = (t - longest >= s[0]) & (t + longest <= s[-1]) & ~_in_hole(t, s, margin=longest)
     if inside.sum() < _FEWEST:  # short records: what is beyond the ends stands still
-        inside = np.ones(len(t), dtype=bool)
+        inside = ~_in_hole(t, s)
     t, y = t[inside], y[inside]
     if np.ptp(y) == 0.0 or np.ptp(x) == 0.0:
         return 0.0
@@ -256,7 +319,7 @@ def _spectrum(t: Array, y: Array, x: Array) -> Spectrum:
     period = float(np.median(np.diff(t)))
     even = np.arange(t[0], t[-1], period)
     a, b = np.interp(even, t, y), np.interp(even, t, x)
-    length = max(min(2 * len(even) // (_SEGMENTS + 1), 4096), 8)
+    length = min(max(min(2 * len(even) // (_SEGMENTS + 1), 4096), 8), len(even))
     rate = 1.0 / period
     frequency, power = welch(a, fs=rate, nperseg=length)
     _, cross = csd(a, b, fs=rate, nperseg=length)

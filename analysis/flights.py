@@ -81,9 +81,9 @@ class Spread:
     n : flights
     time : (k,) [s]
     mean : mean path (k, 3) [m]
-    distance : root mean square over the flights of the distance from it (k,) [m]
+    distance : standard deviation of the flights about it (k,) [m]: √(Σd²/(n − 1)) of the distances
     worst : largest distance of any flight at any instant [m]
-    attitude : angle of the noses from their mean, root mean square over flights and instants [rad]
+    attitude : likewise of the angles between the noses and their mean, over all instants [rad]
     length : of the mean path [m]
     """
 
@@ -177,13 +177,14 @@ def spread(paths: Sequence[FlightPath]) -> Spread:
     nose /= np.linalg.norm(nose, axis=1, keepdims=True)
     apart = np.linalg.norm(positions - mean, axis=2)
     turned = np.stack([_angle(one, nose) for one in noses])
+    few = math.sqrt(len(paths) / (len(paths) - 1))  # the mean is their own and lies too near
     return Spread(
         n=len(paths),
         time=paths[0].time[:n],
         mean=mean,
-        distance=np.sqrt((apart**2).mean(axis=0)),
+        distance=few * np.sqrt((apart**2).mean(axis=0)),
         worst=float(apart.max()),
-        attitude=_rms(turned),
+        attitude=few * _rms(turned),
         length=float(np.linalg.norm(np.diff(mean, axis=0), axis=1).sum()),
     )
 

@@ -45,9 +45,10 @@ def report(
     if out.suffix.lower() not in (".html", ".htm"):
         raise ReportError(f"{out}: a report is an .html file")
     runs = list(runs_of(recordings, labels))
+    whose = [*(None for _ in runs), *models.values()]
     runs += [simulated(runs[0], name, model) for name, model in models.items()]
     runs = list(aligned(runs))
-    numbers = replace(numbers_of(runs, title), page=str(out))
+    numbers = replace(numbers_of(runs, title, whose), page=str(out))
     sections = [s for compose in SECTIONS if (s := compose(runs, numbers)) is not None]
     render(sections, title, out, numbers.to_dict())
     return numbers

@@ -1,4 +1,7 @@
-"""The figures a run allows, per axis: what was commanded decides what can be told."""
+"""The figures a run allows, per axis: what was commanded decides what can be told.
+
+`run_figures` are those of a test at once; `report_figures` adds what a page has room for.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -13,13 +16,21 @@ from analysis.report.spectrum import frequency_response, measured_figures
 from analysis.response import (
     Figure,
     Step,
+    cosine_loss,
+    cross_coupling,
     cut_steps,
+    frequency_figures,
     hysteresis,
     linearity,
+    model_figures,
+    over_repeats,
+    repeatability,
+    slew_figures,
     staircase_figures,
     step_figures,
 )
 from analysis.schema import AnalysisError
+from analysis.transfer_function import TransferFunctionModel
 
 Array = NDArray[np.float64]
 Kind = Literal["steps", "staircase", "broadband", "ramps", "still", "closed loop"]
@@ -31,6 +42,8 @@ KINDS: dict[str, Kind] = {
 HELD = 0.15  # s; commands held longer are steps one can watch settle
 PLACES = 20  # stretches of the stroke of a sweep
 SIZES = 4  # different step sizes make a staircase
+APPROACHES = 3  # of a place from one side make its repeatability
+FEWEST_SIZES = 3  # of steps tell where a speed stops growing
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +96,96 @@ def run_figures(run: Run) -> tuple[AxisFigures, ...]:
         for f in _coupling(driven, other)
     ]
     if coupled:
-        names = "/".join(a.name for a in run.axes)
-        found.append(AxisFigures(names, "steps", tuple(coupled)))
+        found.append(AxisFigures(_together(run), "steps", tuple(coupled)))
     return tuple(found)
+
+
+def report_figures(run: Run, model: TransferFunctionModel | None = None) -> tuple[AxisFigures, ...]:
+    """`run_figures` with slew rate, repeatability, cosine loss, and a model's own figures.
+
+    Parameters
+    ----------
+    model : whose answer the run is, if it is one's
+    """
+    found = {a.axis: _with_more(run, a, model) for a in run_figures(run)}
+    together = _together(run)
+    if model is not None and len(model.outputs) > 1 and model.inputs == model.outputs:
+        gains = [[0.0 if c.zero else c.num[-1] / c.den[-1] for c in row] for row in model.channels]
+        coupled = found.get(together, AxisFigures(together, "steps", ()))
+        own = cross_coupling(gains, model.outputs)
+        found[together] = replace(coupled, figures=(*coupled.figures, *own))
+    return tuple(found.values())
+
+
+def _together(run: Run) -> str:
+    return "/".join(a.name for a in run.axes)
+
+
+def _with_more(run: Run, told: AxisFigures, model: TransferFunctionModel | None) -> AxisFigures:
+    axis = run.axis(told.axis)
+    if axis is None or told.kind in ("still", "closed loop"):
+        return told
+    figures, notes = list(told.figures), list(told.notes)
+    if told.kind in ("steps", "staircase"):
+        slew = _slew(axis)
+        figures += slew
+        if any(f.name == "speed_reached" for f in slew):
+            notes.append("slew rate: the speed grows up to the largest step; no limit in sight")
+        if told.kind == "steps":
+            figures += _repeatability(axis)
+    figures += _loss(axis, told.kind)
+    try:
+        figures += _own(axis.name, told.kind, model)
+    except AnalysisError as error:
+        notes.append(f"model: {error}")
+    return replace(told, figures=tuple(figures), notes=tuple(notes))
+
+
+def _slew(axis: AxisRecord) -> tuple[Figure, ...]:
+    """Nothing where steps of too few sizes tell nothing; without a knee only the speed reached."""
+    steps = steps_of(axis)
+    sizes = {round(abs(s.command_after - s.command_before), 6) for s in steps}
+    if len(sizes) < FEWEST_SIZES:
+        return ()
+    try:
+        rate, knee = slew_figures(steps)
+    except AnalysisError:
+        return ()
+    return (rate, knee) if math.isfinite(knee.value) else (replace(rate, name="speed_reached"),)
+
+
+def _repeatability(axis: AxisRecord) -> tuple[Figure, ...]:
+    """AP, RP and vAP (ISO 9283) of every place that was approached often enough from one side."""
+    command, angle, way = at_rest(axis)
+    place = np.round(command, 6) + 0.0
+    figures: list[Figure] = []
+    for at in np.unique(place):
+        sides = [angle[(place == at) & (way == sign)] for sign in (1.0, -1.0)]
+        below, above = (s if len(s) >= APPROACHES else () for s in sides)
+        if len(below) or len(above):
+            figures += repeatability(float(at), below, above)
+    return tuple(figures)
+
+
+def _loss(axis: AxisRecord, kind: Kind) -> tuple[Figure, ...]:
+    """Axial thrust lost at the largest angle: of plateaus where it was held, or once reached."""
+    stroke = float(np.abs(axis.command).max())
+    if kind in ("steps", "staircase"):
+        command, angle, _ = at_rest(axis)
+        reached = angle[np.abs(command) > 0.999 * stroke]
+    else:
+        reached = np.array([np.abs(axis.angle).max()])
+    return (over_repeats("cosine_loss", [cosine_loss(a).value for a in reached], "%", stroke),)
+
+
+def _own(name: str, kind: Kind, model: TransferFunctionModel | None) -> tuple[Figure, ...]:
+    """Figures of the model's own channel; those of a step only where its answer shows none."""
+    if model is None or name not in model.inputs or name not in model.outputs:
+        return ()
+    channel = model.channels[model.outputs.index(name)][model.inputs.index(name)]
+    if channel.zero:
+        return ()
+    return (frequency_figures if kind in ("steps", "staircase") else model_figures)(channel)
 
 
 def axis_figures(run: Run, axis: AxisRecord) -> AxisFigures:
@@ -99,7 +199,10 @@ def axis_figures(run: Run, axis: AxisRecord) -> AxisFigures:
         except AnalysisError as error:
             notes.append(f"{title}: {error}")
     why = _WHY.get(kind, "the record does not show it")
-    missing = [f.name for f in figures if not math.isfinite(f.value)]
+    # a peak without an overshoot has no time, which is no fault of the record
+    missing = [
+        f.name for f in figures if not math.isfinite(f.value) and not f.name.startswith("peak_time")
+    ]
     if missing:
         notes.append(f"{', '.join(missing)}: not measurable, {why}")
     return AxisFigures(axis.name, kind, tuple(figures), tuple(notes))
@@ -128,14 +231,19 @@ def in_motion(axis: AxisRecord) -> tuple[Array, Array, Array]:
 
 
 def _coupling(driven: AxisRecord, other: AxisRecord) -> tuple[Figure, ...]:
-    """Motion of another axis at rest, of the driven one's own [%]."""
+    """Motion of another axis at rest, of the driven one's own [%]; none if commanded meanwhile."""
     own = driven.active()
-    seen = cut_steps(other.angle_time, other.angle, own.time, own.command)
+    during = (other.time >= own.time[0]) & (other.time <= own.time[-1])
+    moved = other.command[during]
+    if moved.size and np.ptp(moved) > 0.0:
+        return ()
     try:
-        command, angle = _plateaus(seen)
         gain = linearity(*at_rest(driven)[:2])[0].value
-        slope = linearity(command, angle)[0]
+        steps = cut_steps(other.angle_time, other.angle, own.time, own.command)
+        slope = linearity(*_plateaus(steps))[0]
     except AnalysisError:
+        return ()
+    if gain == 0.0:
         return ()
     low, high = (100.0 * x / gain for x in slope.interval)
     name = f"coupling {driven.name}→{other.name}"

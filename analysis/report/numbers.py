@@ -1,5 +1,6 @@
 """The report's numbers, for machines: the same the page shows."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -8,11 +9,12 @@ from numpy.typing import NDArray
 
 from analysis.caveats import caveats
 from analysis.compare import AxisComparison, Comparison, Motion, compare
-from analysis.report.figures import AxisFigures, run_figures
+from analysis.report.figures import AxisFigures, report_figures
 from analysis.report.run import AxisRecord, Run
 from analysis.report.spectrum import FrequencyResponse, frequency_response
 from analysis.response import disagreements
 from analysis.schema import AnalysisError
+from analysis.transfer_function import TransferFunctionModel
 
 Array = NDArray[np.float64]
 
@@ -33,7 +35,8 @@ class RunNumbers:
     samples : of the angle
     figures : per axis
     responses : frequency response by axis, where the command allows one
-    disagree : (axis, figure) outside the interval of the first run, if that was measured
+    disagree : (axis, figure, amplitude [rad]) outside the interval of the first run, if that was
+        measured
     """
 
     label: str
@@ -42,7 +45,7 @@ class RunNumbers:
     samples: int
     figures: tuple[AxisFigures, ...]
     responses: Mapping[str, FrequencyResponse]
-    disagree: tuple[tuple[str, str], ...] = ()
+    disagree: tuple[tuple[str, str, float], ...] = ()
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON."""
@@ -53,7 +56,10 @@ class RunNumbers:
             "samples": self.samples,
             "axes": [f.to_dict() for f in self.figures],
             "frequency_response": {k: r.to_dict() for k, r in self.responses.items()},
-            "disagree": [list(pair) for pair in self.disagree],
+            "disagree": [
+                [axis, name, amplitude if math.isfinite(amplitude) else None]
+                for axis, name, amplitude in self.disagree
+            ],
         }
 
 
@@ -87,15 +93,25 @@ class ReportNumbers:
         }
 
 
-def numbers_of(runs: Sequence[Run], title: str) -> ReportNumbers:
-    """Compute whatever the runs allow; what they do not allow becomes a note."""
+def numbers_of(
+    runs: Sequence[Run], title: str, models: Sequence[TransferFunctionModel | None] = ()
+) -> ReportNumbers:
+    """Compute whatever the runs allow; what they do not allow becomes a note.
+
+    Parameters
+    ----------
+    models : of each run the model whose answer it is, or None; nothing if no run is one's
+    """
     notes = list(caveats([r.recording for r in runs], [r.label for r in runs], together=False))
-    first = run_figures(runs[0])
+    models = [*models, *(None for _ in runs[len(models) :])]
+    first = report_figures(runs[0], models[0])
     told = []
     for k, run in enumerate(runs):
-        figures = first if k == 0 else run_figures(run)
+        figures = first if k == 0 else report_figures(run, models[k])
         notes += [f"{run.label}, {a.axis}: {note}" for a in figures for note in a.notes]
         disagree = _disagree(first, figures) if k and runs[0].motion == "measured" else ()
+        if run.motion != "measured":  # a simulation has no noise to scatter by
+            disagree = tuple(d for d in disagree if not d[1].startswith("repeatability"))
         told.append(_numbers(run, figures, disagree))
     comparisons = []
     for k, other in enumerate(runs):
@@ -118,7 +134,7 @@ def same_command(a: AxisRecord, b: AxisRecord) -> bool:
 
 
 def _numbers(
-    run: Run, figures: Sequence[AxisFigures], disagree: tuple[tuple[str, str], ...]
+    run: Run, figures: Sequence[AxisFigures], disagree: tuple[tuple[str, str, float], ...]
 ) -> RunNumbers:
     responses = {}
     kinds = {f.axis: f.kind for f in figures}
@@ -143,13 +159,15 @@ def _numbers(
 
 def _disagree(
     reference: Sequence[AxisFigures], other: Sequence[AxisFigures]
-) -> tuple[tuple[str, str], ...]:
-    found = []
-    for a in reference:
-        for b in other:
-            if a.axis == b.axis and a.kind == b.kind:
-                found += [(a.axis, name) for name in disagreements(a.figures, b.figures)]
-    return tuple(found)
+) -> tuple[tuple[str, str, float], ...]:
+    found = [
+        (a.axis, own.name, own.amplitude)
+        for a in reference
+        for b in other
+        if a.axis == b.axis and a.kind == b.kind
+        for _, own in disagreements(a.figures, b.figures)
+    ]
+    return tuple(dict.fromkeys(found))
 
 
 def _compared(reference: Run, other: Run) -> Comparison:
@@ -169,7 +187,8 @@ def _axis_compared(reference: Run, other: Run, a: AxisRecord, b: AxisRecord) -> 
         Motion(*_rising(r.angle_time, r.angle), (r.name,), run.label)
         for r, run in ((a, reference), (b, other))
     )
-    found = compare(*motions, repeats=edges).axes[0]
+    still = () if (np.diff(a.command) != 0.0).any() else (a.name,)
+    found = compare(*motions, repeats=edges, still=still).axes[0]
     # the last edge is the end of the last repeat; what follows it is none
     return replace(found, repeats=found.repeats[: max(len(edges) - 1, 0)])
 

@@ -124,7 +124,10 @@ class Section:
 
 
 def thinned(x: ArrayLike, y: ArrayLike, most: int = MOST_POINTS) -> tuple[Array, Array]:
-    """At most so many points of a line that still reach every peak: extremes of each stretch."""
+    """At most about so many points of a line that still reach every peak: extremes of stretches.
+
+    A gap (NaN) still breaks it.
+    """
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if len(x) <= most:
         return x, y
@@ -133,6 +136,7 @@ def thinned(x: ArrayLike, y: ArrayLike, most: int = MOST_POINTS) -> tuple[Array,
     rows = {0, len(x) - 1}
     for a, b in pairwise(edges):
         rows.update((int(a + np.argmin(filled[a:b])), int(a + np.argmax(filled[a:b]))))
+        rows.update((a + np.flatnonzero(~np.isfinite(y[a:b]))[:1]).tolist())
     kept = np.array(sorted(rows))
     return x[kept], y[kept]
 

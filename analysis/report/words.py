@@ -4,7 +4,8 @@ import math
 
 from analysis.response import Figure
 
-NOTHING = 5e-6  # °, ms, %, Hz: rounding errors of a simulation are no figures
+NOTHING = 1e-4  # °, ms, %, Hz: rounding errors of a simulation are no figures
+DIRECTIONS = ("up", "from below", "down", "from above")
 READ: dict[str, tuple[str, float]] = {
     "rad": ("°", 180.0 / math.pi), "rad/s": ("°/s", 180.0 / math.pi), "s": ("ms", 1e3),
     "deg": ("°", 1.0), "1": ("", 1.0),
@@ -19,7 +20,7 @@ def title(name: str) -> str:
 def split(name: str) -> tuple[str, str]:
     """A figure's name and its approach direction: `rise_time up` is `rise time` and `up`."""
     words = title(name)
-    for direction in ("up", "down"):
+    for direction in DIRECTIONS:
         if words.endswith(f" {direction}"):
             return words.removesuffix(f" {direction}"), direction
     return words, ""
@@ -43,13 +44,18 @@ def value_text(figure: Figure) -> str:
         return f"{number(value)}{space}{unit}"
     half = 0.5 * (high - low)
     if abs(value - 0.5 * (low + high)) > max(0.1 * half, NOTHING):
-        return f"{number(value)} ({number(low)} to {number(high)}){space}{unit}"
+        return f"{number(value)} ({number(low, 3)} to {number(high, 3)}){space}{unit}"
     return f"{_rounded(value, half)} ± {number(half, 2)}{space}{unit}"
 
 
 def amplitude_text(figure: Figure) -> str:
     """Amplitude in degrees."""
-    return f"{number(math.degrees(figure.amplitude), 3)}°"
+    return angle_text(figure.amplitude)
+
+
+def angle_text(angle: float) -> str:
+    """An angle [rad] in degrees."""
+    return f"{number(math.degrees(angle), 3)}°"
 
 
 def number(value: float, digits: int = 4) -> str:

@@ -23,6 +23,7 @@ from analysis.response.steps import (
     cut_steps,
     measure,
     slew_figures,
+    slew_points,
     step_figures,
     step_metrics,
 )
@@ -46,6 +47,7 @@ __all__ = [
     "phase_frequency",
     "repeatability",
     "slew_figures",
+    "slew_points",
     "staircase_figures",
     "step_figures",
     "step_metrics",

@@ -11,6 +11,8 @@ from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
 
+ALIKE = 0.05  # of the amplitude: figures of motions that close are of the same
+
 
 @dataclass(frozen=True, slots=True)
 class Figure:
@@ -57,10 +59,15 @@ def over_repeats(name: str, values: ArrayLike, unit: str, amplitude: float = mat
     mean = float(found.mean())
     if len(found) == 1:
         return Figure(name, mean, unit, amplitude, 1)
+    half = student(len(found) - 1) * float(found.std(ddof=1)) / math.sqrt(len(found))
+    return Figure(name, mean, unit, amplitude, len(found), (mean - half, mean + half))
+
+
+def student(freedom: int) -> float:
+    """Half width of a 95 % interval in estimated deviations: Student's, by degrees of freedom."""
     from scipy.special import stdtrit
 
-    half = float(stdtrit(len(found) - 1, 0.975) * found.std(ddof=1) / math.sqrt(len(found)))
-    return Figure(name, mean, unit, amplitude, len(found), (mean - half, mean + half))
+    return float(stdtrit(freedom, 0.975))
 
 
 def fitted_line(x: Array, y: Array) -> tuple[float, float, Array]:
@@ -78,13 +85,40 @@ def fitted_line(x: Array, y: Array) -> tuple[float, float, Array]:
     return float(slope), float(offset), y - slope * x - offset
 
 
-def disagreements(measured: Sequence[Figure], model: Sequence[Figure]) -> tuple[str, ...]:
-    """Names of figures whose model value lies outside the measurement's interval."""
-    said = {f.name: f.value for f in model}
-    return tuple(
-        f.name
-        for f in measured
-        if f.name in said
-        and all(map(math.isfinite, (*f.interval, said[f.name])))
-        and not f.interval[0] <= said[f.name] <= f.interval[1]
+def disagreements(
+    measured: Sequence[Figure], model: Sequence[Figure]
+) -> tuple[tuple[Figure, Figure], ...]:
+    """Pairs of a measured figure and the model's that lies outside its interval.
+
+    Figures are one another's if their names are equal and their amplitudes within 5 %. A linear
+    model's are of any amplitude and direction: its `rise_time` is held against `rise_time up` and
+    `rise_time down`, its peak and static error of a unit step are scaled by the amplitude.
+    """
+    found = []
+    for m in measured:
+        other = _counterpart(m, model)
+        if other is None:
+            continue
+        value = other.value
+        if (m.unit, other.unit) == ("rad", "1"):
+            value *= abs(m.amplitude) if "peak" in m.name else m.amplitude
+        known = all(map(math.isfinite, (*m.interval, value)))
+        if known and not m.interval[0] <= value <= m.interval[1]:
+            found.append((m, other))
+    return tuple(found)
+
+
+def _counterpart(figure: Figure, others: Sequence[Figure]) -> Figure | None:
+    """The one of the same amplitude before that of any."""
+    general = figure.name.removesuffix(" up").removesuffix(" down")
+    alike = (f for f in others if f.name == figure.name and _same(f.amplitude, figure.amplitude))
+    linear = (
+        f for f in others if f.name in (figure.name, general) and not math.isfinite(f.amplitude)
     )
+    return next(alike, next(linear, None))
+
+
+def _same(a: float, b: float) -> bool:
+    if math.isfinite(a) and math.isfinite(b):
+        return abs(a - b) <= ALIKE * max(abs(a), abs(b)) + 1e-9
+    return math.isfinite(a) == math.isfinite(b)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.response.figure import Figure, fitted_line
+from analysis.response.figure import Figure, fitted_line, over_repeats, student
 from analysis.response.steps import Step
 from analysis.schema import AnalysisError
 
@@ -21,7 +21,8 @@ def staircase_figures(steps: Sequence[Step], gain: float = 1.0) -> tuple[Figure,
 
     Threshold: the smallest commanded step that, with every larger one, moves the gimbal beyond
     three standard errors. Resolution: the smallest that, with every larger one, moves it by at
-    least half of what was asked. The interval runs from the largest step that failed.
+    least half of what was asked. The interval runs from the largest step that failed; the amplitude
+    is that of the largest step.
 
     Parameters
     ----------
@@ -59,9 +60,10 @@ def _smallest(name: str, points: Sequence[tuple[float, bool]]) -> Figure:
     failed = [a for a, ok in points if not ok]
     limit = max(failed, default=0.0)
     above = sorted(a for a, ok in points if ok and a > limit * (1.0 + 1e-9))
+    largest = max(a for a, _ in points)
     if not above:
-        return Figure(name, math.nan, "rad", max(a for a, _ in points), len(points))
-    return Figure(name, above[0], "rad", above[0], len(points), (limit, above[0]))
+        return Figure(name, math.nan, "rad", largest, len(points))
+    return Figure(name, above[0], "rad", largest, len(points), (limit, above[0]))
 
 
 def hysteresis(
@@ -92,21 +94,22 @@ def hysteresis(
     ]
     if not gaps:
         raise AnalysisError("no command was approached from below and from above")
-    mean = float(np.mean(gaps))
-    half = 1.96 * float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)) if len(gaps) > 1 else math.nan
-    interval = (mean - half, mean + half)
-    return Figure("hysteresis", mean, "rad", float(np.ptp(u)) / 2.0, len(gaps), interval)
+    return over_repeats("hysteresis", gaps, "rad", float(np.ptp(u)) / 2.0)
 
 
 def linearity(command: ArrayLike, angle: ArrayLike) -> tuple[Figure, Figure, Figure]:
-    """Gain, null offset [rad] and linearity [% of the range]: worst distance from the best line."""
+    """Gain, null offset [rad] and linearity [% of the range]: worst distance from the best line.
+
+    A gimbal that did not move has a gain of zero and no linearity.
+    """
     u, y = np.asarray(command, dtype=np.float64), np.asarray(angle, dtype=np.float64)
     slope, offset, left = fitted_line(u, y)
     amplitude, n = float(np.ptp(u)) / 2.0, len(u)
-    scatter = math.sqrt(float(left @ left) / max(n - 2, 1))
-    slope_half = 1.96 * scatter / math.sqrt(float(np.sum((u - u.mean()) ** 2)))
-    offset_half = 1.96 * scatter * math.sqrt(1.0 / n + u.mean() ** 2 / np.sum((u - u.mean()) ** 2))
-    worst = 100.0 * float(np.abs(left).max()) / float(np.ptp(y))
+    scatter = student(n - 2) * math.sqrt(float(left @ left) / (n - 2))
+    slope_half = scatter / math.sqrt(float(np.sum((u - u.mean()) ** 2)))
+    offset_half = scatter * math.sqrt(1.0 / n + u.mean() ** 2 / np.sum((u - u.mean()) ** 2))
+    reached = float(np.ptp(y))
+    worst = 100.0 * float(np.abs(left).max()) / reached if reached else math.nan
     return (
         Figure("gain", slope, "1", amplitude, n, (slope - slope_half, slope + slope_half)),
         Figure("null offset", offset, "rad", amplitude, n,
@@ -160,11 +163,8 @@ def repeatability(
             raise AnalysisError(f"{len(attained)} approaches {way}; repeatability needs 3 or more")
         n, mean = len(attained), float(attained.mean())
         means.append(mean)
-        spread = float(attained.std(ddof=1))
         distance = np.abs(attained - mean)
-        half = 1.96 * spread / math.sqrt(n)
-        ap = mean - command
-        figures.append(Figure(f"accuracy AP {way}", ap, "rad", command, n, (ap - half, ap + half)))
+        figures.append(over_repeats(f"accuracy AP {way}", attained - command, "rad", command))
         rp = float(distance.mean() + 3.0 * distance.std(ddof=1))
         low, high = _spread_interval(n)
         figures.append(

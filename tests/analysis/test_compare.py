@@ -7,7 +7,7 @@ import control
 import numpy as np
 import pytest
 
-from analysis.compare import Motion, compare, errors
+from analysis.compare import Motion, bridged, compare, errors
 from analysis.schema import AnalysisError
 
 T = np.arange(0.0, 20.0, 0.005)
@@ -48,6 +48,59 @@ def test_errors_are_their_definitions():
 
 def test_a_constant_reference_has_no_fit():
     assert math.isnan(errors(np.ones(20), np.ones(20)).fit)
+
+
+@pytest.mark.parametrize("order", ["xy", "yx"])
+def test_an_axis_that_was_to_stand_still_counts_for_no_fit_and_has_no_delay(order):
+    """Its noise fits another's to −41 %: |a − b|/|a| = √2."""
+    rng = np.random.default_rng(0)
+
+    def one():
+        columns = {"x": wave(T), "y": 1e-3 * rng.normal(size=len(T))}
+        return Motion(T, np.stack([columns[c] for c in order], 1), tuple(order), "a")
+
+    found = compare(one(), one(), still="y")
+    assert found.fit == pytest.approx(100.0)
+    assert found.uncounted == {"y": "not commanded"}
+    still = next(a for a in found.axes if a.axis == "y")
+    assert still.as_is.fit == pytest.approx(-41.0, abs=3.0)
+    assert math.isnan(still.delay)
+    assert still.aligned == still.as_is
+    assert compare(one(), one()).fit < 0.0
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_a_reference_that_stood_still_has_no_fit_in_any_order(order):
+    both = np.stack([wave(T), 0.0 * T], 1)[:, order]
+    a, b = (Motion(T, gain * both, ("x", "y"), "a") for gain in (1.0, 0.5))
+    found = compare(a, b)
+    assert found.fit == pytest.approx(50.0, abs=1.0)
+    assert list(found.uncounted.values()) == ["the reference stood still"]
+    assert math.isnan(compare(a, b, still="xy").fit)
+
+
+def test_nothing_is_compared_in_a_hole_of_the_other():
+    """6 of 20 s are missing; what is left is the same motion, 12 ms late."""
+    there = (T < 5.0) | (T > 11.0)
+    other = Motion(T[there], wave(T - 0.012)[there], ("x",), "b")
+    found = compare(motion(wave(T)), other).axes[0]
+    assert found.left_out == pytest.approx(0.3, abs=1e-3)
+    assert found.samples == there.sum()
+    assert found.delay == pytest.approx(0.012, abs=2e-5)
+    assert found.aligned.fit > 99.5
+    assert np.median(found.spectrum.coherence[found.spectrum.frequency < 3.0]) > 0.99
+    straight = bridged(T, other.time, other.values[:, 0])
+    assert np.isnan(straight).tolist() == (~there).tolist()
+
+
+def test_single_lost_readings_and_bursts_are_no_holes():
+    rng = np.random.default_rng(2)
+    kept = rng.random(len(T)) > 0.2
+    bursts = np.sort(np.concatenate([T[::4] + d for d in (0.0, 1e-4, 2e-4)]))
+    for stamps in (T[kept], bursts):
+        other = Motion(stamps, wave(stamps), ("x",), "b")
+        assert compare(motion(wave(T)), other).axes[0].left_out == 0.0
 
 
 def test_gain_and_phase_are_those_of_the_system_between():

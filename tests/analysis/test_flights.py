@@ -1,5 +1,6 @@
 """Paths of flights: differences and spreads of made ones whose answers are plain to see."""
 
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -72,9 +73,22 @@ def test_a_spread_is_the_standard_deviation_of_where_they_were():
     asides = np.array([-0.2, 0.1, 0.4, 0.5])
     s = spread([flight_path(straight(aside=a)) for a in asides])
     assert s.n == 4
-    np.testing.assert_allclose(s.distance, asides.std(), rtol=1e-12)
+    np.testing.assert_allclose(s.distance, asides.std(ddof=1), rtol=1e-12)
     assert s.worst == pytest.approx(abs(asides - asides.mean()).max())
     assert s.attitude == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_spread_of_few_flights_is_not_narrower_than_that_of_many():
+    """Mean square over 500 sets of flights that scatter by 1 m: 10 % is three deviations."""
+    rng = np.random.default_rng(0)
+    path = flight_path(straight())
+    for n in (2, 5):
+        squares = []
+        for _ in range(500):
+            asides = rng.normal(size=(n, 1, 1)) * [1.0, 0.0, 0.0]
+            moved = [replace(path, position=path.position + aside) for aside in asides]
+            squares.append(spread(moved).distance[-1] ** 2)
+        assert np.mean(squares) == pytest.approx(1.0, rel=0.2 if n == 2 else 0.1)
 
 
 def test_a_single_flight_has_no_spread():

@@ -146,17 +146,101 @@ def test_the_settling_band_is_never_below_the_noise():
     assert m.settling_time < 0.6  # a 2 % band would only be left at the end
 
 
+def first_order(t):
+    return 1.0 - np.exp(-np.clip(t, 0.0, None) / 0.05)
+
+
+def well_damped(t):
+    """ωn 40 rad/s, ζ 0.6."""
+    late = np.clip(t, 0.0, None)
+    return 1.0 - np.exp(-24.0 * late) * (np.cos(32.0 * late) + 0.75 * np.sin(32.0 * late))
+
+
+def repeated(answer, noise, seed, period=0.002, repeats=10):
+    """Figures of a square wave of one through an answer to a unit step."""
+    at = 1.0 * np.arange(1, 2 * repeats + 1)
+    t = np.arange(0.0, at[-1] + 1.0, period)
+    y = sum((1.0 if k % 2 == 0 else -1.0) * answer(t - b) for k, b in enumerate(at))
+    y = y + noise * np.random.default_rng(seed).normal(size=len(t))
+    return step_figures(cut_steps(t, y, np.append(-1.0, at), np.append(0.0, np.arange(20) % 2 < 1)))
+
+
+@pytest.mark.parametrize("answer", [first_order, well_damped])
+@pytest.mark.parametrize("noise", [0.003, 0.006, 0.02])
+def test_settling_and_overshoot_of_noisy_steps_are_those_of_the_answer(answer, noise):
+    """500 Hz, ten steps either way; 95 % intervals, so of eight two may miss by chance (0.6 %)."""
+    fine = np.linspace(0.0, 2.0, 200_001)
+    true = step_metrics(fine, answer(fine), start=0.0, final=1.0)
+    held = dict.fromkeys(("settling_time", "overshoot", "peak", "rise_time", "dead_time"), 0)
+    for seed in range(4):
+        for f in repeated(answer, noise, seed):
+            name = f.name.split()[0]
+            if name in held:
+                held[name] += f.interval[0] <= getattr(true, name) + 1e-6
+                held[name] -= f.interval[1] < getattr(true, name) - 1e-6
+    assert min(held.values()) >= 6, held
+
+
+def test_an_overshoot_within_the_noise_is_none_and_has_no_time():
+    """Less than the noise could hide is none, but the interval says how much it could be."""
+    figures = repeated(first_order, 0.006, 0)
+    over = next(f for f in figures if f.name == "overshoot up")
+    assert over.value == 0.0
+    assert 0.2 < over.interval[1] < 1.0
+    assert math.isnan(value(figures, "peak_time up"))
+    assert value(figures, "peak up") == pytest.approx(1.0, abs=2e-3)
+    t, y = np.arange(0.0, 2.0, 0.002), first_order(np.arange(-1.0, 1.0, 0.002))
+    y = y + 0.006 * np.random.default_rng(1).normal(size=len(t))
+    single = step_figures(cut_steps(t, y, [-1.0, 1.0], [0.0, 1.0]))
+    over = next(f for f in single if f.name == "overshoot up")
+    assert over.interval == (0.0, pytest.approx(0.6, abs=0.3))
+
+
+def test_the_corner_of_a_limited_speed_is_not_smoothed_into_an_overshoot():
+    figures = repeated(lambda t: np.clip(5.0 * t, 0.0, 1.0), 0.003, 0)
+    over = next(f for f in figures if f.name == "overshoot up")
+    assert over.value == pytest.approx(0.0, abs=0.1)
+    assert value(figures, "settling_time up") == pytest.approx(0.196, abs=2e-3)
+
+
 def test_a_step_that_drowns_in_noise_is_refused():
     y = 0.01 * np.random.default_rng(0).normal(size=100)
     with pytest.raises(AnalysisError, match="no more than its noise"):
         step_metrics(np.arange(100.0), y, start=0.0, final=0.01, noise=0.01)
 
 
+def names(pairs):
+    return [(m.name, m.amplitude) for m, _ in pairs]
+
+
 def test_model_and_measurement_that_disagree_are_named():
     measured = (Figure("rise_time", 1.0, "s", 0.1, 5, (0.9, 1.1)),)
     model = (Figure("rise_time", 1.3, "s", n=0),)
-    assert disagreements(measured, model) == ("rise_time",)
+    assert names(disagreements(measured, model)) == [("rise_time", 0.1)]
     assert disagreements(measured, (Figure("rise_time", 1.05, "s"),)) == ()
+
+
+def test_figures_of_different_amplitudes_are_not_held_against_each_other():
+    """A limited speed: twice the rise at four times the amplitude, and the same again."""
+    measured = tuple(
+        Figure("rise_time up", rise, "s", size, 5, (rise - 0.01, rise + 0.01))
+        for rise, size in ((0.1, 0.02), (0.2, 0.08))
+    )
+    assert disagreements(measured, measured) == ()
+    off = (measured[0], Figure("rise_time up", 0.25, "s", 0.0805, 5))
+    assert names(disagreements(measured, off)) == [("rise_time up", 0.08)]
+
+
+def test_a_linear_models_figures_are_of_every_amplitude_and_direction():
+    """Twice as slow as measured: 8 steps either way, all else alike."""
+    t, y, at, u = raw_steps(np.random.default_rng(4))
+    figures = step_figures(cut_steps(t, y, at, u))
+    assert not {n for n, _ in names(disagreements(figures, model_figures(SECOND)))} & {
+        "overshoot up", "overshoot down", "peak up", "peak down", "rise_time down"
+    }  # fmt: skip
+    slow = Channel((0.9 * 15.0**2,), (1.0, 15.0, 15.0**2), 0.012)
+    off = {name for name, _ in names(disagreements(figures, model_figures(slow)))}
+    assert {"rise_time up", "rise_time down", "static_error down", "peak up"} <= off
 
 
 def test_interval_over_repeats_is_students():
@@ -249,6 +333,27 @@ def test_repeatability_is_iso_9283s():
     assert value(found, "variation vAP") == pytest.approx(1.0)
     with pytest.raises(AnalysisError, match="3 or more"):
         repeatability(0.0, [1.0, 2.0])
+
+
+@pytest.mark.parametrize("n", [3, 5, 8])
+def test_intervals_of_few_places_hold_the_truth_in_95_of_100(n):
+    """1000 each: 95 % ± 2 % is three standard deviations."""
+    rng = np.random.default_rng(n)
+    u = np.linspace(-0.1, 0.1, n)
+    both, way = np.tile(u, 2), np.repeat([1.0, -1.0], n)
+    held = {"gain": 0, "null offset": 0, "hysteresis": 0, "accuracy AP from below": 0}
+    true = {"gain": 1.0, "null offset": 0.0, "hysteresis": 4e-3, "accuracy AP from below": 0.0}
+    for _ in range(1000):
+        noise = 1e-3 * rng.normal(size=4 * n)
+        figures = (
+            *linearity(u, u + noise[:n]),
+            hysteresis(both, both - 2e-3 * way + noise[n : 3 * n], way),
+            *repeatability(0.0, noise[3 * n :]),
+        )
+        for f in figures:
+            if f.name in held:
+                held[f.name] += f.interval[0] <= true[f.name] <= f.interval[1]
+    assert {name: 930 <= count <= 970 for name, count in held.items()} == dict.fromkeys(held, True)
 
 
 def test_cosine_loss_of_eight_degrees_is_one_percent():

@@ -11,6 +11,7 @@ from analysis import recording
 from analysis.transfer_function import TransferFunctionModel
 from hardware.avr import missing
 from tests.twin.test_cli import run
+from twin.knowledge import comparison
 from twin.model import REFERENCE_GIMBAL
 
 needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
@@ -261,6 +262,42 @@ def test_a_comparison_reports_the_delay_between_two_motions_and_checks_the_fit(
     assert np.degrees(np.abs(d).max()) > 0.5
     assert [run(capsys, "compare", *files, "--out", str(out), "--fail-below", f)[0] for f in
             ("50", "99")] == [0, 1]  # fmt: skip
+
+
+def test_a_limit_is_held_against_the_axes_that_were_commanded(capsys, made, tmp_path):
+    """A rig moved about x, whose y moves by coupling and noise, and a model that has neither."""
+    files = [str(tmp_path / "rig.rrd"), str(made / "only_x.rrd")]
+    line = f"--gimbal emulator --axis x --repeats 1 --hold-s 0.5 --out {files[0]}"
+    told(capsys, "step", *line.split())
+    out = ("--out", str(tmp_path / "c.rrd"), "--fail-below", "70")
+    found = told(capsys, "compare", *files, *out)
+    x, y = found["axes"]
+    assert found["passed"]
+    assert found["fit"] == x["as_is"]["fit"] > 70.0 > y["as_is"]["fit"]
+    assert found["uncounted"] == {"y": "not commanded"}
+    assert (y["commanded"], y["delay"]) == (False, None)
+    code, text, _ = run(capsys, "compare", *files, *out)
+    assert code == 0
+    assert "y: not commanded" in text
+
+
+def test_a_difference_is_not_drawn_across_a_hole(capsys, made, tmp_path, monkeypatch):
+    """A second of the other run is missing."""
+    file, out = str(made / "steps.rrd"), tmp_path / "c.rrd"
+    whole = recording.read(file)
+    angle = whole["gimbal/simulated"]
+    kept = (angle.time < 1.0) | (angle.time > 2.0)
+    short = replace(angle, time=angle.time[kept], values=angle.values[kept])
+    holed = replace(whole, series={**whole.series, "gimbal/simulated": short})
+    runs = iter([whole, holed])
+    monkeypatch.setattr(comparison, "read", lambda _: next(runs))
+    found = told(capsys, "compare", file, file, "--out", str(out))
+    assert found["fit"] == pytest.approx(100.0)
+    assert found["axes"][0]["left_out"] == pytest.approx(1.0 - kept.mean(), abs=1e-6)
+    apart = recording.read(out)["gimbal/difference"]
+    inside = (apart.time > 1.0) & (apart.time < 2.0)
+    assert not np.isfinite(apart.values[inside]).any()
+    assert np.isfinite(apart.values[~inside]).all()
 
 
 def test_a_run_equals_itself_and_one_recording_may_hold_both_motions(capsys, made, tmp_path):

@@ -1,15 +1,18 @@
 """Repeated flights: what scatters, what does not, and the page about it."""
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from analysis.flights import flight_path
+from analysis.flights import FlightPath, flight_path
 from analysis.recording import read
 from tests.twin.test_cli import run as command
 from twin.configuration import Fly
+from twin.results import FlightResult
+from twin.study import repeat as study
 from twin.study.repeat import repeat
 
 
@@ -38,7 +41,7 @@ def test_a_rig_scatters_and_its_models_do_not(flights):
 def test_the_spread_is_that_of_the_recordings(flights):
     rig = flights.seats[0]
     ends = np.array([flight_path(read(r.recording)).position[-1] for r in rig.results])
-    by_hand = np.sqrt(((ends - ends.mean(axis=0)) ** 2).sum(axis=1).mean())
+    by_hand = np.sqrt(((ends - ends.mean(axis=0)) ** 2).sum() / (len(ends) - 1))
     assert rig.spread.distance[-1] == pytest.approx(by_hand, rel=1e-9)
 
 
@@ -58,6 +61,33 @@ def test_the_page_and_the_numbers_hold_every_seat(flights):
     told = json.loads(json.dumps(flights.as_dict(), allow_nan=False))
     assert [s["flights"] for s in told["seats"]] == [3, 2, 2]
     assert 0.0 < told["differences"]["linkage"]["path_worst"] < 2.0
+
+
+def test_a_first_flight_unlike_the_others_is_no_repetition(monkeypatch, tmp_path):
+    """The four after a cold start are equal to the last bit; all five are told."""
+    asides, errors = iter([0.0, 1.0, 1.0, 1.0, 1.0]), iter([5.0, 1.0, 1.0, 1.0, 1.0])
+
+    def flown(_):
+        time = np.arange(0.0, 1.0, 0.02)
+        position = np.stack([next(asides) + 0 * time, 0 * time, 10 * time], axis=1)
+        return FlightPath(time, position, np.tile([0.0, 0.0, 1.0], (len(time), 1)), len(time))
+
+    def result(config):
+        return FlightResult(**{
+            **{f.name: None for f in fields(FlightResult)}, "recording": str(config.out),
+            "attitude_error_rms_deg": next(errors),
+        })  # fmt: skip
+
+    monkeypatch.setattr(study, "fly", result)
+    monkeypatch.setattr(study, "read", lambda _: None)
+    monkeypatch.setattr(study, "flight_path", flown)
+    monkeypatch.setattr(study, "attitude_step", lambda _: None)
+    (seat,) = repeat(Fly(gimbal="linkage", repeat=5, out=tmp_path / "f")).seats
+    assert not seat.repeats
+    assert len(seat.paths) == 5
+    assert seat.figures[0].n == 5
+    assert study._count(seat) == "5 flights"
+    assert seat.spread.distance[-1] == pytest.approx(np.sqrt(0.2))
 
 
 def test_gusts_make_every_flight_another(tmp_path):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis import schema
 from analysis.caveats import caveats
-from analysis.compare import AxisComparison, Comparison, Motion
+from analysis.compare import AxisComparison, Comparison, Motion, bridged
 from analysis.compare import compare as side_by_side
 from analysis.flights import PathDifference, flight_path, holds_flight, path_difference
 from analysis.recording import Recording, TimeSeries, read
@@ -60,7 +60,7 @@ class CompareResult:
 
     @property
     def passed(self) -> bool:
-        """Whether every axis fits at least as well as the limit asks."""
+        """Whether every axis that counts fits at least as well as the limit asks."""
         return self.limit is None or self.comparison.fit >= self.limit
 
     def as_dict(self) -> dict[str, object]:
@@ -83,17 +83,21 @@ class CompareResult:
         if abs(self.shift) > 1e-6:
             rows.append(("laid over by", f"{1e3 * self.shift:.1f} ms, the first command"))
         rows.append(("(delay taken out)", _columns(a.axis for a in c.axes)))
-        rows.append(("delay", _columns(f"{1e3 * a.delay:.2f} ms" for a in c.axes)))
+        rows.append(("delay", _columns(_late(a) for a in c.axes)))
         for name, field, unit in _FIGURES:
             rows.append((name, _columns(_pair(a, field, unit) for a in c.axes)))
         rows.append(("fit per repeat", _columns(_repeats(a) for a in c.axes)))
         rows += [(f"at {f:g} Hz", _columns(_at(a, f) for a in c.axes)) for f in TOLD_HZ]
+        if any(a.left_out for a in c.axes):
+            rows.append(("left out, holes", _columns(f"{100 * a.left_out:.1f} %" for a in c.axes)))
         if self.flight is not None:
             rows.append(("flights, under power", difference_text(self.flight)))
+        rows += [("fit not counted", f"{axis}: {why}") for axis, why in c.uncounted.items()]
         rows += [("WARNING", w) for w in self.warnings]
         if self.limit is not None:
             word = "passed" if self.passed else "FAILED"
-            rows.append((word, f"worst fit {c.fit:.2f} %, {self.limit:g} % asked for"))
+            fit = f"worst fit {c.fit:.2f} %" if math.isfinite(c.fit) else "no axis counts"
+            rows.append((word, f"{fit}, {self.limit:g} % asked for"))
         rows += [("recording", str(self.file)), ("", f"twin view {self.file}")]
         return screen(rows)
 
@@ -129,6 +133,7 @@ def compare(config: Compare) -> CompareResult:
         found = side_by_side(
             _axis(laid.reference, name), _axis(laid.other, name),
             repeats=begins.tolist(), longest_delay=1e-3 * config.longest_delay_ms,
+            still=() if _commanded(laid.command, name) else (name,),
         )  # fmt: skip
         # what comes after the last repeat is none
         axes += [replace(a, repeats=a.repeats[: max(len(begins) - 1, 0)]) for a in found.axes]
@@ -243,9 +248,7 @@ def _record(config: Compare, file: Path, laid: _Laid) -> None:
         rows[:, 2 + k] = reference.values[:, reference.components.index(name)]
         there = other.values[:, other.components.index(name)]
         good = np.isfinite(there)
-        rows[:, 4 + k] = np.interp(
-            reference.time, other.time[good], there[good], left=np.nan, right=np.nan
-        )
+        rows[:, 4 + k] = bridged(reference.time, other.time[good], there[good])
         rows[:, 6 + k] = rows[:, 4 + k] - rows[:, 2 + k]
     rows[:, :2] = np.nan_to_num(rows[:, :2])
     with Recorder(file, signals=signals, properties=properties, drain_ns=8_000_000_000) as recorder:
@@ -267,6 +270,16 @@ def _pair(a: AxisComparison, what: str, unit: str) -> str:
     if unit == "°":
         return f"{values[0]:.4f}{unit} ({values[1]:.4f}{unit})"
     return f"{values[0]:.2f}{unit} ({values[1]:.2f}{unit})"
+
+
+def _commanded(command: TimeSeries, axis: str) -> bool:
+    """Whether an axis' command ever changed."""
+    asked = command.column(axis)
+    return bool((np.diff(asked[np.isfinite(asked)]) != 0.0).any())
+
+
+def _late(a: AxisComparison) -> str:
+    return f"{1e3 * a.delay:.2f} ms" if math.isfinite(a.delay) else "-"
 
 
 def _repeats(a: AxisComparison) -> str:

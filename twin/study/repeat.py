@@ -18,7 +18,7 @@ from analysis.flights import (
 from analysis.recording import read
 from analysis.report import render
 from analysis.response.figure import Figure, over_repeats
-from analysis.response.steps import StepMetrics
+from analysis.response.steps import StepMetrics, up_to_hidden
 from twin.configuration import Fly, with_model
 from twin.errors import TwinError
 from twin.experiments import fly
@@ -38,7 +38,7 @@ class SeatFlights:
     ----------
     gimbal : who had the seat
     results, paths : of each flight; a flight that a fault ended has no path here
-    repeats : whether each flight is the one before to the last bit; then only two were flown
+    repeats : whether all flights are equal to the last bit; then only two were flown
     spread : of the paths; None for a single flight
     figures : over the flights, with their intervals
     """
@@ -154,7 +154,7 @@ def _seat(config: Fly, gimbal: str, folder: Path) -> SeatFlights:
         paths.append(flight_path(recording))
         if (found := attitude_step(recording)) is not None:
             steps.append(found)
-        same = len(paths) > 1 and _equal(paths[-1], paths[-2])
+        same = len(paths) > 1 and all(_equal(path, paths[0]) for path in paths[1:])
         if same and k == 1:  # nothing random in it: more flights would tell nothing
             break
     _progress(gimbal, config.repeat, config.repeat)
@@ -185,10 +185,11 @@ def _figures(results: list[FlightResult], steps: list[StepMetrics]) -> tuple[Fig
         found.append(over_repeats("closest_approach", closest, "m"))
     if steps:
         size = steps[0].amplitude
-        found += [
+        told = [
             over_repeats(name, [getattr(s, name) for s in steps], unit, size)
             for name, unit in STEP_FIGURES
         ]
+        found += [up_to_hidden(f, steps) if f.name == "overshoot" else f for f in told]
     return tuple(found)
 
 
@@ -204,7 +205,7 @@ def _progress(gimbal: str, k: int, n: int) -> None:
 
 def _count(seat: SeatFlights) -> str:
     if seat.repeats:
-        return "2 flights, equal to the last bit"
+        return f"{len(seat.paths)} flights, equal to the last bit"
     return f"{len(seat.results)} flights"
 
 
@@ -212,12 +213,10 @@ def _spread_rows(seat: SeatFlights) -> list[tuple[str, str]]:
     s = seat.spread
     if s is None or seat.repeats:
         return []
+    scatter = f"{s.distance[-1]:.2f} m deviation at {s.time[-1]:.1f} s"
     return [
-        (
-            "",
-            f"{'path':<20}{s.distance[-1]:.2f} m rms at {s.time[-1]:.1f} s, {s.worst:.2f} m worst",
-        ),
-        ("", f"{'attitude':<20}{math.degrees(s.attitude):.2f}° rms from the mean"),
+        ("", f"{'path':<20}{scatter}, {s.worst:.2f} m worst"),
+        ("", f"{'attitude':<20}{math.degrees(s.attitude):.2f}° deviation from the mean"),
     ]
 
 

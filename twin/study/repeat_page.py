@@ -40,7 +40,7 @@ def _paths(result: "RepeatResult") -> Section:
     panels = (
         Panel("Height", "m", 0),
         Panel("Nose from the vertical", "°", 1),
-        Panel("Distance from the mean path, rms over the flights", "m", 2, y_log=True),
+        Panel("Distance from the mean path, standard deviation of the flights", "m", 2, y_log=True),
     )
     caption = (
         "Every flight under power, a colour for each gimbal. Where a gimbal's flights are equal to"
@@ -56,9 +56,9 @@ def _numbers(result: "RepeatResult") -> Section:
     for seat in result.seats:
         if (s := seat.spread) is not None and not seat.repeats:
             scatter = (
-                ("path from the mean, rms at the end", float(s.distance[-1]), "m"),
+                ("path from the mean, deviation at the end", float(s.distance[-1]), "m"),
                 ("path from the mean, worst", s.worst, "m"),
-                ("nose from the mean, rms", math.degrees(s.attitude), "°"),
+                ("nose from the mean, deviation", math.degrees(s.attitude), "°"),
             )
             rows += [_row(seat.gimbal, name, value, unit, s.n) for name, value, unit in scatter]
         for f in seat.figures:

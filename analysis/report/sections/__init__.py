@@ -13,6 +13,7 @@ from analysis.report.sections.frequency import frequency
 from analysis.report.sections.histories import histories
 from analysis.report.sections.hysteresis import hysteresis
 from analysis.report.sections.provenance import provenance, settings
+from analysis.report.sections.slew import slew
 from analysis.report.sections.staircase import staircase
 from analysis.report.sections.steps import steps
 from analysis.report.sections.three_way import three_way
@@ -26,6 +27,7 @@ SECTIONS: tuple[Compose, ...] = (
     flight,
     steps,
     staircase,
+    slew,
     frequency,
     hysteresis,
     comparison,

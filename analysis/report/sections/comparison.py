@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.compare import AxisComparison
+from analysis.compare import AxisComparison, Comparison, bridged
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table, thinned
 from analysis.report.run import Run
@@ -29,10 +29,26 @@ def comparison(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
         "|reference − mean|) %, VAF the variance accounted for. Delay is behind the reference, "
         "found where the difference varies least; only the aligned columns have it taken out.",
     )  # fmt: skip
-    text = f"Every run against {reference.label}."
+    text = " ".join((f"Every run against {reference.label}.", *_left_out(found)))
     return Section(
         "comparison", "Comparison", (text,), (table, _residuals(runs, {c.other for c in found}))
     )
+
+
+def _left_out(found: Sequence[Comparison]) -> list[str]:
+    """Sentences on what was not compared, and which axes count for no fit."""
+    told = [
+        f"{c.other}, {axis}: {why}, so its fit counts for nothing."
+        for c in found
+        for axis, why in c.uncounted.items()
+    ]
+    return told + [
+        f"{number(100.0 * a.left_out, 3)} % of the readings of {c.reference}, {a.axis}, lie in "
+        f"holes of {c.other} and are not compared."
+        for c in found
+        for a in c.axes
+        if a.left_out
+    ]
 
 
 def _cells(axis: AxisComparison) -> tuple[Cell, ...]:
@@ -40,7 +56,7 @@ def _cells(axis: AxisComparison) -> tuple[Cell, ...]:
     fits = [r.fit for r in axis.repeats if math.isfinite(r.fit)]
     spread = f"{number(min(fits), 3)} to {number(max(fits), 3)} %" if fits else "–"
     texts = (
-        f"{number(axis.delay * 1e3, 3)} ms",
+        f"{number(axis.delay * 1e3, 3)} ms" if math.isfinite(axis.delay) else "–",
         *(f"{number(math.degrees(v), 3)}°" for v in (e.rmse, e.mae, e.worst)),
         *(f"{number(v, 4)} %" for v in (e.fit, e.vaf)),
         f"{number(math.degrees(aligned.rmse), 3)}°",
@@ -58,11 +74,8 @@ def _residuals(runs: Sequence[Run], others: set[str]) -> Plot:
             other = run.axis(axis.name)
             if other is None or run.label not in others:
                 continue
-            low, high = other.angle_time[0], other.angle_time[-1]
-            both = (axis.angle_time >= low) & (axis.angle_time <= high)
-            t = axis.angle_time[both]
-            difference = np.interp(t, other.angle_time, other.angle) - axis.angle[both]
-            x, y = thinned(t, np.degrees(difference))
+            there = bridged(axis.angle_time, other.angle_time, other.angle)
+            x, y = thinned(axis.angle_time, np.degrees(there - axis.angle))
             lines.append(Line(f"{run.label} − {runs[0].label}", x, y, f"run{k}", row))
     return Plot(
         "residuals",

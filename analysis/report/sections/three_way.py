@@ -22,8 +22,8 @@ def three_way(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
     table = Table(
         ("reference", *(r.label for r in runs[1:])),
         tuple(rows),
-        "Smallest fit over the axes, largest rms difference, and mean delay behind the reference; "
-        "all as recorded, nothing aligned.",
+        "Smallest fit over the axes that were commanded, largest rms difference, and mean delay "
+        "behind the reference; all as recorded, nothing aligned.",
     )
     return Section("overview", f"{_count(len(runs))} ways to the same motion", (), (table,))
 
@@ -32,9 +32,10 @@ def _cell(found: Comparison | None) -> str:
     if found is None:
         return ""
     worst = max(a.as_is.rmse for a in found.axes)
-    delay = sum(a.delay for a in found.axes) / len(found.axes)
+    delays = [a.delay for a in found.axes if math.isfinite(a.delay)]
+    late = f", {number(1e3 * sum(delays) / len(delays), 2)} ms" if delays else ""
     fit = f"{number(found.fit, 3)} %" if math.isfinite(found.fit) else "no fit"
-    return f"{fit}, {number(math.degrees(worst), 2)}° rms, {number(delay * 1e3, 2)} ms"
+    return f"{fit}, {number(math.degrees(worst), 2)}° rms{late}"
 
 
 def _count(n: int) -> str:
