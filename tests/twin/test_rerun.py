@@ -14,7 +14,7 @@ from hardware.frames import GimbalCommand, GimbalState
 from twin import native
 from twin.assembly import make_plant
 from twin.clock import Lockstep
-from twin.configuration import Fly, as_properties
+from twin.configuration import Fly, Step, as_properties
 from twin.control import AttitudeController, control_config
 from twin.flight import setpoint
 from twin.loop import Seats, run
@@ -105,6 +105,19 @@ def test_a_delayed_loop_is_invalid_and_the_path_error_told_is_within_a_factor_of
     assert told.delay.p50 == pytest.approx(late_ms * 1e-3)
     true = distance(delayed, truth).position
     assert 0.5 < told.moved.timing.position / true < 2.0
+
+
+def test_a_delay_spoils_no_test_in_which_nobody_answers_the_angles(on_time):
+    _, path = on_time
+    steps = recording(Step(gimbal="emulator", control_hz=1e9 / TICK_NS), path, 0.04)
+    steps.properties["command"] = "step"
+    told = verdict(steps)
+    assert (told.word, told.delay.p50) == ("valid", pytest.approx(0.04))
+    late = dict(steps.series)
+    late["timing/lateness"] = replace(
+        late["timing/lateness"], values=np.full((len(path.time), 1), 2e-3)
+    )
+    assert verdict(replace(steps, series=late)).word == "invalid"
 
 
 def test_a_loop_on_time_is_valid(on_time):
