@@ -83,7 +83,8 @@ def attach(spec: mujoco.MjSpec, model: TransferFunctionModel, dt: float) -> None
     if set(model.inputs) != set(AXES) or set(model.outputs) != set(AXES):
         raise TwinError(
             f"the identified model goes from {list(model.inputs)} to {list(model.outputs)};"
-            " a gimbal goes from ['x', 'y'] to ['x', 'y']"
+            " a gimbal goes from ['x', 'y'] to ['x', 'y'] (identify it with --both to take one axis"
+            " for both)"
         )
     if not model.stable:
         raise TwinError("the identified model is unstable: a pole has no negative real part")
