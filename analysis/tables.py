@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.identify.records import Initial, Record, record
+from analysis.identify.records import Initial, InputStamps, Record, record
 from analysis.schema import AnalysisError, unknown
 
 Array = NDArray[np.float64]
@@ -108,6 +108,7 @@ def to_record(
     time_scale: float | None = None,
     gyro_delay: float = 0.0,
     commands: Table | None = None,
+    input_stamps: InputStamps = "shown",
     initial: Initial = "rest",
     before: Sequence[float] | None = None,
 ) -> Record:
@@ -123,6 +124,7 @@ def to_record(
     gyro_delay : delay of the gyro's own filter [s]
     commands : a table of the commands with a time column of the same name; without it they change
         at the sample that first shows them
+    input_stamps : without `commands`, what is known of that sample; see `record`
     before : the command that held before the first stamp, in its unit
 
     Raises
@@ -146,6 +148,7 @@ def to_record(
         angle=table.stack(angle) if angle else None,
         rate=table.stack(rate) if rate else None,
         command_time=None if commands is None else commands.column(time) * seconds,
+        stamps=input_stamps,
         before=before,
         scale=scale,
         input_scale=own,

@@ -139,6 +139,7 @@ def test_a_record_that_starts_in_motion_is_fitted_with_its_motion():
     hidden = record(
         whole.time[late], whole.input[began], command_time=whole.input_time[began],
         angle=whole.angle[late], rate=whole.rate[late], initial="free",
+        before=whole.input[~began][-1],
     )  # fmt: skip
     for one in (r, hidden):
         e = identify([one]).estimate("x/x natural frequency")
