@@ -59,7 +59,7 @@ def identify(
     IdentificationError
         for records no model can come from, and orders that are not possible.
     """
-    _check_order(poles, zeros, delay)
+    check_order(poles, zeros, delay)
     checks.check_records(records)
     first = records[0]
     longest = longest_delay(records, max_delay)
@@ -104,7 +104,14 @@ def layout_of(
     return Layout(poles, zeros, inputs, own, (fixed,) * inputs, _pace(records))
 
 
-def _check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None:
+def check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None:
+    """Refuse an order or a delay that no gimbal has.
+
+    Raises
+    ------
+    IdentificationError
+        with what is possible.
+    """
     if not 1 <= poles <= _MOST_POLES:
         raise IdentificationError(f"{poles} poles; 1 to {_MOST_POLES} are possible")
     if not 0 <= zeros < poles:
@@ -112,8 +119,8 @@ def _check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None
             f"{zeros} zeros with {poles} poles; a gimbal moves only after its command: "
             f"0 to {poles - 1} zeros"
         )
-    if delay != "free" and not 0.0 <= float(delay) < 10.0:
-        raise IdentificationError(f"delay is {delay} s; 'free', or 0 to 10 s")
+    if delay != "free" and not 0.0 <= float(delay) <= LONGEST_DELAY:
+        raise IdentificationError(f"delay is {delay} s; 'free', or 0 to {LONGEST_DELAY:g} s")
 
 
 def _pace(records: Sequence[Record]) -> float:

@@ -4,15 +4,24 @@ import csv
 import importlib.util
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import control
 import numpy as np
 import pytest
 
-from analysis.identify import identify, record, select_order
+from analysis.identify import (
+    IdentificationError,
+    identify,
+    identify_gimbal,
+    own_records,
+    record,
+    select_order,
+)
 from analysis.identify.basis import denominator, parameters_of
 from analysis.identify.layout import Layout
+from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import assemble
 from analysis.identify.uncertainty import propagated
 from analysis.transfer_function import TransferFunctionModel
@@ -118,8 +127,6 @@ def test_rate_alone_and_angle_alone_agree_with_both():
     g = studies.gimbal(rng)
     both = studies.servo_record(rng, g, duration=6.0)
     for hidden in ("angle", "rate"):
-        from dataclasses import replace
-
         model = identify([replace(both, **{hidden: None})])
         e = model.estimate("x/x natural frequency")
         assert abs(e.value - g.frequency) < 4.0 * e.std
@@ -183,6 +190,42 @@ def test_held_out_steps_choose_the_true_order():
     chosen, scores = select_order([r], ((1, 0), (2, 0), (3, 0)))
     assert chosen == (2, 0)
     assert len(scores) == 3
+
+
+@pytest.mark.parametrize("spikes", [0, 6])
+def test_what_a_small_order_lacks_counts_against_it_however_long_the_rests(spikes):
+    """Transients are a twelfth of the readings; spikes are nobody's motion and count for no order.
+
+    The error of one pole is what is left of it: the root mean square of the best first-order fit
+    is four times the noise here.
+    """
+    rng = np.random.default_rng(2)
+    t = np.arange(0.0, 24.0, 0.01)
+    at, u = studies.random_steps(rng, 24.0, 2.0, 8.0)
+    angle, _ = studies.moved([studies.Gimbal(30.0, 0.7, 0.01, 1.0)], t, at, u)
+    angle = angle + 2e-4 * rng.normal(size=len(t))
+    angle[rng.choice(len(t), spikes, replace=False)] += 0.3
+    r = record(t, u, command_time=at, before=[0.0], angle=angle)
+    (poles, _), scores = select_order([r], ((1, 0), (2, 0)))
+    assert poles == 2
+    assert scores[0].error > 3.0
+    assert scores[1].fit > 99.0
+
+
+def test_order_selection_searches_the_delays_it_is_told_to():
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 12.0, 0.01)
+    at, u = studies.random_steps(rng, 12.0, 1.0, 8.0)
+    angle, _ = studies.moved([studies.Gimbal(30.0, 0.7, 0.15, 1.0)], t, at, u)
+    angle = angle + 1e-3 * rng.normal(size=len(t))
+    r = record(t, u, command_time=at, before=[0.0], angle=angle)
+    for told in ({"max_delay": 0.2}, {"delay": 0.15}):
+        _, (score,) = select_order([r], [(2, 0)], **told)
+        assert score.fit > 97.0
+    with pytest.raises(IdentificationError, match="longest delay is 0 s"):
+        select_order([r], [(2, 0)], max_delay=0.0)
+    with pytest.raises(IdentificationError, match="delay is -1"):
+        select_order([r], [(2, 0)], delay=-1.0)
 
 
 def test_a_model_survives_its_file_and_its_numbers_are_json(tmp_path):
