@@ -57,9 +57,9 @@ def fit_percent(model: IdentifiedModel, record: Record) -> Array:
 def nrmse_fit(measured: Array, predicted: Array) -> float:
     """100·(1 − |error|/|measured − mean|) [%] around the mean error; NaN for a constant."""
     error = measured - predicted
-    spread = float(np.linalg.norm(measured - measured.mean()))
-    if spread == 0.0:
+    if np.ptp(measured) == 0.0:  # the mean of a constant is off by rounding
         return float("nan")
+    spread = float(np.linalg.norm(measured - measured.mean()))
     return 100.0 * (1.0 - float(np.linalg.norm(error - error.mean())) / spread)
 
 

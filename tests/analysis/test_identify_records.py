@@ -59,6 +59,17 @@ def test_a_constant_command_teaches_nothing():
         identify([r])
 
 
+def test_commands_of_another_time_are_no_commands():
+    times = np.array([0.0, 1.0, 2.0, 3.0])
+    for shift in (-1000.0, 1000.0):
+        r = record(
+            T, [0.0, 0.1, -0.1, 0.05], command_time=times + shift, before=[0.0],
+            angle=first_order(),
+        )  # fmt: skip
+        with pytest.raises(IdentificationError, match="one clock"):
+            identify([r])
+
+
 def test_a_single_step_is_too_few():
     u = np.where(T < 1.0, 0.0, 0.1)
     r = record(T, u, angle=noisy(first_order(u=u)))
