@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
+_FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
 _SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
 _MOST_POLES = 6
 LONGEST_DELAY = 10.0  # s
@@ -256,12 +257,16 @@ def _warnings(
     """One line for everything a reader must know before quoting a figure."""
     found = []
     name = f"axis '{axis.name}'"
-    both = [f for f in (*axis.fit_angle, *axis.fit_rate) if np.isfinite(f)]
-    fit = float(np.median(both)) if both else float("nan")
+    both = {
+        what: [f for f in fits if np.isfinite(f)]
+        for what, fits in (("angle", axis.fit_angle), ("rate", axis.fit_rate))
+    }
+    fit = float(np.median([f for fits in both.values() for f in fits] or [np.nan]))
     if not axis.converged:
         found.append(f"{name}: the search did not settle; treat the figures as a guess")
     if not fit >= _POOR:
-        found.append(f"{name}: poor fit of {fit:.0f} %; another order, or something unmodelled")
+        told = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both.items() if fits)
+        found.append(f"{name}: poor fit ({told}); another order, or something unmodelled")
     if axis.saturation.saturated:
         found.append(
             f"{name}: rate-limited, the speed grows with the amplitude to the power "
@@ -275,6 +280,12 @@ def _warnings(
             found.append(
                 f"{name}: the {what} residual is not white (autocorrelation "
                 f"{tests.autocorrelation:.2f}); there is motion the model lacks"
+            )
+        if tests and tests.cross_correlation > max(tests.bound, _FOLLOWS):
+            found.append(
+                f"{name}: the {what} residual follows the command (correlation "
+                f"{tests.cross_correlation:.2f} with its changes, noise stays below "
+                f"{tests.bound:.2f}); the model lacks an answer to it"
             )
     if axis.spread > _SPREAD:
         found.append(

@@ -228,6 +228,20 @@ def test_order_selection_searches_the_delays_it_is_told_to():
         select_order([r], [(2, 0)], delay=-1.0)
 
 
+def test_a_gyro_alone_has_a_fit_of_its_own_that_goes_into_the_file():
+    whole = studies.servo_record(np.random.default_rng(5), studies.Gimbal(30.0, 0.5, 0.01, 1.0))
+    model = identify([replace(whole, angle=None)])
+    assert model.axes[0].fit == model.axes[0].fit_rate
+    assert model.to_transfer_function().fit["x"] == [pytest.approx(model.fit)]
+
+
+def test_a_residual_that_follows_the_command_is_told():
+    """The true delay is 30 ms, and the model may have none."""
+    r = studies.servo_record(np.random.default_rng(7), studies.Gimbal(60.0, 0.7, 0.03, 1.0))
+    assert any("follows the command" in w for w in identify([r], 1, delay=0.0).warnings)
+    assert not any("follows the command" in w for w in identify([r]).warnings)
+
+
 def test_a_constant_reading_has_no_fit():
     """Its mean is off by rounding, which is no spread."""
     assert np.isnan(nrmse_fit(np.full(500, np.radians(1.5)), np.linspace(0.0, 1.0, 500)))
