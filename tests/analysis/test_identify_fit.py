@@ -235,6 +235,26 @@ def test_a_gyro_alone_has_a_fit_of_its_own_that_goes_into_the_file():
     assert model.to_transfer_function().fit["x"] == [pytest.approx(model.fit)]
 
 
+def test_a_two_axis_model_predicts_a_record_of_one_axis():
+    rng = np.random.default_rng(8)
+    t, (at, u) = studies.stamps(rng, 10.0, 0.005), studies.random_steps(rng, 10.0, 0.4, 8.0, 2)
+    alone = [studies.COUPLED[0][0], studies.COUPLED[1][1]]
+    moved = [studies.moved([g], t, at, u[:, [k]]) for k, g in enumerate(alone)]
+    angle, rate = (np.stack(both, axis=1) for both in zip(*moved, strict=True))
+    angle, rate = studies.sensed(rng, angle, rate)
+    r = record(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate)
+    model = identify_gimbal([r], coupling="none")
+    for k, name in enumerate("xy"):
+        (own,) = own_records([r], k)
+        fit = model.fit_to([own])[0]
+        assert fit[k] > 90.0  # noise alone leaves 5 %
+        assert np.isnan(fit[1 - k])
+        assert own.inputs == (name,)
+    single = identify(own_records([r], 0))
+    with pytest.raises(IdentificationError, match="the model has x"):
+        single.predict(r)
+
+
 def test_a_residual_that_follows_the_command_is_told():
     """The true delay is 30 ms, and the model may have none."""
     r = studies.servo_record(np.random.default_rng(7), studies.Gimbal(60.0, 0.7, 0.03, 1.0))
