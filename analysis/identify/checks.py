@@ -16,6 +16,7 @@ _NEAR = 1.2  # a ratio within this factor of 57.3 is degrees, not an unusual gim
 _FEWEST_CHANGES = 2
 _MOST_MISSING = 0.5
 _CLIPPED_RUN = 5
+_REMEMBERED = 1.0  # s after which no gimbal still moves
 
 
 def check_records(records: Sequence[Record]) -> None:
@@ -48,6 +49,13 @@ def check_records(records: Sequence[Record]) -> None:
 def _check_commands(records: Sequence[Record]) -> None:
     for j, name in enumerate(records[0].inputs):
         count = sum(_felt_changes(r, j) for r in records)
+        if count == 0 and (apart := next((r for r in records if len(r.changes(j))), None)):
+            changed = apart.input_time[apart.changes(j)]
+            raise IdentificationError(
+                f"{apart.name}: command '{name}' changes from {changed[0]:g} s to {changed[-1]:g} "
+                f"s, the samples are from {apart.time[0]:g} s to {apart.time[-1]:g} s; are both "
+                "dated by one clock?"
+            )
         if count == 0:
             raise IdentificationError(
                 f"command '{name}' never changes while the gimbal is sampled; "
@@ -68,9 +76,9 @@ def _check_commands(records: Sequence[Record]) -> None:
 
 
 def _felt_changes(r: Record, column: int) -> int:
-    """Changes of a command that some sample comes after."""
-    rows = r.changes(column)
-    return int(np.sum(r.input_time[rows] <= r.time[-1]))
+    """Changes of a command that some sample comes after, and not long after."""
+    times = r.input_time[r.changes(column)]
+    return int(np.sum((times >= r.time[0] - _REMEMBERED) & (times <= r.time[-1])))
 
 
 def _check_readings(r: Record, what: str, values: Array) -> None:

@@ -59,7 +59,7 @@ def identify_gimbal(
         tuple(_row(m.channels[0][0], k, len(inputs)) for k, m in enumerate(alone)),
         tuple(b for m in alone for b in m.servo or ()) or None,
         tuple(m.axes[0] for m in alone),
-        tuple(w for m in alone for w in m.warnings),
+        tuple(dict.fromkeys(w for m in alone for w in m.warnings)),  # what is said of both, once
     )
     if (
         coupling == "auto"

@@ -25,8 +25,10 @@ Array = NDArray[np.float64]
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
+_FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
 _SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
 _MOST_POLES = 6
+LONGEST_DELAY = 10.0  # s
 
 
 def identify(
@@ -58,18 +60,35 @@ def identify(
     IdentificationError
         for records no model can come from, and orders that are not possible.
     """
-    _check_order(poles, zeros, delay)
+    check_order(poles, zeros, delay)
     checks.check_records(records)
     first = records[0]
-    longest = max_delay or max(0.1, 10.0 * max(r.period for r in records))
+    longest = longest_delay(records, max_delay)
     layout = layout_of(records, poles, zeros, delay, own=denominators == "channel")
     problems = [
         assemble(records, i, layout, shared_offset=offsets == "shared")
         for i in range(len(first.outputs))
     ]
     if servo:
-        return _bounded(problems, first, longest, None if servo is True else servo)
-    return _linear(problems, first, longest)
+        return _bounded(problems, records, longest, None if servo is True else servo)
+    return _linear(problems, records, longest)
+
+
+def longest_delay(records: Sequence[Record], asked: float | None) -> float:
+    """The longest delay to search [s]: as asked, or 0.1 s, or ten samples where that is more.
+
+    Raises
+    ------
+    IdentificationError
+        for what is no delay to be searched.
+    """
+    if asked is None:
+        return max(0.1, 10.0 * max(r.period for r in records))
+    if not 0.0 < asked <= LONGEST_DELAY:
+        raise IdentificationError(
+            f"longest delay is {asked:g} s; more than 0 s, and {LONGEST_DELAY:g} s at most"
+        )
+    return asked
 
 
 def layout_of(
@@ -86,7 +105,14 @@ def layout_of(
     return Layout(poles, zeros, inputs, own, (fixed,) * inputs, _pace(records))
 
 
-def _check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None:
+def check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None:
+    """Refuse an order or a delay that no gimbal has.
+
+    Raises
+    ------
+    IdentificationError
+        with what is possible.
+    """
     if not 1 <= poles <= _MOST_POLES:
         raise IdentificationError(f"{poles} poles; 1 to {_MOST_POLES} are possible")
     if not 0 <= zeros < poles:
@@ -94,8 +120,8 @@ def _check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None
             f"{zeros} zeros with {poles} poles; a gimbal moves only after its command: "
             f"0 to {poles - 1} zeros"
         )
-    if delay != "free" and not 0.0 <= float(delay) < 10.0:
-        raise IdentificationError(f"delay is {delay} s; 'free', or 0 to 10 s")
+    if delay != "free" and not 0.0 <= float(delay) <= LONGEST_DELAY:
+        raise IdentificationError(f"delay is {delay} s; 'free', or 0 to {LONGEST_DELAY:g} s")
 
 
 def _pace(records: Sequence[Record]) -> float:
@@ -105,11 +131,17 @@ def _pace(records: Sequence[Record]) -> float:
     return float(np.sqrt(fast * max(slow, fast / 100.0)))
 
 
-def _linear(problems: Sequence[Problem], first: Record, longest: float) -> IdentifiedModel:
+def _linear(
+    problems: Sequence[Problem], records: Sequence[Record], longest: float
+) -> IdentifiedModel:
+    first = records[0]
     rows, axes, warnings = [], [], []
     for i, problem in enumerate(problems):
         fit = search(problem, max_delay=longest)
         cov, spread = _covariance(whole_jacobian(fit.solution), fit.solution.weighted, fit.problem)
+        searched = problem.layout.groups * problem.layout.poles
+        delays = slice(searched, searched + len(problem.layout.free_delays))
+        _doubt(cov, delays, problem.doubt)
         row = channels.linear(fit, cov, first.outputs[i], first.inputs)
         checked = saturation(fit.problem, fit.problem.measured - fit.solution.residual)
         rows.append(row)
@@ -117,15 +149,20 @@ def _linear(problems: Sequence[Problem], first: Record, longest: float) -> Ident
         if first.angle is not None or first.rate is not None:
             k = min(i, len(first.inputs) - 1)
             checks.check_gain(row[k].num[-1] / row[k].den[-1], first.inputs[k], first.outputs[i])
-        warnings += _warnings(axes[-1], row, longest)
+        warnings += _warnings(axes[-1], row, longest, problem.doubt)
+    warnings += _sampled(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), None, tuple(axes), tuple(warnings)
     )
 
 
 def _bounded(
-    problems: Sequence[Problem], first: Record, longest: float, structure: Structure | None
+    problems: Sequence[Problem],
+    records: Sequence[Record],
+    longest: float,
+    structure: Structure | None,
 ) -> IdentifiedModel:
+    first = records[0]
     if len(first.inputs) != len(first.outputs):
         raise IdentificationError(
             f"servo: {len(first.inputs)} commands for {len(first.outputs)} axes; "
@@ -138,6 +175,8 @@ def _bounded(
         )
         fit = search_servo(alone, i, max_delay=longest, structure=structure)
         cov, spread = _covariance(fit.jacobian, fit.residual * fit.problem.weight, fit.problem)
+        if problem.layout.free_delays:
+            _doubt(cov, slice(problem.layout.poles, problem.layout.poles + 1), problem.doubt)
         channel, limits = channels.bounded(fit, cov, first.outputs[i], first.inputs[i])
         rows.append(
             tuple(channel if j == i else channels.nothing(channel) for j in range(len(problems)))
@@ -146,7 +185,8 @@ def _bounded(
         none = Saturation(float("nan"), float("nan"), 0, 1.0, None)
         axes.append(_evidence(fit, first.outputs[i], none, spread))
         checks.check_gain(fit.gain, first.inputs[i], first.outputs[i])
-        warnings += _warnings(axes[-1], (channel,), longest)
+        warnings += _warnings(axes[-1], (channel,), longest, problem.doubt)
+    warnings += _sampled(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), tuple(bounds), tuple(axes), tuple(warnings)
     )
@@ -162,6 +202,23 @@ def _covariance(jacobian: Array, weighted: Array, problem: Problem) -> tuple[Arr
     ratio = np.sqrt(np.diag(drawn)[:searched] / np.maximum(np.diag(cov)[:searched], 1e-300))
     spread = float(np.median(ratio[np.isfinite(ratio)])) if np.isfinite(ratio).any() else np.nan
     return (drawn if spread > _SPREAD else cov), spread
+
+
+def _doubt(cov: Array, delays: slice, doubt: float) -> None:
+    """Widen the variances of delays by what the commands' own stamps leave open."""
+    cov[delays, delays] += doubt**2  # the stamps of all commands are off alike
+
+
+def _sampled(records: Sequence[Record]) -> list[str]:
+    late = max((r for r in records if r.doubt), key=lambda r: r.slack, default=None)
+    if late is None:
+        return []
+    way = "too short" if late.stamps == "shown" else "too short or too long"
+    told = f"{late.name}: commands have no stamps of their own: delays may be "
+    told += (
+        f"{1e3 * late.slack:.3g} ms {way}, which their intervals cover; give stamps (--commands)"
+    )
+    return [told]
 
 
 def _evidence(
@@ -194,16 +251,22 @@ def _std(channel: ChannelFit, figure: str) -> float:
     return next((e.std for e in channel.estimates if e.name.endswith(figure)), 0.0)
 
 
-def _warnings(axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float) -> list[str]:
+def _warnings(
+    axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float, doubt: float
+) -> list[str]:
     """One line for everything a reader must know before quoting a figure."""
     found = []
     name = f"axis '{axis.name}'"
-    both = [f for f in (*axis.fit_angle, *axis.fit_rate) if np.isfinite(f)]
-    fit = float(np.median(both)) if both else float("nan")
+    both = {
+        what: [f for f in fits if np.isfinite(f)]
+        for what, fits in (("angle", axis.fit_angle), ("rate", axis.fit_rate))
+    }
+    fit = float(np.median([f for fits in both.values() for f in fits] or [np.nan]))
     if not axis.converged:
         found.append(f"{name}: the search did not settle; treat the figures as a guess")
     if not fit >= _POOR:
-        found.append(f"{name}: poor fit of {fit:.0f} %; another order, or something unmodelled")
+        told = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both.items() if fits)
+        found.append(f"{name}: poor fit ({told}); another order, or something unmodelled")
     if axis.saturation.saturated:
         found.append(
             f"{name}: rate-limited, the speed grows with the amplitude to the power "
@@ -218,6 +281,12 @@ def _warnings(axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float) -
                 f"{name}: the {what} residual is not white (autocorrelation "
                 f"{tests.autocorrelation:.2f}); there is motion the model lacks"
             )
+        if tests and tests.cross_correlation > max(tests.bound, _FOLLOWS):
+            found.append(
+                f"{name}: the {what} residual follows the command (correlation "
+                f"{tests.cross_correlation:.2f} with its changes, noise stays below "
+                f"{tests.bound:.2f}); the model lacks an answer to it"
+            )
     if axis.spread > _SPREAD:
         found.append(
             f"{name}: steps disagree {axis.spread:.1f} times more than their noise; "
@@ -228,7 +297,8 @@ def _warnings(axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float) -
     for channel in row:
         if channel.delay > 0.98 * longest:
             found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")
-        if channel.delay + 1.96 * _std(channel, "delay") < 0.0:
+        std = _std(channel, "delay")
+        if channel.delay + 1.96 * np.sqrt(max(std**2 - doubt**2, 0.0)) < 0.0:
             found.append(
                 f"{name}: delay {1e3 * channel.delay:.1f} ms: the command came before the sample "
                 "that first shows it; give commands stamps of their own"

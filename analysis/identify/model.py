@@ -76,6 +76,11 @@ class AxisEvidence:
     converged: bool
     spread: float
 
+    @property
+    def fit(self) -> tuple[float, ...]:
+        """NRMSE fit of each record [%], of the angle where any was measured, else of the rate."""
+        return self.fit_angle if np.isfinite(self.fit_angle).any() else self.fit_rate
+
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON; NaN becomes None."""
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
@@ -219,7 +224,7 @@ class IdentifiedModel:
             self.outputs,
             servo,
             std={e.name: e.std for e in self.estimates if np.isfinite(e.std)},
-            fit={a.name: _plain(a.fit_angle or a.fit_rate) for a in self.axes},
+            fit={a.name: _plain(a.fit) for a in self.axes},
             source={
                 "warnings": list(self.warnings),
                 "servo_structure": [b.structure for b in self.servo] if self.servo else None,

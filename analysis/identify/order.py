@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +10,11 @@ from numpy.typing import NDArray
 from analysis.identify import checks
 from analysis.identify.errors import IdentificationError
 from analysis.identify.fit import search
-from analysis.identify.identification import layout_of
+from analysis.identify.identification import check_order, layout_of, longest_delay
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import Problem, assemble
 from analysis.identify.records import Record
-from analysis.identify.segments import step_folds
+from analysis.identify.segments import Mask, step_folds
 
 Array = NDArray[np.float64]
 
@@ -46,28 +47,47 @@ def select_order(
     records: Sequence[Record],
     candidates: Sequence[tuple[int, int]] = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1)),
     *,
+    delay: Literal["free"] | float = "free",
     axis: int = 0,
-    max_delay: float = 0.1,
+    max_delay: float | None = None,
 ) -> tuple[tuple[int, int], tuple[OrderScore, ...]]:
     """Choose (poles, zeros) for one axis on held-out steps; returns the choice and all scores.
 
     Every order is fitted with a quarter of the steps left out, four times over. The first in order
-    of size is taken whose error no larger order undercuts by more than 2 % per parameter.
+    of size is taken whose error no larger order undercuts by more than 2 % per parameter. Readings
+    that the best order sets aside as spikes are left out for all; what only a smaller order cannot
+    explain counts against it.
+
+    Parameters
+    ----------
+    candidates : orders (poles, zeros) to choose from
+    delay, max_delay : as for `identify`
+    axis : number of the axis
 
     Raises
     ------
     IdentificationError
-        for no candidates, and records no model can come from.
+        for no candidates or impossible ones, and records no model can come from.
     """
     if not candidates:
         raise IdentificationError("no orders to choose from")
+    for order in candidates:
+        check_order(*order, delay)
     checks.check_records(records)
-    raw = []
-    for poles, zeros in sorted(candidates, key=lambda c: (sum(c), c[0])):
-        problem = assemble(records, axis, layout_of(records, poles, zeros), shared_offset=False)
-        raw.append(((poles, zeros), *_held_out(problem, max_delay)))
-    least = min(error for _, _, error in raw)
-    scores = tuple(OrderScore(*order, fit, error / least) for order, fit, error in raw)
+    longest = longest_delay(records, max_delay)
+    orders = sorted(candidates, key=lambda c: (sum(c), c[0]))
+    problems = [
+        assemble(records, axis, layout_of(records, *order, delay), shared_offset=False)
+        for order in orders
+    ]
+    held_out = [_held_out(problem, longest) for problem in problems]
+    whole = [_error(problems[0], h.residual, ~h.spikes) for h in held_out]
+    kept = ~held_out[int(np.argmin(whole))].spikes
+    errors = [_error(problems[0], h.residual, kept) for h in held_out]
+    scores = tuple(
+        OrderScore(*order, _fit(problems[0], h.residual, kept), error / min(errors))
+        for order, h, error in zip(orders, held_out, errors, strict=True)
+    )
     chosen = scores[0]
     for score in scores[1:]:
         more = score.poles + score.zeros - chosen.poles - chosen.zeros
@@ -76,21 +96,33 @@ def select_order(
     return (chosen.poles, chosen.zeros), scores
 
 
-def _held_out(problem: Problem, max_delay: float) -> tuple[float, float]:
-    """Fit [%] and error over all folds, in units of a noise that is the same for every order."""
-    folds = step_folds(problem, None, _FOLDS)
-    start = search(problem, max_delay=max_delay).solution.theta
+@dataclass(frozen=True, slots=True)
+class _HeldOut:
+    residual: Array  # of every reading, by a model that did not see its step (rows,)
+    spikes: Mask  # what a fit of all steps sets aside (rows,)
+
+
+def _held_out(problem: Problem, max_delay: float) -> _HeldOut:
+    whole = search(problem, max_delay=max_delay)
     residual = np.zeros(len(problem.measured))
-    for fold in folds:
-        fit = search(problem, max_delay=max_delay, keep=~fold, start=start)
+    for fold in step_folds(problem, None, _FOLDS):
+        fit = search(problem, max_delay=max_delay, keep=~fold, start=whole.solution.theta)
         residual[fold] = fit.solution.residual[fold]
-    fits, powers = [], []
-    for is_rate in (False, True):
-        rows = problem.is_rate == is_rate
-        if not rows.any():
-            continue
-        measured = problem.measured[rows]
-        fits.append(nrmse_fit(measured, measured - residual[rows]))
-        far = np.abs(residual[rows]) < 8.0 * np.median(np.abs(residual[rows])) + 1e-12
-        powers.append(float(np.log(np.mean(residual[rows][far] ** 2))))
-    return float(np.mean(fits)), float(np.exp(np.mean(powers) / 2.0))
+    return _HeldOut(residual, whole.spikes)
+
+
+def _sensors(problem: Problem, kept: Mask) -> list[Mask]:
+    both = [kept & (problem.is_rate == is_rate) for is_rate in (False, True)]
+    return [rows for rows in both if rows.any()]
+
+
+def _error(problem: Problem, residual: Array, kept: Mask) -> float:
+    """Root mean square, geometric mean of both sensors: no noise has to be known."""
+    powers = [np.log(np.mean(residual[rows] ** 2)) for rows in _sensors(problem, kept)]
+    return float(np.exp(np.mean(powers) / 2.0))
+
+
+def _fit(problem: Problem, residual: Array, kept: Mask) -> float:
+    """NRMSE fit [%], mean of both sensors."""
+    pairs = [(problem.measured[r], residual[r]) for r in _sensors(problem, kept)]
+    return float(np.mean([nrmse_fit(measured, measured - off) for measured, off in pairs]))

@@ -16,12 +16,14 @@ Array = NDArray[np.float64]
 def predict(model: IdentifiedModel, record: Record) -> tuple[Array, Array]:
     """Angle [rad] and rate [rad/s] (n, outputs) under a record's commands, from rest.
 
+    A command that the record lacks is taken as never given.
+
     Raises
     ------
     IdentificationError
-        if the record has other commands than the model.
+        if the record has commands that the model lacks.
     """
-    if record.inputs != model.inputs:
+    if not set(record.inputs) <= set(model.inputs):
         raise IdentificationError(
             f"{record.name}: commands {', '.join(record.inputs)}; "
             f"the model has {', '.join(model.inputs)}"
@@ -30,26 +32,32 @@ def predict(model: IdentifiedModel, record: Record) -> tuple[Array, Array]:
     rate = np.zeros_like(angle)
     for i, row in enumerate(model.channels):
         for j, channel in enumerate(row):
+            if model.inputs[j] not in record.inputs:
+                continue
+            column = record.inputs.index(model.inputs[j])
             if model.servo is not None and i == j:
-                motion = servo_motion_of(channel, model.servo[i], record, j)
+                motion = servo_motion_of(channel, model.servo[i], record, column)
             elif model.servo is not None:
                 continue
             else:
-                motion = _linear(channel.num, channel.den, channel.delay, record, j)
+                motion = _linear(channel.num, channel.den, channel.delay, record, column)
             angle[:, i] += motion[0]
             rate[:, i] += motion[1]
     return angle, rate
 
 
 def fit_percent(model: IdentifiedModel, record: Record) -> Array:
-    """NRMSE fit of a record [%] (outputs,)."""
+    """NRMSE fit of a record [%] (outputs,); NaN for axes the record lacks."""
     angle, rate = predict(model, record)
     found = np.full(len(model.outputs), np.nan)
-    for i in range(len(model.outputs)):
+    for i, name in enumerate(model.outputs):
+        if name not in record.outputs:
+            continue
+        column = record.outputs.index(name)
         for measured, said in ((record.angle, angle), (record.rate, rate)):
-            if measured is not None and np.isfinite(measured[:, i]).sum() > 1:
-                good = np.isfinite(measured[:, i])
-                found[i] = nrmse_fit(measured[good, i], said[good, i])
+            if measured is not None and np.isfinite(measured[:, column]).sum() > 1:
+                good = np.isfinite(measured[:, column])
+                found[i] = nrmse_fit(measured[good, column], said[good, i])
                 break
     return found
 
@@ -57,9 +65,9 @@ def fit_percent(model: IdentifiedModel, record: Record) -> Array:
 def nrmse_fit(measured: Array, predicted: Array) -> float:
     """100·(1 − |error|/|measured − mean|) [%] around the mean error; NaN for a constant."""
     error = measured - predicted
-    spread = float(np.linalg.norm(measured - measured.mean()))
-    if spread == 0.0:
+    if np.ptp(measured) == 0.0:  # the mean of a constant is off by rounding
         return float("nan")
+    spread = float(np.linalg.norm(measured - measured.mean()))
     return 100.0 * (1.0 - float(np.linalg.norm(error - error.mean())) / spread)
 
 

@@ -41,6 +41,7 @@ class Part:
     rate_rows: Rows
     free: bool
     slack: float = 0.0
+    doubt: float = 0.0  # [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,11 @@ class Problem:
     def with_layout(self, layout: Layout) -> "Problem":
         """The same samples for another structure."""
         return replace(self, layout=layout, cache={})
+
+    @property
+    def doubt(self) -> float:
+        """How far the stamps of all commands may be off together [s], root mean square."""
+        return max(p.doubt for p in self.parts)
 
     @property
     def numerators(self) -> int:
@@ -221,7 +227,9 @@ def assemble(
     for r in records:
         a_rows, r_rows = _measured_rows(r.angle, axis), _measured_rows(r.rate, axis)
         parts.append(
-            Part(r.time, r.input_time, r.input, a_rows, r_rows, r.initial == "free", r.slack)
+            Part(
+                r.time, r.input_time, r.input, a_rows, r_rows, r.initial == "free", r.slack, r.doubt
+            )
         )
         angle.append(np.zeros(0) if r.angle is None else r.angle[a_rows, axis])
         rate.append(np.zeros(0) if r.rate is None else r.rate[r_rows, axis])

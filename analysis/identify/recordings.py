@@ -57,8 +57,12 @@ def from_recording(
         time, a, r = rates[0], None, rates[1]
     else:
         raise IdentificationError(f"{name}: neither angle nor rate; give at least one")
+    # what a run says first held before it said so
+    late = len(commands[0]) > 0 and len(time) > 0 and commands[0][0] > time[0]
     found_record = record(
-        time, commands[1], angle=a, rate=r, command_time=commands[0], gyro_delay=gyro_delay,
+        time, commands[1], angle=a, rate=r, command_time=commands[0],
+        before=commands[1][0] if late else None,
+        gyro_delay=gyro_delay,
         initial=initial, name=name, inputs=components, outputs=components,
     )  # fmt: skip
     return _by_pulses(found_record, recording, components) if pulses else found_record

@@ -13,6 +13,7 @@ from analysis.identify.errors import IdentificationError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Initial = Literal["rest", "free"]
+InputStamps = Literal["exact", "shown", "sampled"]
 
 MAX_SAMPLES = 20_000_000
 _LARGEST = 1e9  # no gimbal reads more, in any unit: a larger number is a broken file
@@ -32,6 +33,8 @@ class Record:
     initial : `rest` if the gimbal stood still when the record starts, `free` if it may have moved
     slack : how long before its stamp a command may have been given [s]; one sampling period where
         the command was only sampled
+    stamps : what commands are dated by: their giving (`exact`), the sample that first shows them
+        (`shown`), or half-way between that and the sample before (`sampled`)
     name : how messages call the record
     inputs, outputs : names of the p commands and q axes
 
@@ -48,6 +51,7 @@ class Record:
     rate: Array | None = None
     initial: Initial = "rest"
     slack: float = 0.0
+    stamps: InputStamps = "exact"
     name: str = "record"
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
@@ -98,6 +102,14 @@ class Record:
         """Median spacing of the samples [s]."""
         return float(np.median(np.diff(self.time)))
 
+    @property
+    def doubt(self) -> float:
+        """How far the stamps of all commands may be off together [s], root mean square.
+
+        That of a uniform distribution: over the slack before a stamp, or as much on either side.
+        """
+        return 0.0 if self.stamps == "exact" else self.slack / math.sqrt(3.0)
+
     def changes(self, column: int | None = None) -> NDArray[np.intp]:
         """Rows of `input` at which the command (or one column of it) takes another value."""
         moved = np.diff(self.input, axis=0) != 0.0
@@ -126,6 +138,7 @@ def record(
     angle: ArrayLike | None = None,
     rate: ArrayLike | None = None,
     command_time: ArrayLike | None = None,
+    stamps: InputStamps = "shown",
     before: ArrayLike | None = None,
     scale: float = 1.0,
     input_scale: float | None = None,
@@ -137,37 +150,77 @@ def record(
 ) -> Record:
     """Build a record from columns as they stand in a file.
 
-    Without stamps of their own the commands change at the sample that first shows them.
+    Without stamps of their own the commands change at the sample that first shows them. Whoever
+    logs beside the loop that gives them sees them up to a period late, which nothing in the columns
+    tells: then delays come out that much too short, and their deviation is widened to cover it.
 
     Parameters
     ----------
     time : sample times [s] (n,)
     command : commanded angle (n, p), or (k, p) with `command_time` [s] (k,)
     angle, rate : readings (n, q)
+    stamps : what is known of commands without stamps of their own: `exact`, given at the sample
+        that first shows them, as in the log of the loop that gives them; `sampled`, given at any
+        time since the sample before, and taken as given half-way; `shown`, taken as given at the
+        sample, with deviations that cover any time since the one before
     before : the command (p,) that held before the first stamp, where it was another
     scale : radians per unit of angle, and of rate per second (pi/180 for degrees)
     input_scale : the same for the command; as `scale` if left out
     gyro_delay : delay of the gyro's own filter [s]; taken out of the rate readings
+
+    Raises
+    ------
+    IdentificationError
+        for commands with stamps of their own that begin later than the samples, without `before`;
+        and for what no `Record` may hold.
     """
-    stamps = np.asarray(time, dtype=np.float64)
+    samples = np.asarray(time, dtype=np.float64)
     values = _table(command) * (scale if input_scale is None else input_scale)
-    own = stamps if command_time is None else np.asarray(command_time, dtype=np.float64)
+    own = samples if command_time is None else np.asarray(command_time, dtype=np.float64)
     if len(values) != len(own):
         raise IdentificationError(f"{name}: {len(values)} commands but {len(own)} stamps for them")
+    slack = 0.0
+    if command_time is None:
+        own, slack = _first_shown(own, stamps)
+    elif stamps != "shown":
+        raise IdentificationError(f"{name}: the commands have stamps of their own, exact ones")
+    elif before is None and len(own) and len(samples) and own[0] > samples[0]:
+        # a first row that is a step already would be taken for the rest before it
+        raise IdentificationError(
+            f"{name}: the commands begin at {own[0]:g} s, the samples at {samples[0]:g} s; say "
+            "which command held before (--before 0)"
+        )
     if before is not None and len(own):
-        first = np.atleast_1d(np.asarray(before, dtype=np.float64)) * (
+        first = _before(before, values.shape[1], name) * (
             scale if input_scale is None else input_scale
         )
-        own = np.concatenate([[own[0] - 1.0], own])
-        values = np.concatenate([np.broadcast_to(first, (1, values.shape[1])), values])
+        own = np.concatenate([[min(own[0], *samples[:1]) - 1.0], own])
+        values = np.concatenate([first[None, :], values])
     angles = None if angle is None else _table(angle) * scale
     rates = None if rate is None else _table(rate) * scale
     if gyro_delay and rates is not None:
-        stamps, angles, rates = _advance_rate(stamps, angles, rates, gyro_delay)
-    slack = 0.0 if command_time is not None or len(stamps) < 2 else float(np.median(np.diff(own)))
+        samples, angles, rates = _advance_rate(samples, angles, rates, gyro_delay)
     return Record(
-        stamps, own, values, angles, rates, initial, slack, name, tuple(inputs), tuple(outputs)
-    )
+        samples, own, values, angles, rates, initial, slack,
+        "exact" if command_time is not None else stamps, name, tuple(inputs), tuple(outputs),
+    )  # fmt: skip
+
+
+def _first_shown(samples: Array, stamps: InputStamps) -> tuple[Array, float]:
+    """When commands changed that the samples show, and how much earlier it may have been [s]."""
+    if stamps == "exact" or len(samples) < 2:
+        return samples, 0.0
+    period = float(np.median(np.diff(samples)))
+    if stamps == "shown":
+        return samples, period
+    return samples - 0.5 * np.diff(samples, prepend=samples[0] - period), 0.5 * period
+
+
+def _before(values: ArrayLike, count: int, name: str) -> Array:
+    first = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    if first.shape not in {(1,), (count,)}:
+        raise IdentificationError(f"{name}: {len(first)} commands before the first, not {count}")
+    return np.broadcast_to(first, (count,))
 
 
 def merge_stamps(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.identify import srivc
 from analysis.identify.descent import bounds, descend, period, scales, span
-from analysis.identify.problem import Part, Problem
+from analysis.identify.problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -57,9 +57,9 @@ def thinned(problem: Problem, rows: int) -> Problem:
         chosen = np.arange(len(part.time)) % stride == 0
         number = np.cumsum(chosen) - 1
         angle, rate = chosen[part.angle_rows], chosen[part.rate_rows]
-        rows_of = number[part.angle_rows[angle]], number[part.rate_rows[rate]]
+        angle_rows, rate_rows = number[part.angle_rows[angle]], number[part.rate_rows[rate]]
         parts.append(
-            Part(part.time[chosen], part.input_time, part.input, *rows_of, part.free, part.slack)
+            replace(part, time=part.time[chosen], angle_rows=angle_rows, rate_rows=rate_rows)
         )
         angles.append(angle)
         rates.append(rate)

@@ -4,15 +4,24 @@ import csv
 import importlib.util
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import control
 import numpy as np
 import pytest
 
-from analysis.identify import identify, record, select_order
+from analysis.identify import (
+    IdentificationError,
+    identify,
+    identify_gimbal,
+    own_records,
+    record,
+    select_order,
+)
 from analysis.identify.basis import denominator, parameters_of
 from analysis.identify.layout import Layout
+from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import assemble
 from analysis.identify.uncertainty import propagated
 from analysis.transfer_function import TransferFunctionModel
@@ -118,8 +127,6 @@ def test_rate_alone_and_angle_alone_agree_with_both():
     g = studies.gimbal(rng)
     both = studies.servo_record(rng, g, duration=6.0)
     for hidden in ("angle", "rate"):
-        from dataclasses import replace
-
         model = identify([replace(both, **{hidden: None})])
         e = model.estimate("x/x natural frequency")
         assert abs(e.value - g.frequency) < 4.0 * e.std
@@ -139,6 +146,7 @@ def test_a_record_that_starts_in_motion_is_fitted_with_its_motion():
     hidden = record(
         whole.time[late], whole.input[began], command_time=whole.input_time[began],
         angle=whole.angle[late], rate=whole.rate[late], initial="free",
+        before=whole.input[~began][-1],
     )  # fmt: skip
     for one in (r, hidden):
         e = identify([one]).estimate("x/x natural frequency")
@@ -182,6 +190,79 @@ def test_held_out_steps_choose_the_true_order():
     chosen, scores = select_order([r], ((1, 0), (2, 0), (3, 0)))
     assert chosen == (2, 0)
     assert len(scores) == 3
+
+
+@pytest.mark.parametrize("spikes", [0, 6])
+def test_what_a_small_order_lacks_counts_against_it_however_long_the_rests(spikes):
+    """Spikes are nobody's motion and count for no order. One pole is off by 6 times the noise here;
+    3 tells it from the 1.3 of an error without its far readings.
+    """
+    rng = np.random.default_rng(2)
+    t = np.arange(0.0, 24.0, 0.01)
+    at, u = studies.random_steps(rng, 24.0, 2.0, 8.0)
+    angle, _ = studies.moved([studies.Gimbal(30.0, 0.7, 0.01, 1.0)], t, at, u)
+    angle = angle + 2e-4 * rng.normal(size=len(t))
+    angle[rng.choice(len(t), spikes, replace=False)] += 0.3
+    r = record(t, u, command_time=at, before=[0.0], angle=angle)
+    (poles, _), scores = select_order([r], ((1, 0), (2, 0)))
+    assert poles == 2
+    assert scores[0].error > 3.0
+    assert scores[1].fit > 99.0
+
+
+def test_order_selection_searches_the_delays_it_is_told_to():
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 12.0, 0.01)
+    at, u = studies.random_steps(rng, 12.0, 1.0, 8.0)
+    angle, _ = studies.moved([studies.Gimbal(30.0, 0.7, 0.15, 1.0)], t, at, u)
+    angle = angle + 1e-3 * rng.normal(size=len(t))
+    r = record(t, u, command_time=at, before=[0.0], angle=angle)
+    for told in ({"max_delay": 0.2}, {"delay": 0.15}):
+        _, (score,) = select_order([r], [(2, 0)], **told)
+        assert score.fit > 97.0
+    with pytest.raises(IdentificationError, match="longest delay is 0 s"):
+        select_order([r], [(2, 0)], max_delay=0.0)
+    with pytest.raises(IdentificationError, match="delay is -1"):
+        select_order([r], [(2, 0)], delay=-1.0)
+
+
+def test_a_gyro_alone_has_a_fit_of_its_own_that_goes_into_the_file():
+    whole = studies.servo_record(np.random.default_rng(5), studies.Gimbal(30.0, 0.5, 0.01, 1.0))
+    model = identify([replace(whole, angle=None)])
+    assert model.axes[0].fit == model.axes[0].fit_rate
+    assert model.to_transfer_function().fit["x"] == [pytest.approx(model.fit)]
+
+
+def test_a_two_axis_model_predicts_a_record_of_one_axis():
+    rng = np.random.default_rng(8)
+    t, (at, u) = studies.stamps(rng, 10.0, 0.005), studies.random_steps(rng, 10.0, 0.4, 8.0, 2)
+    alone = [studies.COUPLED[0][0], studies.COUPLED[1][1]]
+    moved = [studies.moved([g], t, at, u[:, [k]]) for k, g in enumerate(alone)]
+    angle, rate = (np.stack(both, axis=1) for both in zip(*moved, strict=True))
+    angle, rate = studies.sensed(rng, angle, rate)
+    r = record(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate)
+    model = identify_gimbal([r], coupling="none")
+    for k, name in enumerate("xy"):
+        (own,) = own_records([r], k)
+        fit = model.fit_to([own])[0]
+        assert fit[k] > 90.0  # noise alone leaves 5 %
+        assert np.isnan(fit[1 - k])
+        assert own.inputs == (name,)
+    single = identify(own_records([r], 0))
+    with pytest.raises(IdentificationError, match="the model has x"):
+        single.predict(r)
+
+
+def test_a_residual_that_follows_the_command_is_told():
+    """The true delay is 30 ms, and the model may have none."""
+    r = studies.servo_record(np.random.default_rng(7), studies.Gimbal(60.0, 0.7, 0.03, 1.0))
+    assert any("follows the command" in w for w in identify([r], 1, delay=0.0).warnings)
+    assert not any("follows the command" in w for w in identify([r]).warnings)
+
+
+def test_a_constant_reading_has_no_fit():
+    """Its mean is off by rounding, which is no spread."""
+    assert np.isnan(nrmse_fit(np.full(500, np.radians(1.5)), np.linspace(0.0, 1.0, 500)))
 
 
 def test_a_model_survives_its_file_and_its_numbers_are_json(tmp_path):

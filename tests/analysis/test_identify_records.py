@@ -59,6 +59,17 @@ def test_a_constant_command_teaches_nothing():
         identify([r])
 
 
+def test_commands_of_another_time_are_no_commands():
+    times = np.array([0.0, 1.0, 2.0, 3.0])
+    for shift in (-1000.0, 1000.0):
+        r = record(
+            T, [0.0, 0.1, -0.1, 0.05], command_time=times + shift, before=[0.0],
+            angle=first_order(),
+        )  # fmt: skip
+        with pytest.raises(IdentificationError, match="one clock"):
+            identify([r])
+
+
 def test_a_single_step_is_too_few():
     u = np.where(T < 1.0, 0.0, 0.1)
     r = record(T, u, angle=noisy(first_order(u=u)))
@@ -133,6 +144,47 @@ def test_gyro_delay_is_taken_out_of_the_rate_only():
     assert r.size == 800
     assert np.isfinite(r.angle[:, 0]).sum() == 400
     assert r.time[np.isfinite(r.rate[:, 0])] == pytest.approx(T - 0.0049)
+
+
+def test_commands_that_begin_after_the_samples_need_the_one_before():
+    """A list of changes that begins with the first step is no list that begins at rest."""
+    changes = {"angle": first_order(), "command_time": [1.0, 2.0, 3.0]}
+    with pytest.raises(IdentificationError, match=r"begin at 1 s, the samples at 0 s.*--before"):
+        record(T, [0.1, -0.1, 0.05], **changes)
+    r = record(T, [0.1, -0.1, 0.05], **changes, before=[0.0])
+    assert (r.held_input(T)[:, 0] == STEPS).all()
+    with pytest.raises(IdentificationError, match="2 commands before the first, not 1"):
+        record(T, [0.1, -0.1, 0.05], **changes, before=[0.0, 0.0])
+
+
+def test_commands_that_were_only_sampled_leave_the_delay_open_and_the_reader_is_told():
+    """Given anywhere within a period of 10 ms before the sample that first shows them, by a
+    first-order gimbal (closed form) with a delay of 15 ms. Who logs in the loop that gives them
+    says so and gets the narrow interval about the same value.
+    """
+    rng = np.random.default_rng(3)
+    given = np.arange(0.3, 9.5, 0.4) + rng.uniform(0.0, 0.01, 23)
+    level = np.where(np.arange(23) % 2, 0.0, 0.1)
+    t = np.arange(0.0, 10.0, 0.01)
+    past = np.clip(t[:, None] - given - 0.015, 0.0, None)
+    y = (1.0 - np.exp(-past / 0.05)) @ np.diff(level, prepend=0.0)
+    seen = np.concatenate([[0.0], level])[np.searchsorted(given, t, side="right")]
+    found = {
+        stamps: identify([record(t, seen, angle=noisy(y), stamps=stamps)], 1)
+        for stamps in ("exact", "shown", "sampled")
+    }
+    delays = {s: m.estimate("x/x delay") for s, m in found.items()}
+    assert delays["exact"].interval[1] < 0.015
+    assert delays["shown"].value == pytest.approx(delays["exact"].value, abs=1e-6)
+    assert delays["shown"].interval[0] < 0.015 < delays["shown"].interval[1]
+    assert delays["sampled"].value == pytest.approx(0.015, abs=2e-3)
+    assert delays["sampled"].std == pytest.approx(0.01 / math.sqrt(12.0), rel=0.05)
+    said = {s: [w for w in m.warnings if "--commands" in w] for s, m in found.items()}
+    assert said["exact"] == []
+    assert "10 ms too short," in said["shown"][0]
+    assert "5 ms too short or too long," in said["sampled"][0]
+    with pytest.raises(IdentificationError, match="stamps of their own"):
+        record(t, seen, angle=y, command_time=t, stamps="sampled")
 
 
 def test_records_cannot_be_written_to():

@@ -96,8 +96,48 @@ def test_backward_stamps_of_a_file_name_the_file(tmp_path):
 )
 def test_what_is_no_table_is_refused_in_one_line(tmp_path, text, said):
     with pytest.raises(AnalysisError, match=said) as caught:
-        table(tmp_path, text)
+        table(tmp_path, text).column("u")
     assert "\n" not in str(caught.value)
+
+
+def test_a_column_of_text_troubles_only_who_asks_for_it(tmp_path):
+    found = table(tmp_path, "t,u,state\n0,1,OK\n0.01,2,inf\n0.02,3,stopped\n")
+    assert found.stack(["t", "u"]).tolist() == [[0, 1], [0.01, 2], [0.02, 3]]
+    with pytest.raises(AnalysisError, match=r"row 2, column 'state': 'OK' is not a number"):
+        found.column("state")
+
+
+@pytest.mark.parametrize("header", ["t,u", "t,u,"])
+def test_lines_may_end_with_a_separator_but_not_hold_one_field_more(tmp_path, header):
+    found = table(tmp_path, f"{header}\n0,1,\n0.01,2,\n")
+    assert list(found.columns) == ["t", "u"]
+    assert found.column("u").tolist() == [1, 2]
+    with pytest.raises(AnalysisError, match="row 3 has 3 fields, the header 2"):
+        table(tmp_path, f"{header}\n0,1,\n0.01,2,7\n")
+
+
+def test_comments_are_skipped_and_rows_keep_their_numbers(tmp_path):
+    text = '# rig 7; 2.5" nozzle, 2024-05-01\nt,u\n# begun late\n0,1\n0.01,2\n0.02,x\n'
+    assert table(tmp_path, text.replace("x", "3")).column("u").tolist() == [1, 2, 3]
+    with pytest.raises(AnalysisError, match=r"row 6, column 'u'"):
+        table(tmp_path, text).column("u")
+
+
+def test_the_header_that_numpy_writes_names_the_columns(tmp_path):
+    path = tmp_path / "run.csv"
+    np.savetxt(path, [[0.0, 1.0], [0.01, 2.0]], delimiter=",", header="rig 7\nt,u")
+    assert read(path).column("u").tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(("apart", "scale"), [(4.0, "0.001"), (4000.0, "1e-06")])
+def test_stamps_that_are_no_seconds_are_noticed_before_a_fit(tmp_path, apart, scale):
+    found = table(tmp_path, "t,u,y\n" + "".join(f"{k * apart},1,{k}\n" for k in range(5)))
+    columns = {"time": "t", "inputs": ["u"], "angle": ["y"]}
+    with pytest.raises(AnalysisError, match=f"--time-scale {scale}"):
+        to_record(found, **columns)
+    assert to_record(found, **columns, time_scale=1.0).period == apart
+    with pytest.raises(AnalysisError, match="time scale of 0"):
+        to_record(found, **columns, time_scale=0.0)
 
 
 def test_missing_and_foreign_files_are_refused(tmp_path):

@@ -144,6 +144,94 @@ def test_anybodys_table_gives_the_model_that_made_it(capsys, table, tmp_path):
     assert found["fit"] > 95.0
 
 
+COLUMNS = ("--time", "t", "--input", "u", "--angle", "pot", "--unit", "deg")
+
+
+def test_whose_loop_logs_its_own_commands_says_so_and_gets_the_narrow_interval(
+    capsys, table, tmp_path
+):
+    def delay(*stamps: str) -> tuple[dict, list[str]]:
+        found = told(
+            capsys, "identify", str(table), *COLUMNS, *stamps, "--out", str(tmp_path / "m.json")
+        )
+        said = [w for w in found["warnings"] if "--commands" in w]
+        return next(e for e in found["estimates"] if e["name"] == "x/x delay"), said
+
+    open_, said = delay()
+    assert open_["std"] == pytest.approx(0.005 / math.sqrt(3.0), rel=0.05)
+    assert len(said) == 1
+    exact, said = delay("--input-stamps", "exact")
+    assert exact["value"] == pytest.approx(open_["value"], abs=1e-5)
+    assert exact["std"] < 5e-4
+    assert said == []
+    sampled, said = delay("--input-stamps", "sampled")
+    assert sampled["value"] == pytest.approx(exact["value"] + 0.0025, abs=1e-4)
+    assert len(said) == 1
+
+
+def test_a_list_of_changes_needs_the_command_before_it(capsys, table, tmp_path):
+    lines = [line.split(",") for line in table.read_text().splitlines()[1:]]
+    changes = [a[:2] for a, b in zip(lines[1:], lines, strict=False) if a[1] != b[1]]
+    commands = tmp_path / "changes.csv"
+    commands.write_text("t,u\n" + "\n".join(",".join(c) for c in changes))
+    found = told(
+        capsys, "identify", str(table), *COLUMNS, "--commands", str(commands), "--before", "0",
+        "--out", str(tmp_path / "m.json"),
+    )  # fmt: skip
+    values = {e["name"]: e for e in found["estimates"]}
+    assert values["x/x natural frequency"]["value"] == pytest.approx(20.0, rel=0.01)
+    assert values["x/x delay"]["std"] < 5e-4
+
+
+def test_a_check_says_where_there_is_nothing_to_check(capsys, made, table, tmp_path):
+    rows = [line.split(",") for line in table.read_text().splitlines()]
+    (tmp_path / "still.csv").write_text("\n".join(",".join([*r[:2], r[2] if r[2] == "pot" else
+                                                           "1.5"]) for r in rows))  # fmt: skip
+    out = ("--out", str(tmp_path / "m.json"))
+    still = str(tmp_path / "still.csv")
+    found = told(capsys, "identify", str(table), *COLUMNS, "--check", still, *out)
+    assert found["checks"][still] == [None]
+    assert any(w.startswith(still) and "stand still" in w for w in found["warnings"])
+    # one axis of two that the model has: that one is predicted
+    one = str(made / "only_x.rrd")
+    x, y = told(capsys, "identify", str(made / "steps.rrd"), "--check", one, *out)["checks"][one]
+    assert x > 99.0
+    assert y is None
+    code, text, _ = run(capsys, "identify", str(made / "steps.rrd"), "--check", one, *out)
+    assert code == 0
+    assert f"x {x:.2f} %" in text
+
+
+def test_order_selection_searches_the_delays_it_is_told_to(capsys, tmp_path):
+    """150 ms: beyond the 100 ms that are searched without a word."""
+    t = np.arange(0.0, 12.0, 0.01)
+    u = np.where((t // 1.0).astype(int) % 2, [[4.0], [2.0]], 0.0)[(t // 2.0).astype(int) % 2,
+                                                                  np.arange(len(t))]  # fmt: skip
+    y, late, out = 0.0, np.concatenate([np.zeros(15), u[:-15]]), []
+    for command in late:
+        out.append(y)
+        y += (command - y) * (1.0 - math.exp(-0.01 / 0.06))
+    pot = out + np.random.default_rng(0).normal(0.0, 0.02, len(t))
+    gyro = np.gradient(pot, t)
+    np.savetxt(
+        tmp_path / "run.csv", np.column_stack([t, u, pot, gyro]), delimiter=",",
+        header="t,u,pot,gyro", comments="",
+    )  # fmt: skip
+    file, model = str(tmp_path / "run.csv"), str(tmp_path / "m.json")
+    for extra in (("--max-delay-ms", "300"), ("--delay", "0.15")):
+        found = told(capsys, "identify", file, *COLUMNS, "--select-order", *extra, "--out", model)
+        assert max(o["fit"] for o in found["orders"]) > 95.0
+    code, text, _ = run(
+        capsys, "identify", file, *COLUMNS, "--rate", "gyro", "--poles", "1", "--delay", "0.15",
+        "--out", model,
+    )  # fmt: skip
+    assert code == 0
+    fits = next(line for line in text.splitlines() if line.startswith("x fit"))
+    assert "angle" in fits
+    assert "rate" in fits
+    assert "step to the power" in text
+
+
 # what bends a servo's answer: then a transfer function is all there is to know of it
 STRAIGHT = ("gimbal_backlash=0", "gimbal_servo_dead_band=0", "gimbal_servo_slew=0")
 
@@ -193,15 +281,35 @@ MISTAKES = [
     ("identify steps.rrd --unit deg", "--unit is about tables"),
     ("identify steps.rrd --angle gimbal/measured", "gimbal/measured"),
     ("identify steps.rrd --from-pulses", "no sensors/pulse"),
+    ("identify run.csv --time t --input u --angle pot --max-delay-ms -5", "--max-delay-ms -5"),
+    ("identify run.csv --time t --input u --angle pot --max-delay-ms 0", "--max-delay-ms 0"),
+    ("identify run.csv --time t --input u --angle pot --max-delay-ms 1e6", "at most"),
+    ("identify run.csv --time t --input u --angle pot --gyro-delay-ms 5", "--rate names a gyro"),
+    ("identify run.csv --time t --input u --angle pot --before some", "--before some"),
+    ("identify run.csv --time t --input u --angle pot --time-scale 0", "time scale of 0"),
+    ("identify ms.csv --time t --input u --angle pot", "--time-scale 0.001"),
+    ("identify run.csv --time t --input u --angle pot --commands late.csv", "--before 0"),
+    ("identify run.csv --time t --input u --angle pot --commands early.csv", "one clock"),
+    (
+        "identify run.csv --time t --input u --angle pot --commands early.csv --input-stamps exact",
+        "has stamps of its own",
+    ),
+    ("identify steps.rrd --before 0", "--before is about tables"),
     ("identify run.csv --from-pulses --time t --input u --angle pot", "is a table"),
     ("identify --linkage steps.rrd multisine.rrd", "takes one recording"),
     ("identify --linkage run.csv --time t --input u --angle pot", "x and y"),
     ("identify --linkage steps.rrd --parameters gimbal_servo_gian", "gimbal_servo_gain"),
     ("report", "name one recording"),
+    ("report run.csv", "--time t"),
+    ("report run.csv --time t --input u", "angle"),
+    ("report steps.rrd --unit deg", "--unit is about tables"),
     ("report steps.rrd --out page.txt", ".html"),
     ("report steps.rrd --model missing.json", "missing.json"),
     ("compare", "0 recordings"),
     ("compare steps.rrd", "gimbal/measured"),
+    ("compare run.csv", "a table with one motion"),
+    ("compare run.csv steps.rrd", "--time t"),
+    ("compare steps.rrd linkage.rrd --angle pot", "--angle is about tables"),
     ("compare steps.rrd missing.rrd", "missing.rrd"),
     ("compare steps.rrd linkage.rrd --out c.txt", ".rrd"),
     ("compare steps.rrd linkage.rrd --fail-below nan", "finite"),
@@ -219,6 +327,10 @@ def test_a_mistake_is_one_line_with_exit_2_and_leaves_nothing(
     lines = table.read_text().splitlines()
     still = [",".join([*line.split(",")[::2][:1], "1", line.split(",")[2]]) for line in lines[1:]]
     (tmp_path / "constant.csv").write_text("\n".join([lines[0], *still]))
+    cells = [line.split(",") for line in lines[1:]]
+    for name, scale, shift in (("ms", 1e3, 0.0), ("late", 1.0, 0.5), ("early", 1.0, -1000.0)):
+        moved = [",".join([f"{float(c[0]) * scale + shift}", *c[1:]]) for c in cells]
+        (tmp_path / f"{name}.csv").write_text("\n".join([lines[0], *moved]))
     (tmp_path / "back.csv").write_text("\n".join([lines[0], *lines[200:400], *lines[1:200]]))
     before = {p.name for p in tmp_path.iterdir()}
     code, out, err = run(capsys, *command.split())
@@ -318,6 +430,36 @@ def test_a_report_is_one_page_with_the_numbers_that_json_prints(capsys, made, tm
     )  # fmt: skip
     assert "<html" in out.read_text()[:200].lower()
     assert found["page"] == str(out)
+
+
+def test_anybodys_tables_are_compared_and_reported_on_like_recordings(
+    capsys, made, table, tmp_path
+):
+    """One table is the other with 20 ms more delay; a command file has few rows, and a model
+    answers it all the same.
+    """
+    rows = [line.split(",") for line in table.read_text().splitlines()]
+    late = [[a[0], a[1], b[2]] for a, b in zip(rows[5:], rows[1:], strict=False)]
+    (tmp_path / "late.csv").write_text("t,u,pot\n" + "\n".join(",".join(r) for r in late))
+    changes = [a[:2] for a, b in zip(rows[2:], rows[1:], strict=False) if a[1] != b[1]]
+    (tmp_path / "changes.csv").write_text("t,u\n" + "\n".join(",".join(c) for c in changes))
+    files = [str(table), str(tmp_path / "late.csv")]
+    out = ("--out", str(tmp_path / "c.rrd"))
+    (axis,) = told(capsys, "compare", *files, *COLUMNS, *out)["axes"]
+    assert axis["delay"] == pytest.approx(0.02, abs=5e-4)
+    assert axis["aligned"]["fit"] > 97.0
+    assert "gimbal/difference" in recording.read(tmp_path / "c.rrd").series
+    mixed = told(capsys, "compare", files[0], str(made / "only_x.rrd"), *COLUMNS, *out)
+    assert any("of a table" in w for w in mixed["warnings"])
+    stamps = (*COLUMNS, "--commands", str(tmp_path / "changes.csv"), "--before", "0")
+    model = str(tmp_path / "m.json")
+    told(capsys, "identify", files[0], *stamps, "--out", model)
+    page = told(
+        capsys, "report", files[0], *stamps, "--model", model, "--out", str(tmp_path / "p.html")
+    )
+    assert [r["label"] for r in page["runs"]] == ["run.csv", "m"]
+    assert page["runs"][1]["samples"] > 1000
+    assert page["comparisons"][0]["axes"][0]["as_is"]["fit"] > 95.0
 
 
 def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(capsys, tmp_path):

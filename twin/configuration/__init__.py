@@ -5,7 +5,16 @@ False
 """
 
 from twin.configuration.desk import Calibrate, Mirror, Rig
-from twin.configuration.knowledge import Compare, Converge, Doctor, Identify, Replay, Report, View
+from twin.configuration.knowledge import (
+    Columns,
+    Compare,
+    Converge,
+    Doctor,
+    Identify,
+    Replay,
+    Report,
+    View,
+)
 from twin.configuration.runs import Fly, Run, Step, as_properties, with_model
 from twin.configuration.words import LARGEST_DT, TURNTABLE, Integrator, OnFault, Programme, Signal
 
@@ -13,6 +22,7 @@ __all__ = [
     "LARGEST_DT",
     "TURNTABLE",
     "Calibrate",
+    "Columns",
     "Compare",
     "Converge",
     "Doctor",

@@ -1,6 +1,6 @@
 """What the commands that make knowledge of recordings can be told."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,8 +10,41 @@ from twin.configuration.words import Flag, Integrator, refuse_no_number
 from twin.errors import TwinError
 
 
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Which columns of a table (.csv, .tsv, .txt, .mat) are what; a recording knows its own."""
+
+    time: str | None = None
+    """Column of time stamps of a table."""
+    input: str | None = None
+    """Columns of commands, separated by commas."""
+    angle: str | None = None
+    """Columns of measured angles, separated by commas."""
+    unit: str | None = None
+    """Of the columns: rad, deg, mrad or turn; rad without it."""
+    input_unit: str | None = None
+    """Of the commands, where it is another."""
+    time_scale: float | None = None
+    """Seconds per unit of the time column, for example 1e-3."""
+    commands: Path | None = None
+    """Table of the commands with time stamps of their own. Without it they change at the sample
+    that first shows them."""
+    input_stamps: Literal["exact", "sampled"] | None = None
+    """Without `--commands`: they were given at the sample that first shows them (exact), as in the
+    log of the loop that gives them, or at any time since the sample before (sampled). Without it
+    as `exact`, with delays uncertain by a period."""
+    before: str | None = None
+    """Commands that held before the first row, separated by commas, in their unit."""
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """Flags about columns that were given."""
+        given = (f.name for f in fields(Columns) if getattr(self, f.name) is not None)
+        return tuple(f"--{name.replace('_', '-')}" for name in given)
+
+
 @dataclass(frozen=True)
-class Identify:
+class Identify(Columns):
     """Make a model of a gimbal from what it was told and what was measured of it."""
 
     sources: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -34,27 +67,14 @@ class Identify:
     """Of such a servo: its own loop saturates (speed), or its command is made ramps (command)."""
     coupling: Literal["auto", "none", "full"] = "auto"
     """Cross channels: where an axis follows the other's command by 2 %, never, or always."""
-    time: str | None = None
-    """Column of time stamps of a table."""
-    input: str | None = None
-    """Columns of commands, separated by commas."""
-    angle: str | None = None
-    """Columns of measured angles; of a recording the signal, gimbal/measured without it."""
     rate: str | None = None
-    """Columns of gyro rates, per second; of a recording the signal, for example sensors/gyro."""
-    unit: str | None = None
-    """Of the columns: rad, deg, mrad or turn."""
-    input_unit: str | None = None
-    """Of the commands, where it is another."""
-    time_scale: float | None = None
-    """Seconds per unit of the time column, for example 1e-3."""
-    commands: Path | None = None
-    """Table of the commands with time stamps of their own."""
+    """Columns of gyro rates, per second; of a recording the signal, for example sensors/gyro. So
+    does `--angle` name one, gimbal/measured without it."""
     from_pulses: Flag = False
     """Take the pulses of a rig for its commands, from when they were in force: the delay is then
     without the wait for the next pulse frame."""
     gyro_delay_ms: float = 0.0
-    """Delay of the gyro's own filter, taken out."""
+    """Delay of the gyro's own filter, taken out of `--rate`."""
     initial: Literal["rest", "free"] = "rest"
     """Whether the gimbal stood still when a record starts, or may have moved."""
     check: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
@@ -84,16 +104,23 @@ class Identify:
         refuse_no_number(self)
         if self.from_pulses and self.linkage:
             raise TwinError("--from-pulses: --linkage takes a recording's pulses by itself")
+        if self.gyro_delay_ms and not self.rate:
+            raise TwinError(f"--gyro-delay-ms {self.gyro_delay_ms:g}: of what? --rate names a gyro")
+        if self.gyro_delay_ms < 0.0:
+            raise TwinError(f"--gyro-delay-ms {self.gyro_delay_ms:g}: no filter is ahead of time")
+        if self.max_delay_ms is not None and self.max_delay_ms <= 0.0:
+            raise TwinError(f"--max-delay-ms {self.max_delay_ms:g}: must be more than 0")
         if self.out is not None and self.out.suffix.lower() != ".json":
             raise TwinError(f"--out {self.out}: what is identified is a .json file")
 
 
 @dataclass(frozen=True)
-class Compare:
+class Compare(Columns):
     """Put two motions of a gimbal side by side: simulated and measured, rig and model."""
 
     recordings: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """The reference and the other recording; or one that holds measured and simulated angles."""
+    """The reference and the other, recordings or tables; or one recording that holds measured and
+    simulated angles."""
     fail_below: float | None = None
     """End with 1 if the fit of an axis is below this many percent."""
     longest_delay_ms: float = 250.0
@@ -150,11 +177,11 @@ class Replay:
 
 
 @dataclass(frozen=True)
-class Report:
+class Report(Columns):
     """Write one page about recordings of a gimbal: figures, plots, and how they compare."""
 
     recordings: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Recordings; the first is the reference, usually the hardware."""
+    """Recordings or tables; the first is the reference, usually the hardware."""
     model: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """Identified model (JSON) that answers the first recording's commands. Repeatable."""
     title: str = "Gimbal report"
@@ -163,6 +190,15 @@ class Report:
     """Page to write (.html); runs/report.html without it."""
     json: Flag = False
     """Print the numbers as one JSON object instead of a summary."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        refuse_no_number(self)
 
 
 @dataclass(frozen=True)

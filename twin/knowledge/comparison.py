@@ -15,10 +15,11 @@ from analysis.caveats import caveats
 from analysis.compare import AxisComparison, Comparison, Motion, bridged
 from analysis.compare import compare as side_by_side
 from analysis.flights import PathDifference, flight_path, holds_flight, path_difference
-from analysis.recording import Recording, TimeSeries, read
+from analysis.recording import Recording, TimeSeries
 from twin.configuration import Compare
 from twin.errors import TwinError
 from twin.knowledge.screen import difference_text, screen
+from twin.knowledge.sources import is_table, seen
 
 if TYPE_CHECKING:
     from analysis.report.run import Run
@@ -167,9 +168,12 @@ def _laid(config: Compare) -> _Laid:
     files = config.recordings
     if not 1 <= len(files) <= 2:
         raise TwinError(
-            f"compare: {len(files)} recordings; give two, or one that holds measured and simulated"
+            f"compare: {len(files)} recordings; give two (or tables), or one that holds measured"
+            " and simulated"
         )
-    runs = [read(f) for f in files]
+    if len(files) == 1 and is_table(files[0]):
+        raise TwinError(f"compare: {files[0]} is a table with one motion; name the other, too")
+    runs = seen(config, files)
     if len(runs) == 1:
         run = runs[0]
         measured, simulated = run["gimbal/measured"], run["gimbal/simulated"]

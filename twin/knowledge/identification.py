@@ -2,13 +2,20 @@
 
 import time
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from analysis.identify import IdentifiedModel, OrderScore, Record, identify_gimbal
+from analysis.identify import (
+    AxisEvidence,
+    IdentifiedModel,
+    OrderScore,
+    Record,
+    identify_gimbal,
+)
 from twin.configuration import Identify
 from twin.errors import TwinError
 from twin.knowledge.screen import quantity, screen, writable
@@ -24,7 +31,8 @@ class IdentifyResult:
 
     Attributes
     ----------
-    checks : file → NRMSE fit of each axis [%] of a record that was held back
+    checks : file → NRMSE fit of each axis [%] of a record that was held back, NaN where it was not
+        commanded or nothing moved
     orders : scores on held-out steps, where the order was chosen
     """
 
@@ -42,7 +50,9 @@ class IdentifyResult:
             **self.model.to_dict(),
             "file": str(self.file),
             "sources": list(self.sources),
-            "checks": {k: list(v) for k, v in self.checks.items()},
+            "checks": {
+                k: [f if np.isfinite(f) else None for f in v] for k, v in self.checks.items()
+            },
             "orders": [s.to_dict() for s in self.orders],
             "warnings": list(self.warnings),
             "wall_s": self.wall_s,
@@ -57,19 +67,46 @@ class IdentifyResult:
         ]
         rows += [(e.name, quantity(e.value, 1.96 * e.std, e.unit)) for e in self.model.estimates]
         for a in self.model.axes:
-            fits = [f for f in (a.fit_angle or a.fit_rate) if np.isfinite(f)]
-            told = ", ".join(f"{f:.2f}" for f in fits) or "unknown"
-            rows.append((f"{a.name} fit", f"{told} %, {a.samples} readings"))
-        rows += [
-            (f"predicts {Path(k).name}", ", ".join(f"{f:.2f}" for f in v) + " %")
-            for k, v in self.checks.items()
-        ]
+            told = [
+                f"{what} {_percent(fits)}"
+                for what, fits in (("angle", a.fit_angle), ("rate", a.fit_rate))
+                if np.isfinite(fits).any()
+            ]
+            rows.append((f"{a.name} fit", f"{'; '.join(told) or 'unknown'}; {a.samples} readings"))
+            rows += _left_over(a)
+        rows += [(f"predicts {Path(k).name}", self._check(v)) for k, v in self.checks.items()]
         rows += [("WARNING", w) for w in self.warnings]
         rows.append(("computing", f"{self.wall_s:.1f} s"))
         rows.append(("model", str(self.file)))
         if len(self.model.inputs) == 2:
             rows.append(("", f"twin fly --gimbal transfer-function --model {self.file}"))
         return screen(rows)
+
+    def _check(self, fits: tuple[float, ...]) -> str:
+        told = [
+            f"{name} {_percent([f])}"
+            for name, f in zip(self.model.outputs, fits, strict=True)
+            if np.isfinite(f)
+        ]
+        return "; ".join(told) or "unknown, its readings stand still"
+
+
+def _percent(fits: Sequence[float]) -> str:
+    return ", ".join(f"{f:.2f}" for f in fits if np.isfinite(f)) + " %"
+
+
+def _left_over(a: AxisEvidence) -> list[tuple[str, str]]:
+    """How the speed grows with the step, and what of the command is left in the residual."""
+    rows = []
+    s = a.saturation
+    if np.isfinite(s.exponent):
+        told = f"step to the power {s.exponent:.2f} ± {1.96 * s.std:.2f} (linear: 1)"
+        rows.append((f"{a.name} speed", f"{told}, {s.steps} steps"))
+    for what, tests in (("angle", a.residual_angle), ("rate", a.residual_rate)):
+        if tests and tests.cross_correlation > tests.bound:
+            told = f"follows the command by {tests.cross_correlation:.3f}"
+            rows.append((f"{a.name} {what} residual", f"{told} (noise: below {tests.bound:.3f})"))
+    return rows
 
 
 def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
@@ -89,7 +126,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
     out = writable(config.out or Path("runs/model.json"))
     source = given(config, config.sources)
     runs = source.records
-    held_back = given(config, config.check).records if config.check else []
+    held_back = [given(config, (file,)).records[0] for file in config.check]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are then told as unknown
         poles, zeros, scores = _order(config, runs)
@@ -97,10 +134,15 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
             runs, poles, zeros, _delay(config.delay),
             servo=(config.structure == "best" or config.structure) if config.servo else False,
             coupling=config.coupling,
-            max_delay=None if config.max_delay_ms is None else 1e-3 * config.max_delay_ms,
+            max_delay=_longest(config),
         )  # fmt: skip
         fits = [model.fit_to([r])[0] for r in held_back]
-    notes = (*model.warnings, *_notes(config, source))
+    still = [
+        f"{r.name}: its readings stand still where it was commanded; it checks nothing"
+        for r, f in zip(held_back, fits, strict=True)
+        if not np.isfinite(f).any()
+    ]
+    notes = (*model.warnings, *_notes(config, source), *still)
     _write(config, model, notes, out)
     return IdentifyResult(
         model,
@@ -122,13 +164,20 @@ def _delay(text: str) -> Literal["free"] | float:
         raise TwinError(f"--delay {text}: 'free', or seconds") from None
 
 
+def _longest(config: Identify) -> float | None:
+    return None if config.max_delay_ms is None else 1e-3 * config.max_delay_ms
+
+
 def _order(config: Identify, runs: list[Record]) -> tuple[int, int, tuple[OrderScore, ...]]:
     """Order asked for, or the largest that any axis needs, with the scores of that axis."""
     if not config.select_order:
         return config.poles, config.zeros, ()
     from analysis.identify import own_records, select_order
 
-    chosen = [select_order(own_records(runs, k)) for k in range(len(runs[0].outputs))]
+    chosen = [
+        select_order(own_records(runs, k), delay=_delay(config.delay), max_delay=_longest(config))
+        for k in range(len(runs[0].outputs))
+    ]
     (poles, zeros), scores = max(chosen, key=lambda c: (sum(c[0]), c[0]))
     return poles, zeros, scores
 

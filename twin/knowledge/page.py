@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.recording import read
 from analysis.report import ReportNumbers, report
 from analysis.transfer_function import TransferFunctionModel
 from twin.configuration import Report
 from twin.errors import TwinError
 from twin.knowledge.screen import screen, writable
+from twin.knowledge.sources import seen
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ def write_report(config: Report) -> ReportResult:
     TwinError, AnalysisError : something the user asked for cannot be done, in one line
     """
     if not config.recordings:
-        raise TwinError("report: name one recording or more (.rrd)")
-    runs = [read(f) for f in config.recordings]
+        raise TwinError("report: name one recording (.rrd) or table (.csv, .mat), or more")
+    runs = seen(config, config.recordings)
     models = {f.stem: TransferFunctionModel.read(f) for f in config.model}
     out = writable(config.out or Path("runs/report.html"))
     numbers = report(runs, out, models=models, title=config.title)

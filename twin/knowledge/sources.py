@@ -1,17 +1,20 @@
-"""What `twin identify` is given, as records: the twin's recordings, and anybody's tables."""
+"""What the commands are given, as records or recordings: the twin's own, and anybody's tables."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from analysis import tables
 from analysis.identify import Record, from_recording
-from twin.configuration import Identify
+from analysis.identify.records import Initial
+from analysis.recording import Recording
+from analysis.tables import KINDS
+from twin.configuration import Columns, Identify
 from twin.errors import TwinError
 
-# Of a table only; a recording knows its own.
-_OF_TABLES = ("time", "input", "unit", "input_unit", "time_scale", "commands")
 # A simulated angle has no sensor's noise, and nothing that follows it exactly: the joint of an
 # identified model keeps within 0.01° of it (docs/control.md). Taken as exact it would promise
 # deviations a hundred times too small, so it is read as by a sensor that good.
@@ -58,11 +61,9 @@ def _recorded(config: Identify, file: Path) -> Given:
     from analysis import recording
     from analysis.caveats import caveats
 
-    for flag in _OF_TABLES:
-        if getattr(config, flag) is not None:
-            raise TwinError(
-                f"--{flag.replace('_', '-')} is about tables; the recording {file} knows its own"
-            )
+    for flag in config.told:
+        if flag != "--angle":  # names a signal here
+            raise TwinError(f"{flag} is about tables; the recording {file} knows its own")
     run = recording.read(file)
     measured = "gimbal/measured" in run.series
     default = None if config.rate else "gimbal/measured" if measured else "gimbal/simulated"
@@ -91,28 +92,78 @@ def _as_read(r: Record) -> Record:
 
 
 def _tabled(config: Identify, file: Path) -> Record:
-    from analysis import tables
-
     if config.from_pulses:
         raise TwinError(f"--from-pulses is about recordings of a rig; {file} is a table")
+    rate, gyro_delay = _names(config.rate), 1e-3 * config.gyro_delay_ms
+    return replace(_record_of(config, file, rate, gyro_delay, config.initial), name=str(file))
+
+
+def seen(config: Columns, files: Sequence[Path]) -> list[Recording]:
+    """Read recordings, and tables as such.
+
+    Raises
+    ------
+    TwinError, AnalysisError : a file or flag that cannot be used, in one line
+    """
+    from analysis.recording import read
+    from analysis.report.run import recording_of
+
+    if config.told and files and not any(is_table(f) for f in files):
+        raise TwinError(f"{config.told[0]} is about tables; the recording {files[0]} knows its own")
+    return [recording_of(_dense(_record_of(config, f))) if is_table(f) else read(f) for f in files]
+
+
+def is_table(file: Path) -> bool:
+    """Whether a file's name is that of a table; what is none is taken for a recording."""
+    return file.suffix.lower() in KINDS
+
+
+def _record_of(
+    config: Columns,
+    file: Path,
+    rate: tuple[str, ...] = (),
+    gyro_delay: float = 0.0,
+    initial: Initial = "rest",
+) -> Record:
     if not config.time or not config.input:
         raise TwinError(
-            f"{file}: name its columns: --time t --input u1,u2 --angle pot1,pot2 --rate gyro1,gyro2"
+            f"{file}: name its columns: --time t --input u1,u2 --angle pot1,pot2"
+            + (" --rate gyro1,gyro2" if isinstance(config, Identify) else "")
         )
-    found = tables.to_record(
+    if config.commands is not None and config.input_stamps is not None:
+        raise TwinError(f"--input-stamps {config.input_stamps}: --commands has stamps of its own")
+    return tables.to_record(
         tables.read(file),
         time=config.time,
         inputs=_names(config.input),
-        rate=_names(config.rate),
+        rate=rate,
         angle=_names(config.angle),
         unit=config.unit or "rad",
         input_unit=config.input_unit,
-        time_scale=config.time_scale or 1.0,
-        gyro_delay=1e-3 * config.gyro_delay_ms,
+        time_scale=config.time_scale,
+        gyro_delay=gyro_delay,
         commands=None if config.commands is None else tables.read(config.commands),
-        initial=config.initial,
+        input_stamps=config.input_stamps or "shown",
+        initial=initial,
+        before=None if config.before is None else _numbers("--before", config.before),
     )
-    return replace(found, name=str(file))
+
+
+def _numbers(flag: str, text: str) -> list[float]:
+    try:
+        found = [float(n) for n in _names(text)]
+    except ValueError:
+        raise TwinError(f"{flag} {text}: numbers, separated by commas") from None
+    if not found or not np.isfinite(found).all():
+        raise TwinError(f"{flag} {text}: finite numbers, separated by commas")
+    return found
+
+
+def _dense(r: Record) -> Record:
+    """The record with its commands at every sample too, as a recording of the twin has them."""
+    within = (r.input_time > r.time[0]) & (r.input_time < r.time[-1])
+    stamps = np.union1d(r.time, r.input_time[within])
+    return replace(r, input_time=stamps, input=r.held_input(stamps))
 
 
 def _names(text: str | None) -> tuple[str, ...]:
