@@ -402,7 +402,7 @@ def test_a_difference_is_not_drawn_across_a_hole(capsys, made, tmp_path, monkeyp
     short = replace(angle, time=angle.time[kept], values=angle.values[kept])
     holed = replace(whole, series={**whole.series, "gimbal/simulated": short})
     runs = iter([whole, holed])
-    monkeypatch.setattr(comparison, "read", lambda _: next(runs))
+    monkeypatch.setattr(comparison, "seen", lambda *_: list(runs))
     found = told(capsys, "compare", file, file, "--out", str(out))
     assert found["fit"] == pytest.approx(100.0)
     assert found["axes"][0]["left_out"] == pytest.approx(1.0 - kept.mean(), abs=1e-6)
