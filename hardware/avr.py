@@ -11,6 +11,8 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache as remember
+from functools import reduce
+from operator import xor
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -24,7 +26,7 @@ PACKAGES = "apt install gcc gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
 CYCLES_PER_US = constants.CLOCK_HZ // 1_000_000
 HOLDER, BASE = 0, 1
 _IMU_25_DEGREES = round((25 - 36.53) * 340)  # RM-MPU-6000A-00, 4.19
-_SERIAL = 16  # place in the EEPROM
+_SERIAL, _SERIAL_CHECK = 16, 0x5A  # place in the EEPROM, and what its check byte begins with
 _BUFFER = 1 << 14
 _PULSES = 64
 
@@ -138,7 +140,9 @@ class SimulatedNano:
         for sensor in (HOLDER, BASE):
             self.set_imu_counts(sensor, (0, 0, 0), (0, 0, 0))
         if serial is not None:
-            self._c.nano_set_eeprom(handle, _SERIAL, serial.to_bytes(4, "little"), 4)
+            number = serial.to_bytes(4, "little")
+            kept = bytes([*number, _SERIAL_CHECK ^ reduce(xor, number)])
+            self._c.nano_set_eeprom(handle, _SERIAL, kept, len(kept))
 
     def __enter__(self) -> Self:
         return self

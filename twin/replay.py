@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.recording import Recording, read
 from twin.assembly import VERSIONS, compiled, make_plant
-from twin.configuration import Fly, Replay, Run, Step, with_model
+from twin.configuration import Fly, Replay, Run, Step, heeded, with_model
 from twin.errors import TwinError
 from twin.experiments import fly, step
 from twin.recalled import configuration_of
@@ -121,7 +121,7 @@ def replay(config: Replay) -> ReplayResult:
     AnalysisError : it is no sound recording
     """
     old = read(config.recording)
-    recorded = configuration_of(old)
+    recorded = heeded(configuration_of(old))
     asked = _changed(recorded, config)
     if not config.force:
         _check(old, recorded, config.recording)
@@ -186,8 +186,11 @@ def _check(old: Recording, recorded: Run, path: Path) -> None:
         raise TwinError(
             f"{path} was flown with {', '.join(other)}; --force replays it all the same"
         )
-    with compiled():
-        digest = make_plant(recorded, getattr(recorded, "motor", None)).twin.sha256
+    try:
+        with compiled():
+            digest = make_plant(recorded, getattr(recorded, "motor", None)).twin.sha256
+    except TwinError as error:
+        raise TwinError(f"{path} cannot be flown again as it was: {error}") from None
     if digest != old.properties.get("model_sha256"):
         raise TwinError(
             f"{path} was flown with another model than its files make today (SHA-256"

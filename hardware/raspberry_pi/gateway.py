@@ -17,7 +17,8 @@ BUILD = 0x5249_0100  # "RI", version 1.0: the gateway is Python, there is no ima
 TICK_US = 1000
 _CENTRE = constants.ADC_LEVELS // 2
 _SLEEPLESS_US = 200_000  # after a longer pause the deadlines start anew
-_IMUS_S = 1.5e-3  # what both take; the potentiometers are read after them, but do not wait longer
+_IMUS_S = 20e-3  # both take 1 to 4 ms; held any longer, the potentiometers wait for them no more
+_HELD_US = 50_000  # a sample that takes longer is not late any more
 _CHANNELS = 6  # of the ADC: four potentiometers, two axes of the joystick
 _MOST_READS = 64  # of the port in one step, so that a flood cannot keep the servos waiting
 
@@ -39,15 +40,24 @@ class _Codes:
     read_us: int
 
 
-def serial_number(cpuinfo: Path = Path("/proc/cpuinfo")) -> int:
-    """Return the lower half of the number a Pi's chip was made with, u32; 0 where there is none."""
-    try:
-        text = cpuinfo.read_text(encoding="ascii", errors="replace")
-    except OSError:
-        return constants.SERIAL_NONE
-    found = re.search(r"^Serial\s*:\s*([0-9a-fA-F]{1,16})\s*$", text, re.MULTILINE)
-    number = int(found[1], 16) & constants.SERIAL_BLANK if found else constants.SERIAL_NONE
-    return constants.SERIAL_NONE if number == constants.SERIAL_BLANK else number
+_CHIP, _SYSTEM = Path("/proc/cpuinfo"), Path("/etc/machine-id")
+
+
+def serial_number(chip: Path = _CHIP, system: Path = _SYSTEM) -> int:
+    """Return which Pi this is, u32: its chip's number, else its system's; 0 where both are missing.
+
+    Of either the lower half of what it says.
+    """
+    for path, pattern in ((chip, r"^Serial\s*:\s*([0-9a-fA-F]{1,16})\s*$"), (system, r"^(\w+)$")):
+        try:
+            text = path.read_text(encoding="ascii", errors="replace")
+            found = re.search(pattern, text, re.MULTILINE)
+            number = int(found[1], 16) & constants.SERIAL_BLANK if found else 0
+        except (OSError, ValueError):
+            continue
+        if number not in (constants.SERIAL_NONE, constants.SERIAL_BLANK):
+            return number
+    return constants.SERIAL_NONE
 
 
 class Gateway:
@@ -81,6 +91,8 @@ class Gateway:
         self._start = clock()
         self._report_us = 0
         self._reading = False  # a report waits for its sensors
+        self._asked_us = 0  # since then
+        self._awaits_imus = True
         self._stepped_us = 0
         self._stopped = False
         self.pwm.set(self.device.pulse)
@@ -119,13 +131,17 @@ class Gateway:
         now = self.now_us()
         if now < self._report_us:
             return
+        if self._reading and now - self._asked_us < _HELD_US:
+            return  # late, as on a slow bus: it is reported when it is there, and reports are fewer
         period = 1000 * self.device.config.telemetry_period_ms
         self._report_us = max(self._report_us + period, now - period)
         self._reading = self._codes.ready
         if not self._reading:  # the ADC is held: report without it, what it gives then is too old
             self._report(now)
+        self._awaits_imus = self._motion.ready
         self._motion.ask()
         if self._reading:
+            self._asked_us = now
             self._codes.ask()
             self._hand_over()
 
@@ -168,7 +184,8 @@ class Gateway:
         return _Motion(tuple(counts), (read_us[0], read_us[1]), (fresh[0], fresh[1]))
 
     def _read_adc(self) -> _Codes:
-        self._motion.wait(_IMUS_S)
+        if self._awaits_imus:
+            self._motion.wait(_IMUS_S)
         now = self.now_us()
         if self.adc is None:
             return _Codes((None,) * _CHANNELS, now)

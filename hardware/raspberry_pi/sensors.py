@@ -148,10 +148,16 @@ class Sampler(Generic[T]):
         self._ready.set()
         self._thread: threading.Thread | None = None
         self._stopped = False
+        self._error: Exception | None = None
 
     @property
     def ready(self) -> bool:
-        """What was asked for last has been read into `latest`."""
+        """What was asked for last has been read into `latest`.
+
+        Raises whatever ended the thread.
+        """
+        if self._error is not None:
+            raise self._error
         return self._ready.is_set()
 
     def wait(self, seconds: float) -> None:
@@ -179,7 +185,11 @@ class Sampler(Generic[T]):
 
     def _serve(self) -> None:
         while self._asked.wait() and not self._stopped:
-            self._sample()
+            try:
+                self._sample()
+            except Exception as error:  # whoever drives the servos is to hear of it
+                self._error = error
+                return
 
     def _sample(self) -> None:
         self._asked.clear()

@@ -381,7 +381,7 @@ class Rig:
 
     def _sync(self, pong: Pong) -> None:
         self._pong_until = 0
-        start = self._unwrapped(pong.received_us)
+        start = self._unwrapped(pong.received_us, early=bool(self._early))
         if start is None:
             return
         out = start + ((pong.sent_us - pong.received_us) & 0xFFFF_FFFF)
@@ -389,22 +389,30 @@ class Rig:
         if self.phase is Phase.SYNCING and self.estimate.count >= SYNC_COUNT:
             self._move(Sign.SYNCED)
 
-    def _unwrapped(self, stamp: int) -> int | None:
+    def _unwrapped(self, stamp: int, *, early: bool = False) -> int | None:
         """Device stamp without its wraps [µs]; None where the device has started its clock anew.
 
         Its HELLO says so as well, but may be lost.
+
+        Parameters
+        ----------
+        early : it may have overtaken frames that still wait, as a PONG that `listen` takes
         """
         if self._device_us is None:
             self._device_us = stamp
             return stamp
         found = unwrap(self._device_us, stamp)
-        back = found < self._device_us - BACK_US
-        if back or (
-            self.phase is Phase.READY and self.estimate.host_ns(found) > self._clock() + AHEAD_NS
-        ):
-            self._lose(Sign.SILENT, "its clock jumped: it started again")
+        if found < self._device_us - BACK_US:
+            self._lose(Sign.SILENT, "its clock went back: it started again")
             return None
-        self._device_us = max(self._device_us, found)
+        ahead = self.phase is Phase.READY and (
+            self.estimate.host_ns(found) > self._clock() + AHEAD_NS
+        )
+        if ahead:
+            self._lose(Sign.SILENT, "its clock is ahead: it started again, or this computer slept")
+            return None
+        if not early:
+            self._device_us = max(self._device_us, found)
         return found
 
     def _telemetry(self, t: Telemetry) -> SensorFrame | None:

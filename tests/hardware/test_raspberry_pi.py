@@ -27,6 +27,7 @@ from hardware.raspberry_pi.__main__ import main
 from hardware.raspberry_pi.gateway import Gateway, serial_number
 from hardware.raspberry_pi.pwm import KernelPwm, PwmError, find_chip
 from hardware.raspberry_pi.sensors import BusError, Imu, Mcp3008, open_bus
+from tests.conftest import patient
 
 
 class _FakeBus:
@@ -368,6 +369,31 @@ def test_readings_of_a_running_gateway_are_as_old_as_they_say(sysfs):
     assert min(r.imu_age_us[0] for r in reports) < 2000
 
 
+@patient
+def test_slow_buses_make_reports_fewer_and_none_of_them_false(sysfs):
+    class SlowBus(_FakeBus):
+        def read_i2c_block_data(self, *arguments):
+            time.sleep(1.6e-3)  # 17 bytes at 100 kHz
+            return super().read_i2c_block_data(*arguments)
+
+    with _running(sysfs, SlowBus()) as (port, _):
+        _until(lambda: len(port.outbox) > 10_000)
+        reports = _reports(port)[2:]
+    assert {r.potentiometer for r in reports} == {(500, 510, 520, 530)}
+    assert all(r.flags & Flags.HOLDER_IMU for r in reports)
+
+
+def test_a_fault_of_a_sensors_thread_ends_the_gateway_and_not_the_thread_alone(sysfs):
+    class Broken(_FakeBus):
+        def read_i2c_block_data(self, *_):
+            raise RuntimeError("no such thing")
+
+    gateway = Gateway(KernelPwm(find_chip(sysfs)), Broken(), _Port())
+    with pytest.raises(RuntimeError, match="no such thing"):
+        gateway.run()
+    assert _value(sysfs, 0, "enable") == 0
+
+
 def test_closed_gateway_has_sent_the_servos_to_neutral_first(sysfs, monkeypatch):
     written = []
     real = type(sysfs).write_text
@@ -441,7 +467,11 @@ def test_missing_bus_or_library_is_one_line_and_exit_2(capsys):
     ],
 )
 def test_pi_tells_its_chips_number(tmp_path, text, number):
-    file = tmp_path / "cpuinfo"
+    file, system = tmp_path / "cpuinfo", tmp_path / "machine-id"
     if text is not None:
         file.write_text(text)
-    assert serial_number(file) == number
+    assert serial_number(file, system) == number
+    system.write_text("8d2c4e6f1a3b4c5d9e8f7a6b12345678\n")
+    assert serial_number(file, system) == (number or 0x12345678)
+    system.write_text("no number\n")
+    assert serial_number(file, system) == number

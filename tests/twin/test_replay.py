@@ -343,3 +343,20 @@ def test_a_flight_with_other_servos_is_flown_again_with_the_identified_model(tmp
     assert replay(asked).changed["set"] == ("gimbal_servo_gain=1.5 gimbal_backlash=0.02", "nothing")
     with pytest.raises(TwinError, match="gimbal_servo_slew: an identified model has no servos"):
         replay(replace(asked, set=("gimbal_servo_slew=5",)))
+
+
+def test_an_override_that_changed_nothing_and_is_refused_by_now_spoils_no_old_recording(
+    tmp_path, monkeypatch
+):
+    out = tmp_path / "fly.rrd"
+    fly(Fly(gimbal="transfer-function", duration_s=0.2, out=out))
+    old = read(out)
+    set_ = ["gimbal_servo_gain[0]=20", "wind_speed=0"]
+    settings = {**old.properties["configuration"], "set": set_}
+    changed = replace(old, properties={**old.properties, "configuration": settings})
+    monkeypatch.setattr("twin.replay.read", lambda path: changed if path == out else read(path))
+    found = replay(Replay(out))
+    assert found.identical, [d for d in found.differences if not d.equal]
+    settings["set"] = ["motor_length=1"]
+    with pytest.raises(TwinError, match=r"cannot be flown again as it was: .*motor_length"):
+        replay(Replay(out))

@@ -15,7 +15,7 @@ from twin.configuration.knowledge import (
     Report,
     View,
 )
-from twin.configuration.runs import Fly, Run, Step, as_properties, with_model
+from twin.configuration.runs import Fly, Run, Step, as_properties, heeded, with_model
 from twin.configuration.words import LARGEST_DT, TURNTABLE, Integrator, OnFault, Programme, Signal
 
 __all__ = [
@@ -40,5 +40,6 @@ __all__ = [
     "Step",
     "View",
     "as_properties",
+    "heeded",
     "with_model",
 ]

@@ -249,6 +249,13 @@ def with_model(config: R, gimbal: str, **changes: object) -> R:
     return replace(config, **{**rig, "gimbal": gimbal, **changes})  # type: ignore[arg-type]
 
 
+def heeded(config: Run) -> Run:
+    """A recorded run without overrides that changed nothing in it and are refused by now."""
+    if config.gimbal != TRANSFER_FUNCTION:
+        return config
+    return replace(config, **_without_servos(config, {}))  # type: ignore[arg-type]
+
+
 def _without_servos(config: Run, changes: dict[str, object]) -> dict[str, object]:
     """Overrides of a run but those of servos and rods; takes what it adds out of `changes`."""
     from twin import overrides  # not before a run: it imports MuJoCo

@@ -118,6 +118,7 @@ class DetachedRecorder(Sink):
         self._period, self._due = pose_period_ns, -(2**62)
         self._last_ns = 0
         self._open = True
+        self._failed: RecorderError | None = None
         nq = 0 if model is None else int(model.nq)
         try:
             shape = ring.make(capacity, max(width, nq))
@@ -155,6 +156,8 @@ class DetachedRecorder(Sink):
             raise
 
     def _answered(self) -> None:
+        if self._failed is not None:  # it has ended, and has said why
+            raise self._failed
         assert self._process.stdout is not None
         line = self._read(self._process.stdout)
         if not line:
@@ -164,7 +167,8 @@ class DetachedRecorder(Sink):
             )
         error = json.loads(line)["error"]
         if error:
-            raise RecorderError(error)
+            self._failed = RecorderError(error)
+            raise self._failed
 
     def _read(self, pipe: IO[bytes]) -> bytes:
         """One line; nothing if none comes for longer than the slowest disk takes."""

@@ -111,6 +111,8 @@ def main() -> None:
     except RecorderError as error:
         failed = str(error)
     _answer(failed)
+    if failed is not None:
+        os._exit(1)  # the listening thread waits in a read that an orderly end would wait for
 
 
 def _answer(error: str | None) -> None:

@@ -38,7 +38,8 @@ uint8_t resting;  // rounds to go without the bus
 
 // Place in the EEPROM; not at 0, which a brown-out spoils first.
 uint8_t* const SERIAL = reinterpret_cast<uint8_t*>(16);
-uint8_t serial_kept;  // bytes of it
+constexpr uint8_t SERIAL_BYTES = sizeof(uint32_t) + 1;  // its check is written last
+uint8_t serial_kept;                                    // bytes of it
 
 uint16_t applied[3];
 bool pulses_wait;  // for the next servo frame to start
@@ -98,13 +99,26 @@ void apply_pulses() {
   pulses_wait = false;
 }
 
+uint8_t serial_byte(uint32_t serial, uint8_t at) {
+  if (at < sizeof serial) return static_cast<uint8_t>(serial >> (8 * at));
+  uint8_t check = 0x5A;
+  for (uint8_t i = 0; i < sizeof serial; ++i) check ^= serial_byte(serial, i);
+  return check;
+}
+
 // A byte takes 3.4 ms to write, and nobody waits for it.
 void keep_serial() {
-  if (serial_kept == sizeof(uint32_t) || gimbal.serial() == wire::SERIAL_NONE) return;
+  if (serial_kept == SERIAL_BYTES || gimbal.serial() == wire::SERIAL_NONE) return;
   if (!eeprom_is_ready()) return;
-  const uint8_t byte = static_cast<uint8_t>(gimbal.serial() >> (8 * serial_kept));
-  eeprom_update_byte(SERIAL + serial_kept, byte);
+  eeprom_update_byte(SERIAL + serial_kept, serial_byte(gimbal.serial(), serial_kept));
   ++serial_kept;
+}
+
+// Half a number, where the power went while it was written, is none.
+uint32_t kept_serial() {
+  const uint32_t serial = eeprom_read_dword(reinterpret_cast<const uint32_t*>(SERIAL));
+  const uint8_t check = eeprom_read_byte(SERIAL + sizeof serial);
+  return check == serial_byte(serial, sizeof serial) ? serial : wire::SERIAL_BLANK;
 }
 
 void report() {
@@ -209,8 +223,7 @@ void begin() {
   begin_tick();
   SMCR = _BV(SE);  // idle: every peripheral wakes it
   sei();
-  const uint32_t serial = eeprom_read_dword(reinterpret_cast<const uint32_t*>(SERIAL));
-  gimbal.boot(reset_cause, serial);
+  gimbal.boot(reset_cause, kept_serial());
 }
 
 void poll() {

@@ -2,4 +2,4 @@
 #pragma once
 #include <stdint.h>
 
-static constexpr uint32_t BUILD_HASH = 0x47149a5c;
+static constexpr uint32_t BUILD_HASH = 0xfee71aa2;
