@@ -102,7 +102,8 @@ void apply_pulses() {
 uint8_t serial_byte(uint32_t serial, uint8_t at) {
   if (at < sizeof serial) return static_cast<uint8_t>(serial >> (8 * at));
   uint8_t check = 0x5A;
-  for (uint8_t i = 0; i < sizeof serial; ++i) check ^= serial_byte(serial, i);
+  for (uint8_t i = 0; i < sizeof serial; ++i)
+    check = static_cast<uint8_t>(check ^ serial_byte(serial, i));
   return check;
 }
 
