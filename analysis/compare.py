@@ -16,6 +16,7 @@ _LONGEST = 0.25  # s of delay searched
 _FEWEST = 16  # common samples
 _SEGMENTS = 6  # of the record, averaged for coherence
 _HOLE = 5.0  # periods without a reading: nothing is drawn straight across
+_COMMON = 0.98  # of the gaps between stamps; rarer ones are holes if they are long
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +212,8 @@ def _axis(
     delay = math.nan if still else _delay(t, y, s, x, longest)
     shifted = bridged(t, s, x, 0.0 if still else delay)
     inside = both & np.isfinite(shifted)
-    aligned = errors(y[inside], shifted[inside])
+    as_is = errors(y[both], there[both])
+    aligned = errors(y[inside], shifted[inside]) if inside.sum() >= _FEWEST else as_is
     t, y, there = t[both], y[both], there[both]
     edges = np.searchsorted(t, np.asarray(repeats, dtype=np.float64))
     parts = [p for p in np.split(np.arange(len(t)), edges) if len(p) > 2] if len(edges) else []
@@ -220,7 +222,7 @@ def _axis(
     return AxisComparison(
         axis,
         delay,
-        errors(y, there),
+        as_is,
         aligned,
         tuple(errors(y[p], there[p]) for p in parts),
         _spectrum(*_unbroken(t, y, there)),
@@ -250,8 +252,11 @@ def _in_hole(t: Array, s: Array, delay: float = 0.0, margin: float = 0.0) -> NDA
 
 
 def _period(t: Array) -> float:
-    """Mean, not median: stamps that come in bursts have no holes between them."""
-    return float(t[-1] - t[0]) / (len(t) - 1) if len(t) > 1 else 0.0
+    """Mean, or the gap between bursts of stamps where that is longer: such gaps are no holes."""
+    if len(t) < 2:
+        return 0.0
+    common = np.quantile(np.diff(t), _COMMON, method="lower")
+    return max(float(t[-1] - t[0]) / (len(t) - 1), float(common))
 
 
 def _unbroken(t: Array, *values: Array) -> tuple[Array, ...]:

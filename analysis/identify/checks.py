@@ -46,6 +46,13 @@ def check_records(records: Sequence[Record]) -> None:
         _check_units(records, axis, name)
 
 
+def _before(records: Sequence[Record], j: int) -> str:
+    """What helps where every record begins with its step."""
+    if any(len(r.input) and r.input[0, j] != 0.0 for r in records):
+        return "; if another command was in force before the first row, give it (--before 0)"
+    return ""
+
+
 def _check_commands(records: Sequence[Record]) -> None:
     for j, name in enumerate(records[0].inputs):
         count = sum(_felt_changes(r, j) for r in records)
@@ -59,7 +66,7 @@ def _check_commands(records: Sequence[Record]) -> None:
         if count == 0:
             raise IdentificationError(
                 f"command '{name}' never changes while the gimbal is sampled; "
-                "nothing can be learnt from a constant input"
+                f"nothing can be learnt from a constant input{_before(records, j)}"
             )
         if count < _FEWEST_CHANGES:
             raise IdentificationError(

@@ -14,7 +14,7 @@ from analysis.identify.fit import AxisFit, search
 from analysis.identify.layout import Layout
 from analysis.identify.model import AxisEvidence, ChannelFit, IdentifiedModel
 from analysis.identify.prediction import nrmse_fit
-from analysis.identify.problem import Problem, assemble
+from analysis.identify.problem import Part, Problem, assemble
 from analysis.identify.records import Record
 from analysis.identify.segments import step_of_row
 from analysis.identify.servo import ServoFit, search_servo
@@ -145,7 +145,7 @@ def _linear(
         row = channels.linear(fit, cov, first.outputs[i], first.inputs)
         checked = saturation(fit.problem, fit.problem.measured - fit.solution.residual)
         rows.append(row)
-        axes.append(_evidence(fit, first.outputs[i], checked, spread))
+        axes.append(_evidence(fit, first.outputs[i], checked, spread, i))
         if first.angle is not None or first.rate is not None:
             k = min(i, len(first.inputs) - 1)
             checks.check_gain(row[k].num[-1] / row[k].den[-1], first.inputs[k], first.outputs[i])
@@ -221,9 +221,16 @@ def _sampled(records: Sequence[Record]) -> list[str]:
     return [told]
 
 
+def _asked(part: Part, own: int) -> bool:
+    """Whether a record moved an axis: where it was to stand still, there is nothing to fit."""
+    command = part.input[:, own] if part.input.shape[1] > own else part.input
+    return part.free or bool(np.any(np.diff(command, axis=0)))
+
+
 def _evidence(
-    fit: AxisFit | ServoFit, name: str, checked: Saturation, spread: float
+    fit: AxisFit | ServoFit, name: str, checked: Saturation, spread: float, own: int = 0
 ) -> AxisEvidence:
+    """What speaks for a fit; `own` is the column of the axis' own command."""
     problem = fit.problem
     residual = fit.residual if isinstance(fit, ServoFit) else fit.solution.residual
     spikes = 0 if isinstance(fit, ServoFit) else int(fit.spikes.sum())
@@ -234,7 +241,9 @@ def _evidence(
             rows = counted & (problem.owner == index) & (problem.is_rate == is_rate)
             measured = problem.measured[rows]
             fits[int(is_rate)].append(
-                nrmse_fit(measured, measured - residual[rows]) if rows.any() else float("nan")
+                nrmse_fit(measured, measured - residual[rows])
+                if rows.any() and _asked(problem.parts[index], own)
+                else float("nan")
             )
     weighted = residual * problem.weight
     tests = [

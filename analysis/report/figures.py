@@ -172,7 +172,10 @@ def _loss(axis: AxisRecord, kind: Kind) -> tuple[Figure, ...]:
     stroke = float(np.abs(axis.command).max())
     if kind in ("steps", "staircase"):
         command, angle, _ = at_rest(axis)
-        reached = angle[np.abs(command) > 0.999 * stroke]
+        stroke = float(np.abs(command).max(initial=0.0))  # the largest that was held
+        reached = angle[np.abs(command) > 0.999 * stroke] if stroke > 0.0 else np.zeros(0)
+        if not len(reached):
+            return ()
     else:
         reached = np.array([np.abs(axis.angle).max()])
     return (over_repeats("cosine_loss", [cosine_loss(a).value for a in reached], "%", stroke),)

@@ -57,6 +57,12 @@
     });
   }
 
+  // Labels of 1, 2 and 5 say too little within a decade.
+  function decades(spec) {
+    const x = spec.lines.flatMap((l) => Array.from(l.x)).filter((v) => v > 0);
+    return x.length ? Math.log10(x.reduce((a, b) => Math.max(a, b)) / x.reduce((a, b) => Math.min(a, b))) : 0;
+  }
+
   function layout(spec, place, width) {
     const ink = colour("ink"), rule = colour("rule"), quiet = colour("quiet");
     const rows = 1 + Math.max(...spec.panels.map((p) => p.row));
@@ -84,7 +90,7 @@
         type: spec.x_log ? "log" : "linear", matches: i ? "x" : undefined,
         ...(spec.x_range ? { range: spec.x_range } : {}),
         title: below ? undefined : { text: plain(spec.x_label), standoff: 8, font: { size: 12.5 } },
-        ...(spec.x_log ? { dtick: "D2" } : {}),
+        ...(spec.x_log && decades(spec) > 1 ? { dtick: "D2" } : {}),
       };
       out["yaxis" + suffix(i)] = {
         ...line, anchor: "x" + suffix(i), domain: [top - h, top], type: p.y_log ? "log" : "linear",

@@ -34,6 +34,13 @@ def test_runs_that_were_asked_for_different_motions_are_told_apart_if_they_stand
     assert caveats([step, chirp], ["a", "b"], together=False) == ()
 
 
+def test_of_what_nobody_said_nothing_is_made():
+    step, table = recording(signal="steps", about=None), recording(command=None)
+    assert caveats([table, step], ["a", "b"]) == caveats([step, table], ["a", "b"]) == ()
+    mirrored, spelt = recording("mirror"), recording(signal="steps", about="level")
+    assert caveats([step, mirrored, spelt], ["a", "b", "c"]) == ()
+
+
 def test_what_a_strangers_file_says_is_one_short_line():
     for reasons in ({"a": 1}, [1, None], ["x\n" * 9999]):
         (told,) = caveats([recording(timing={"verdict": "invalid", "reasons": reasons})], ["a"])

@@ -103,6 +103,21 @@ def test_single_lost_readings_and_bursts_are_no_holes():
         assert compare(motion(wave(T)), other).axes[0].left_out == 0.0
 
 
+@pytest.mark.parametrize("count", [6, 10, 20])
+def test_stamps_of_arrival_in_long_bursts_have_no_holes_between_them(count):
+    """As a serial adapter hands them out: nothing for a while, then all at once."""
+    whole = np.arange(0.0, 20.0, 0.002)
+    arrived = np.repeat(whole[count - 1 :: count], count) + 1e-4 * np.tile(
+        np.arange(count), len(whole[count - 1 :: count])
+    )
+    other = Motion(arrived, wave(whole[: len(arrived)]), ("x",), "b")
+    found = compare(motion(wave(whole), whole), other).axes[0]
+    assert found.left_out == pytest.approx(0.0, abs=1e-3)
+    kept = (arrived < 5.0) | (arrived > 9.0)  # and a hole is one all the same
+    holed = Motion(arrived[kept], other.values[kept], ("x",), "b")
+    assert compare(motion(wave(whole), whole), holed).axes[0].left_out > 0.19
+
+
 def test_gain_and_phase_are_those_of_the_system_between():
     """0.5 dB and 4° where coherence is high: Welch's window smears over 0.35 Hz."""
     rng = np.random.default_rng(0)

@@ -253,6 +253,24 @@ def test_a_two_axis_model_predicts_a_record_of_one_axis():
         single.predict(r)
 
 
+def test_records_of_one_axis_each_make_a_model_of_both_without_a_word_about_the_resting_one():
+    records = []
+    for k in range(2):
+        rng = np.random.default_rng(k)
+        t, (at, u) = studies.stamps(rng, 10.0, 0.005), studies.random_steps(rng, 10.0, 0.4, 8.0, 2)
+        u[:, 1 - k] = 0.0
+        alone = [studies.COUPLED[0][0], studies.COUPLED[1][1]]
+        moved = [studies.moved([g], t, at, u[:, [j]]) for j, g in enumerate(alone)]
+        angle, rate = (np.stack(both, axis=1) for both in zip(*moved, strict=True))
+        angle, rate = studies.sensed(rng, angle, rate)
+        records.append(record(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate))
+    model = identify_gimbal(records, coupling="none")
+    assert not any("poor fit" in w for w in model.warnings), model.warnings
+    for k, axis in enumerate(model.axes):
+        assert axis.fit_angle[k] > 90.0
+        assert np.isnan(axis.fit_angle[1 - k])
+
+
 def test_a_residual_that_follows_the_command_is_told():
     """The true delay is 30 ms, and the model may have none."""
     r = studies.servo_record(np.random.default_rng(7), studies.Gimbal(60.0, 0.7, 0.03, 1.0))

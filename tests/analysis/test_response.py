@@ -196,6 +196,17 @@ def test_an_overshoot_within_the_noise_is_none_and_has_no_time():
     assert over.interval == (0.0, pytest.approx(0.6, abs=0.3))
 
 
+@pytest.mark.parametrize("noise", [0.03, 0.06])
+def test_times_to_a_band_that_noise_widened_have_no_interval_to_be_held_against(noise):
+    """An answer of 5 % and 2 % of another is not later for being noisier."""
+    figures = {f.name: f for f in repeated(well_damped, noise, 1)}
+    assert math.isnan(figures["dead_time up"].interval[0])
+    assert figures["dead_time up"].n == 10
+    exact = repeated(well_damped, 0.0, 1)
+    told = [a.name for a, _ in disagreements(tuple(figures.values()), exact)]
+    assert not {"settling_time up", "dead_time up"} & set(told)
+
+
 def test_the_corner_of_a_limited_speed_is_not_smoothed_into_an_overshoot():
     figures = repeated(lambda t: np.clip(5.0 * t, 0.0, 1.0), 0.003, 0)
     over = next(f for f in figures if f.name == "overshoot up")

@@ -38,7 +38,8 @@ def figures(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
     if any(marked):
         caption += f"≠: outside the interval of {runs[0].label}. "
     caption += (
-        "Times count from the command; settling to 2 %, rise from 10 to 90 %, dead to 5 %. A peak "
+        "Times count from the command; rise from 10 to 90 %, settling to 2 % and dead to "
+        "5 %, or to what noise leaves: then without an interval. A peak "
         "without an overshoot beyond the noise has no time. AP is the mean of the angles attained "
         "minus the command, RP the mean of their distances from it plus three deviations, vAP the "
         "distance between the means from either side (ISO 9283). Cosine loss is the axial thrust "
