@@ -192,7 +192,7 @@ def test_held_out_steps_choose_the_true_order():
     assert len(scores) == 3
 
 
-@pytest.mark.parametrize("spikes", [0, 6])
+@pytest.mark.parametrize("spikes", [0, pytest.param(6, marks=pytest.mark.slow)])
 def test_what_a_small_order_lacks_counts_against_it_however_long_the_rests(spikes):
     """Spikes are nobody's motion and count for no order. One pole is off by 6 times the noise here;
     3 tells it from the 1.3 of an error without its far readings.

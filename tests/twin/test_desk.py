@@ -197,7 +197,9 @@ class TestMirror:
         # live it was late by the wire and the tick, 4 ms at up to 200 °/s
         assert np.degrees(np.sqrt(np.mean((moved[0] - moved[1]) ** 2))) < 0.5
 
-    @pytest.mark.parametrize("tcp", [None, 0], ids=["pty", "tcp"])
+    @pytest.mark.parametrize(
+        "tcp", [pytest.param(None, id="pty"), pytest.param(0, id="tcp", marks=pytest.mark.slow)]
+    )
     def test_pulled_and_put_back_three_times_it_goes_on(self, tmp_path, monkeypatch, tcp):
         if tcp is None and os.name != "posix":
             pytest.skip("no pseudo-terminals here")

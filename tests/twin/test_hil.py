@@ -26,7 +26,9 @@ def test_flights_of_one_seed_are_equal_recordings_and_another_seed_is_not(tmp_pa
     assert compared(paths[0], paths[2]) != 0
 
 
-@pytest.fixture(scope="module", params=["hold", "step", "doublet"])
+@pytest.fixture(
+    scope="module", params=["hold", pytest.param("step", marks=pytest.mark.slow), "doublet"]
+)
 def pair(request, tmp_path_factory):
     """The same flight with the emulated rig and with the shipped identified model."""
     folder = tmp_path_factory.mktemp(request.param)

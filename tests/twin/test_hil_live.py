@@ -18,7 +18,12 @@ from twin import viewer
 TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
 PORTS = [
     pytest.param(
-        [], id="pty", marks=pytest.mark.skipif(os.name != "posix", reason="ptys are POSIX only")
+        [],
+        id="pty",
+        marks=[
+            pytest.mark.skipif(os.name != "posix", reason="ptys are POSIX only"),
+            pytest.mark.slow,
+        ],
     ),
     pytest.param(["--port", "0"], id="tcp"),
 ]

@@ -210,7 +210,7 @@ class TestStep:
         assert np.nanmax(age) < 6e-3
 
 
-@pytest.mark.parametrize("hz", [250.0, 100.0, 40.0])
+@pytest.mark.parametrize("hz", [250.0, pytest.param(100.0, marks=pytest.mark.slow), 40.0])
 def test_the_devices_clock_is_known_however_seldom_the_loop_looks(tmp_path, hz):
     """Stamps follow the device's own clock, and no reading is younger than its way here."""
     out = tmp_path / "a.rrd"
