@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.convergence import Distance, Trajectory, distance
-from analysis.recording import Recording
+from analysis.recording.reader import Recording
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]

@@ -30,7 +30,7 @@ def test_models_meshes_and_firmware_are_in_the_wheel(unpacked):
 
 
 def test_the_wheel_flies_without_the_checkout(unpacked, tmp_path):
-    program = "import twin, sys; print(twin.__file__); from twin.cli import main; main()"
+    program = "import twin, sys; print(twin.__file__); from twin.cli.main import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", program, "fly", "--duration-s", "0.1", "--json"],
         cwd=tmp_path,

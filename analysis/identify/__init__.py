@@ -12,7 +12,7 @@ from analysis.identify.model import (
 )
 from analysis.identify.order import OrderScore, select_order
 from analysis.identify.recordings import from_recording
-from analysis.identify.records import Record, merge_stamps, record
+from analysis.recording.record import Record, merge_stamps, record
 
 __all__ = [
     "AxisEvidence",

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.identify.errors import IdentificationError
 from analysis.identify.noise import resolution
-from analysis.identify.records import Record
+from analysis.recording.record import Record
 
 Array = NDArray[np.float64]
 

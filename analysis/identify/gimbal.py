@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from analysis.identify.channels import nothing
 from analysis.identify.identification import identify
 from analysis.identify.model import ChannelFit, IdentifiedModel
-from analysis.identify.records import Record
 from analysis.identify.servo_response import Structure
+from analysis.recording.record import Record
 
 Array = NDArray[np.float64]
 Coupling = Literal["auto", "none", "full"]

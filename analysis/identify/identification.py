@@ -15,11 +15,11 @@ from analysis.identify.layout import Layout
 from analysis.identify.model import AxisEvidence, ChannelFit, IdentifiedModel
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import Part, Problem, assemble
-from analysis.identify.records import Record
 from analysis.identify.segments import step_of_row
 from analysis.identify.servo import ServoFit, search_servo
 from analysis.identify.servo_response import Structure
 from analysis.identify.uncertainty import bootstrap, covariance, whole_jacobian
+from analysis.recording.record import Record
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from analysis.identify.diagnostics import Residuals, Saturation
 from analysis.identify.errors import IdentificationError
-from analysis.identify.records import Record
 from analysis.identify.servo_response import Structure
+from analysis.recording.record import Record
 from analysis.transfer_function import Channel, Servo, TransferFunctionModel
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from analysis.identify.fit import search
 from analysis.identify.identification import check_order, layout_of, longest_delay
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import Problem, assemble
-from analysis.identify.records import Record
 from analysis.identify.segments import Mask, step_folds
+from analysis.recording.record import Record
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from analysis.identify.basis import Denominator, denominator, over_single, param
 from analysis.identify.errors import IdentificationError
 from analysis.identify.modal import modal_response
 from analysis.identify.model import IdentifiedModel
-from analysis.identify.records import Record
 from analysis.identify.servo_response import servo_motion_of
+from analysis.recording.record import Record
 
 Array = NDArray[np.float64]
 

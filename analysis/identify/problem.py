@@ -16,13 +16,13 @@ from analysis.identify.basis import Denominator, denominator
 from analysis.identify.layout import Layout
 from analysis.identify.modal import impulse_response, modal_response
 from analysis.identify.ramps import Bounds, ramps
-from analysis.identify.records import Record
 from analysis.identify.weights import (
     channel_weights,
     free_gradient,
     free_weights,
     gradient_weights,
 )
+from analysis.recording.record import Record
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from analysis.identify.errors import IdentificationError
 
 if TYPE_CHECKING:  # reading recordings brings Rerun with it
-    from analysis.recording import Recording
+    from analysis.recording.reader import Recording
 
 Array = NDArray[np.float64]
 

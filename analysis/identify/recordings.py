@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from analysis.identify.errors import IdentificationError
 from analysis.identify.pulses import asked, pulse_frames
-from analysis.identify.records import Initial, Record, merge_stamps, record
+from analysis.recording.record import Initial, Record, merge_stamps, record
 
 if TYPE_CHECKING:  # reading recordings brings Rerun with it
-    from analysis.recording import Recording, TimeSeries
+    from analysis.recording.reader import Recording, TimeSeries
 
 Array = NDArray[np.float64]
 # s; how much earlier than its stamp a pulse may have been in force: half a reading, and what a

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from analysis.identify.basis import denominator, over_single
 from analysis.identify.problem import Part, held_states
 from analysis.identify.ramps import Bounds
-from analysis.identify.records import Record
 from analysis.identify.servo_motion import play, speed_servo
+from analysis.recording.record import Record
 
 if TYPE_CHECKING:
     from analysis.identify.model import ChannelFit, ServoBounds

@@ -1,10 +1,10 @@
 """One self-contained HTML page per result: sections of plain parts, rendered in one place."""
 
+from analysis.recording.run import ReportError, recording_of
 from analysis.report.build import report
 from analysis.report.numbers import ReportNumbers
 from analysis.report.page import render
 from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table
-from analysis.report.run import ReportError, recording_of
 
 __all__ = [
     "Cell",

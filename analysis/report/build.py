@@ -7,10 +7,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from analysis.recording import Recording, TimeSeries
+from analysis.recording.reader import Recording, TimeSeries
+from analysis.recording.run import ReportError, Run, aligned, run_of, runs_of
 from analysis.report.numbers import ReportNumbers, numbers_of
 from analysis.report.page import render
-from analysis.report.run import ReportError, Run, aligned, run_of, runs_of
 from analysis.report.sections import SECTIONS
 from analysis.transfer_function import TransferFunctionModel
 

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.report.run import AxisRecord, Run, in_flight
+from analysis.recording.run import AxisRecord, Run, in_flight
 from analysis.report.spectrum import frequency_response, measured_figures
 from analysis.response import (
     Figure,

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.caveats import caveats
-from analysis.compare import AxisComparison, Comparison, Motion, compare
+from analysis.comparison.compare import AxisComparison, Comparison, Motion, compare
+from analysis.recording.caveats import caveats
+from analysis.recording.run import AxisRecord, Run
 from analysis.report.figures import AxisFigures, report_figures
-from analysis.report.run import AxisRecord, Run
 from analysis.report.spectrum import FrequencyResponse, frequency_response
 from analysis.response import disagreements
 from analysis.schema import AnalysisError

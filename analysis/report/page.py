@@ -9,8 +9,8 @@ from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 
+from analysis.recording.run import ReportError
 from analysis.report.parts import Cell, Plot, Section, Table
-from analysis.report.run import ReportError
 
 HERE = Path(__file__).parent
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.report.run import AxisRecord, ReportError
+from analysis.recording.run import AxisRecord, ReportError
 from analysis.response import Figure
 
 Array = NDArray[np.float64]

@@ -7,14 +7,14 @@
 True
 """
 
+from hardware.device.device import Device, Sample
+from hardware.device.server import Server, ServerError, serve
 from hardware.emulator.bench import Bench, RigParameters, quiet, reference_rig, sample_rig
 from hardware.emulator.cable import UnpluggedError
-from hardware.emulator.device import Device, Sample
 from hardware.emulator.emulator import Emulator, identity
 from hardware.emulator.injection import FaultNameError, Injection, parse, valid_names
 from hardware.emulator.nano import FirmwareRig
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters
-from hardware.emulator.server import Server, ServerError, serve
 from hardware.emulator.servo import Servo, ServoParameters
 
 __all__ = [

@@ -4,9 +4,9 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 
+from hardware.device.device import BYTE_US, Device, Sample
 from hardware.emulator.bench import Bench, RigParameters, reference_rig
 from hardware.emulator.cable import Cable
-from hardware.emulator.device import BYTE_US, Device, Sample
 from hardware.emulator.injection import Injection
 from hardware.emulator.plant import Plant
 from hardware.frames import Pair, Triple

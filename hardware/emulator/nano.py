@@ -26,7 +26,7 @@ class FirmwareRig:
 
     Raises
     ------
-    hardware.avr.SimulatedNanoError : the AVR tools are missing
+    hardware.simavr.nano.SimulatedNanoError : the AVR tools are missing
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class FirmwareRig:
         seed: int = 0,
         elf: Path | None = None,
     ) -> None:
-        from hardware.avr import BASE, HOLDER, SimulatedNano
+        from hardware.simavr.nano import BASE, HOLDER, SimulatedNano
 
         self._sensors = (HOLDER, BASE)
         self.parameters = parameters or reference_rig()

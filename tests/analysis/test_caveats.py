@@ -1,7 +1,7 @@
 """What is said of recordings that should not be believed as they are."""
 
-from analysis.caveats import LONGEST, caveats
-from analysis.recording import Event, Recording
+from analysis.recording.caveats import LONGEST, caveats
+from analysis.recording.reader import Event, Recording
 
 
 def recording(command="step", timing=None, events=(), **settings):

@@ -7,7 +7,7 @@ import control
 import numpy as np
 import pytest
 
-from analysis.compare import Motion, bridged, compare, errors
+from analysis.comparison.compare import Motion, bridged, compare, errors
 from analysis.schema import AnalysisError
 
 T = np.arange(0.0, 20.0, 0.005)

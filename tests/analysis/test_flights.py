@@ -6,14 +6,14 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from analysis.flights import (
+from analysis.comparison.flights import (
     attitude_step,
     flight_path,
     holds_flight,
     path_difference,
     spread,
 )
-from analysis.recording import Recording, TimeSeries
+from analysis.recording.reader import Recording, TimeSeries
 from analysis.schema import AnalysisError
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.identify import IdentificationError, from_recording, identify_gimbal
 from analysis.identify.pulses import asked, pulse_frames
-from analysis.recording import Recording, TimeSeries
+from analysis.recording.reader import Recording, TimeSeries
 
 FRAME, OMEGA, ZETA, DELAY = 0.02, 60.0, 0.6, 0.004
 

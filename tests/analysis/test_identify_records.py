@@ -200,7 +200,7 @@ def test_two_step_sizes_may_hide_a_saturation_and_the_reader_is_told():
 
 
 def test_a_recording_of_the_twin_becomes_a_record():
-    from analysis.recording import Recording, TimeSeries
+    from analysis.recording.reader import Recording, TimeSeries
 
     two = np.stack([STEPS, 0.5 * STEPS], axis=1)
     gyro = np.full((400, 3), 0.1)

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.linkage import DELAY, Knob, LinkageError, Moves, fit_linkage
+from analysis.linkage.fit import DELAY, Knob, LinkageError, Moves, fit_linkage
 from analysis.transfer_function import TransferFunctionModel
 
 # 1e-3 kg m² per axis, driven by a spring to the command and damped: a second-order system

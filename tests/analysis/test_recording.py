@@ -13,8 +13,10 @@ import rerun as rr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis import recording, rrd, schema
-from analysis.recording import RecordingError, TimeSeries
+from analysis import schema
+from analysis.recording import reader as recording
+from analysis.recording import rrd
+from analysis.recording.reader import RecordingError, TimeSeries
 from tests.twin import runs
 from twin import viewer
 from twin.recorder import Recorder
@@ -217,7 +219,7 @@ NAMES = ["time", "Scalars:scalars"]
 
 def assembled(path, *chunks):
     """A file of chunks (entity, names, arrays) put together byte by byte, for what Rerun refuses
-    to write: frames of kind, length, protobuf message as in `analysis.rrd`."""
+    to write: frames of kind, length, protobuf message as in `analysis.recording.rrd`."""
 
     def member(number, value):
         return varint(number << 3 | 2) + varint(len(value)) + value

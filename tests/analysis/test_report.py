@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from analysis.identify import Record
-from analysis.recording import Event, Recording, TimeSeries
+from analysis.recording.reader import Event, Recording, TimeSeries
+from analysis.recording.run import recording_of, run_of, runs_of
 from analysis.report import Line, Panel, Plot, ReportError, Section, Table, render, report
 from analysis.report.figures import axis_figures, kind_of
 from analysis.report.parts import thinned
-from analysis.report.run import recording_of, run_of, runs_of
 from analysis.report.spectrum import frequency_response
 from analysis.report.words import number, value_text
 from analysis.response import Figure

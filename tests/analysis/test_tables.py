@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from analysis.identify import IdentificationError
+from analysis.recording.tables import read, to_record
 from analysis.schema import AnalysisError
-from analysis.tables import read, to_record
 
 GOOD = "t,u,pot,gyro\n0.00,0,0.1,\n0.01,5,0.2,1.5\n0.02,5,,1.0\n0.03,0,0.4,0.5\n"
 

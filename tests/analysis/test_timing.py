@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.convergence import Trajectory
-from analysis.recording import Recording, TimeSeries
+from analysis.recording.reader import Recording, TimeSeries
 from analysis.schema import AnalysisError
 from analysis.timing import assess, loop_delay, percentiles
 

@@ -8,13 +8,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from hardware.avr import missing
+from hardware.simavr.nano import missing
 from tests.benchmarks.line import echo, served
 from tests.benchmarks.timing import row
-from twin import native
-from twin.rigs import RigOptions, device
+from twin.hil import RigOptions, device
+from twin.physics import native
 
-TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
+TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
 SECONDS = 12.0
 SIMULATED_US = 4_000_000
 

@@ -13,10 +13,10 @@ import select
 import sys
 import time
 
+from hardware.device.server import PtyPort, TcpPort
 from hardware.emulator import Device, Sample
-from hardware.emulator.server import PtyPort, TcpPort
 from hardware.protocol import Board
-from twin import realtime
+from twin.loop import realtime
 
 PERIOD_S = 0.002
 

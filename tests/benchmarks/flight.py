@@ -9,16 +9,16 @@ import mujoco
 import numpy as np
 
 from tests.benchmarks.timing import paired, ratio, row
-from twin import native
-from twin.assembly import DRAIN_LOCKSTEP_NS
-from twin.clock import Lockstep
 from twin.control import AttitudeController, Hold, control_config, launch_direction
-from twin.loop import Seats, run
-from twin.model import ModelConfig, load
-from twin.plant import Plant
+from twin.experiments.session import DRAIN_LOCKSTEP_NS
+from twin.loop.clock import Lockstep
+from twin.loop.loop import Seats, run
+from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.physics import native
+from twin.plant.model import ModelConfig, load
+from twin.plant.plant import Plant
 from twin.recorder import Recorder
-from twin.rows import Rows
-from twin.seats import Pilot, SimulatedGimbal
+from twin.recorder.rows import Rows
 
 STEPS_PER_TICK = 4  # 250 Hz at 1 ms
 SEGMENT_NS = 100_000_000

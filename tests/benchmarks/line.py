@@ -12,7 +12,7 @@ import serial
 
 from hardware.emulator import Device
 from hardware.protocol import Board, Encoder, Ping
-from twin import realtime
+from twin.loop import realtime
 
 FRAME = 64  # bytes, about a telemetry frame
 SECONDS = 12.0

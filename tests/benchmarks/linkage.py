@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.configuration import Identify, Step
-from twin.experiments import step
-from twin.knowledge.physics import identify_linkage
+from twin.config import Identify, Step
+from twin.evaluation.linkage import identify_linkage
+from twin.experiments.fly import step
 
 FRICTION = 0.006  # N·m, mjcf/mechanism.xml
 START = ("gimbal_servo_x.frictionloss=0.0045", "gimbal_servo_y.frictionloss=0.0045")

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from twin import native
-from twin.assembly import DRAIN_LOCKSTEP_NS
-from twin.clock import Lockstep
-from twin.loop import Seats, run
-from twin.model import ModelConfig, load
-from twin.plant import Plant
+from twin.experiments.session import DRAIN_LOCKSTEP_NS
+from twin.loop.clock import Lockstep
+from twin.loop.loop import Seats, run
+from twin.loop.seats import Sequence, SimulatedGimbal
+from twin.physics import native
+from twin.plant.model import ModelConfig, load
+from twin.plant.plant import Plant
 from twin.recorder import Recorder
-from twin.rows import Rows
-from twin.seats import Sequence, SimulatedGimbal
+from twin.recorder.rows import Rows
 
 MINUTE_NS = 60_000_000_000
 

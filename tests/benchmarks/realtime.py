@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import read
+from analysis.recording.reader import read
 from tests.benchmarks.line import answering, echo, peer, served
 from tests.benchmarks.timing import row
 
 SECONDS = int(os.environ.get("TWIN_BENCH_SECONDS", "60"))
 PERIOD_US = 4000
-TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
+TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
 RUN = [
     *TWIN, "step", "--clock", "wall", "--control-hz", "250", "--signal", "chirp", "--axis", "x",
     "--hold-s", "0.2", "--repeats", "1", "--json",

@@ -6,15 +6,15 @@ import mujoco
 import numpy as np
 
 from hardware.frames import GimbalCommand
-from twin import aerodynamics as air
-from twin import native
-from twin.aerodynamics.stability import Stability
 from twin.control import AttitudeController, Hold, control_config, fixed_point, launch_of
 from twin.control.attitude import interpolate
 from twin.control.authority import thrust_curve
-from twin.model import ModelConfig, load
-from twin.plant import Plant
-from twin.seats import Pilot, SimulatedGimbal
+from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.physics import aerodynamics as air
+from twin.physics import native
+from twin.physics.aerodynamics.stability import Stability
+from twin.plant.model import ModelConfig, load
+from twin.plant.plant import Plant
 
 PERIOD, STEPS = 0.004, 4
 EVERY = 25  # ticks between the instants looked at

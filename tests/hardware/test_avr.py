@@ -7,8 +7,6 @@ from itertools import pairwise
 
 import pytest
 
-from hardware import avr
-from hardware.avr import BASE, HOLDER, Pulse, SimulatedNano, SimulatedNanoError
 from hardware.firmware import FirmwareError, build_elf, build_hash, size
 from hardware.firmware.build import FLAGS, FLASH_SIZE, FOLDER, RAM_SIZE, SKETCH, sources
 from hardware.protocol import (
@@ -33,6 +31,8 @@ from hardware.protocol import (
     encode,
     hello,
 )
+from hardware.simavr import nano as avr
+from hardware.simavr.nano import BASE, HOLDER, Pulse, SimulatedNano, SimulatedNanoError
 
 if absent := avr.missing():
     assert not os.environ.get("CI"), f"missing in CI: {absent}"

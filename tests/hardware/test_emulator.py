@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hardware.device.server import PtyPort, TcpPort
 from hardware.emulator import (
     Emulator,
     FaultNameError,
@@ -31,7 +32,6 @@ from hardware.emulator import (
 )
 from hardware.emulator.bench import OPEN_WIRE_TIME
 from hardware.emulator.sensors import GYRO_NOISE, TRAVEL, ImuPair, Mpu6050, Potentiometer
-from hardware.emulator.server import PtyPort, TcpPort
 from hardware.protocol import (
     Arm,
     Command,
@@ -484,7 +484,7 @@ def _serving(port):
 
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
 def test_served_rig_answers_over_a_real_port(kind):
-    from hardware.link import Link
+    from hardware.link.link import Link
 
     port = PtyPort() if kind == "pty" else TcpPort()
     server, thread = _serving(port)

@@ -119,8 +119,8 @@ def test_gyro_that_is_no_longer_read_is_not_used_and_is_named():
 
 
 def _both_rigs():
-    from hardware import avr
     from hardware.emulator import FirmwareRig
+    from hardware.simavr import nano as avr
 
     return (Emulator,) if avr.missing() else (Emulator, FirmwareRig)
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import serial
 
-from hardware import link as link_module
 from hardware.frames import HardwareError
-from hardware.link import RETRY_NS, Link, LinkError
+from hardware.link import link as link_module
+from hardware.link.link import RETRY_NS, Link, LinkError
 from hardware.protocol import (
     Arm,
     Command,

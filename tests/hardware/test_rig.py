@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from hardware.calibration import nominal
+from hardware.device.server import PtyPort
 from hardware.emulator import Emulator, Server, parse, sample_rig
-from hardware.emulator.server import PtyPort
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import GimbalCommand
 from hardware.protocol import (
@@ -240,8 +240,8 @@ def test_calibration_of_another_rig_is_refused():
 
 
 def test_two_boards_with_one_firmware_are_two_rigs():
-    from hardware import avr
     from hardware.emulator import FirmwareRig
+    from hardware.simavr import nano as avr
 
     if missing := avr.missing():
         assert not os.environ.get("CI"), f"missing in CI: {missing}"
@@ -423,7 +423,7 @@ def test_counts_become_si_units_by_the_scales_of_hello():
 
 
 def test_rig_over_a_real_pty_survives_a_pull():
-    from hardware.link import Link
+    from hardware.link.link import Link
 
     device = Emulator(injections=(parse("link:unplug:0.4@1.0"),))
     server = Server(device, PtyPort())
@@ -449,8 +449,8 @@ def test_rig_over_a_real_pty_survives_a_pull():
 
 
 def test_firmware_and_emulator_run_one_experiment_alike():
-    from hardware import avr
     from hardware.emulator import FirmwareRig
+    from hardware.simavr import nano as avr
 
     if missing := avr.missing():
         pytest.skip(f"AVR tools are not installed: {missing}")

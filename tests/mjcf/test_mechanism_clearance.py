@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin.mechanism import Kinematics
+from twin.physics.mechanism import Kinematics
 
 MECHANISM = Path(__file__).resolve().parents[2] / "mjcf" / "mechanism.xml"
 MILLIMETRE = 1000.0

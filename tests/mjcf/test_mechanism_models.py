@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin.mechanism import Kinematics, apply_servo, insert_backlash
+from twin.physics.mechanism import Kinematics, apply_servo, insert_backlash
 
 MJCF = Path(__file__).resolve().parents[2] / "mjcf"
 SHIPPED = sorted(MJCF.glob("*.xml")) + sorted(MJCF.glob("examples/*.xml"))

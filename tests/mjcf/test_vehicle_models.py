@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import native
-from twin.aerodynamics.fins import Fins
-from twin.aerodynamics.silhouette import strip_table
-from twin.motor import Depletion
+from twin.physics import native
+from twin.physics.aerodynamics.fins import Fins
+from twin.physics.aerodynamics.silhouette import strip_table
+from twin.physics.motor import Depletion
 
 MJCF = Path(__file__).resolve().parents[2] / "mjcf"
 VEHICLES = ["vehicle.xml", "flight.xml", "examples/large_rocket.xml"]

@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 
 from analysis.transfer_function import Channel, Servo, TransferFunctionModel
 from tests.conftest import ROOT
-from twin import native
 from twin.errors import TwinError
-from twin.integrators import make
-from twin.native.actuator import attach, phases
+from twin.physics import native
+from twin.physics.native.actuator import attach, phases
+from twin.plant.integrators import make
 
 DT = 1e-3
 REFERENCE = TransferFunctionModel.read(ROOT / "mjcf" / "gimbal.json")

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 
 from tests.twin.outlines import LARGE, REFERENCE, Outline
-from twin import aerodynamics as air
-from twin.aerodynamics.comparison import Comparison
-from twin.aerodynamics.fins import Fins
-from twin.aerodynamics.revolve import refined
-from twin.aerodynamics.silhouette import silhouette, strip_table, strips
+from twin.physics import aerodynamics as air
+from twin.physics.aerodynamics.comparison import Comparison
+from twin.physics.aerodynamics.fins import Fins
+from twin.physics.aerodynamics.revolve import refined
+from twin.physics.aerodynamics.silhouette import silhouette, strip_table, strips
 
 Array = NDArray[np.float64]
 
@@ -305,7 +305,7 @@ def test_barrowman_coefficients_of_a_worked_fin_set() -> None:
 
 def test_documented_tables_are_those_the_code_gives() -> None:
     """Errors of the area-moment form, and the numerics a vehicle carries."""
-    from twin.native.names import table
+    from twin.physics.native.names import table
 
     page = (ROOT / "docs" / "aerodynamics.md").read_text()
     comparison = Comparison(mujoco.MjModel.from_xml_path(str(ROOT / "mjcf" / "vehicle.xml")))

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.recording import read
-from twin.cli import main
+from analysis.recording.reader import read
+from twin.cli.main import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "mjcf" / "examples"
 
@@ -146,7 +146,7 @@ def test_an_interrupted_run_says_where_it_is_kept(capsys, here, monkeypatch, clo
         if time_ns >= 200_000_000:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("twin.flight.Flight.watch", pressed)
+    monkeypatch.setattr("twin.experiments.flight.Flight.watch", pressed)
     code, _, err = run(capsys, "fly", "--clock", clock, "--out", "f.rrd")
     assert (code, err) == (130, "twin: interrupted; f.rrd holds the run up to there\n")
     assert read("f.rrd")["vehicle/position"].time[-1] == pytest.approx(0.2, abs=0.005)
@@ -173,7 +173,7 @@ def test_json_is_one_object_with_the_documented_numbers_and_nothing_else(capsys,
 
 
 def test_a_run_that_diverges_ends_with_1_and_keeps_its_recording_up_to_there(capsys, here):
-    from analysis import recording
+    from analysis.recording import reader as recording
 
     code, _, err = run(capsys, "fly", "--set", "gimbal_holder.mass=1e9", "--out", "bad.rrd")
     assert code == 1

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.conftest import patient
-from twin import realtime
-from twin.clock import LOOK_NS, Ledger, Lockstep, Wall
+from twin.loop import realtime
+from twin.loop.clock import LOOK_NS, Ledger, Lockstep, Wall
 
 MS = 1_000_000
 

@@ -14,7 +14,7 @@ from math import radians
 import numpy as np
 import pytest
 
-from analysis.recording import read
+from analysis.recording.reader import read
 from hardware.calibration import CalibrationError, CalibrationRig
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse, serve
@@ -22,17 +22,20 @@ from hardware.emulator.cable import Cable
 from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import PROTOCOL, Board, Encoder, default_config, hello
 from tests.twin.test_cli import run as command
-from twin import loop, native
-from twin.configuration import Calibrate, Mirror, Step
-from twin.desk import calibrate, calibrating, mirror
-from twin.experiments import step
-from twin.model import ModelConfig, load
-from twin.plant import Plant
-from twin.readings import Readings
-from twin.rigs import RigOptions, device, open_rig
-from twin.rigs.steer import Keys, Stick
+from twin.config import Calibrate, Mirror, Step
+from twin.experiments import calibrate as calibrating
+from twin.experiments.calibrate import calibrate
+from twin.experiments.fly import step
+from twin.experiments.mirror import mirror
+from twin.hil import RigOptions, device, open_rig
+from twin.hil.teleop import Keys, Stick
+from twin.loop import loop
+from twin.loop.readings import Readings
+from twin.physics import native
+from twin.plant.model import ModelConfig, load
+from twin.plant.plant import Plant
 
-TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
+TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
 UNIT = 3
 
 
@@ -70,7 +73,7 @@ def pulled_thrice(simulated, monkeypatch):
 
         return loop.run(seats, stop=watched, **more)
 
-    monkeypatch.setattr("twin.desk.mirroring.run", told)
+    monkeypatch.setattr("twin.experiments.mirror.run", told)
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.configuration import Signal
+from twin.config import Signal
 from twin.errors import TwinError
-from twin.excitation import Excitation
+from twin.experiments.excitation import Excitation
 
 TICK = 0.002
 SIGNALS = get_args(Signal)

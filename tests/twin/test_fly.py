@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import recording
+from analysis.recording import reader as recording
 from analysis.transfer_function import TransferFunctionModel
-from twin.compose import MJCF
-from twin.configuration import Fly, Step
+from twin.config import Fly, Step
 from twin.errors import TwinError
-from twin.experiments import fly, step
-from twin.model import REFERENCE_GIMBAL
+from twin.experiments.fly import fly, step
+from twin.plant.compose import MJCF
+from twin.plant.model import REFERENCE_GIMBAL
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
 CONE = [(0, 0), (15, 0), (-15, 0), (30, 0), (-30, 0), (0, 15), (0, -15), (0, 30), (0, -30)]

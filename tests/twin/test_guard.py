@@ -5,12 +5,12 @@ from math import radians
 import numpy as np
 import pytest
 
-from analysis.recording import read
+from analysis.recording.reader import read
 from hardware.frames import GimbalState
 from tests.hardware.test_base import STILL
 from tests.twin.test_cli import run as command
-from twin.guard import Guard
-from twin.readings import Readings
+from twin.hil.failsafe import Guard
+from twin.loop.readings import Readings
 
 WELL = GimbalState(0, (0.0, 0.0))
 ILL = GimbalState(0, (0.0, 0.0), healthy=False)

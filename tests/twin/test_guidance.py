@@ -10,7 +10,6 @@ import pytest
 from analysis.transfer_function import TransferFunctionModel
 from hardware.frames import GimbalCommand
 from tests.conftest import ROOT
-from twin import native
 from twin.control import (
     AttitudeController,
     ControlConfig,
@@ -23,10 +22,11 @@ from twin.control import (
     off_axis,
 )
 from twin.errors import TwinError
-from twin.model import ModelConfig, load
-from twin.motor import Depletion
-from twin.plant import Plant
-from twin.seats import Pilot, SimulatedGimbal
+from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.physics import native
+from twin.physics.motor import Depletion
+from twin.plant.model import ModelConfig, load
+from twin.plant.plant import Plant
 
 PERIOD = 0.004  # s, 250 Hz
 STEPS = 4

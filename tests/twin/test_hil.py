@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from analysis.flights import flight_path, path_difference
-from analysis.recording import read
-from hardware.avr import missing
+from analysis.comparison.flights import flight_path, path_difference
+from analysis.recording.reader import read
+from hardware.simavr.nano import missing
 from tests.twin.test_cli import run as command
 from tests.twin.test_fly import compared
-from twin.configuration import Fly
-from twin.experiments import fly
+from twin.config import Fly
+from twin.experiments.fly import fly
 
 needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
 RIGS = ["emulator", pytest.param("firmware", marks=needs_avr)]

@@ -11,11 +11,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from analysis import recording
+from analysis.recording import reader as recording
 from tests.conftest import ROOT
 from twin import viewer
 
-TWIN = [sys.executable, "-c", "from twin.cli import main; main()"]
+TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
 PORTS = [
     pytest.param(
         [],
@@ -29,7 +29,7 @@ PORTS = [
 ]
 STOPWATCH = """
 from twin import loop
-from twin.cli import main
+from twin.cli.main import main
 def told(run):
     def wrapped(*args, each_tick=(), **kwargs):
         def tell(time_ns):

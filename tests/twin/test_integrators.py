@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from twin import native
-from twin.configuration import Converge
+from twin.config import Converge
 from twin.errors import TwinError
-from twin.integrators import NAMES, AdamsBashforth, coefficients, make
-from twin.plant import Plant
-from twin.study import flights
+from twin.experiments.convergence import flights
+from twin.physics import native
+from twin.plant.integrators import NAMES, AdamsBashforth, coefficients, make
+from twin.plant.plant import Plant
 
 # Coefficients as printed in E. Hairer et al., Solving Ordinary Differential Equations I, §III.1
 PRINTED = {

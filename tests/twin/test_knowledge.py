@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis import recording
+from analysis.recording import reader as recording
 from analysis.transfer_function import TransferFunctionModel
-from hardware.avr import missing
+from hardware.simavr.nano import missing
 from tests.twin.test_cli import run
-from twin.knowledge import comparison
-from twin.model import REFERENCE_GIMBAL
+from twin.evaluation import compare as comparison
+from twin.plant.model import REFERENCE_GIMBAL
 
 needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
 
@@ -20,8 +20,8 @@ needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(miss
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """Recordings of the shipped model (steps, multisine) and of the linkage."""
-    from twin.configuration import Step
-    from twin.experiments import step
+    from twin.config import Step
+    from twin.experiments.fly import step
 
     folder = tmp_path_factory.mktemp("made")
     short = {"repeats": 1, "hold_s": 0.5}
@@ -241,8 +241,8 @@ def test_a_model_from_pulses_predicts_another_multisine_of_a_linear_rig(capsys, 
     """97 % is the issue's figure; from commands even a perfectly linear gimbal gives 96.8 %, since
     a mean wait for the pulse frame is not the wait of each command.
     """
-    from twin.configuration import Step
-    from twin.experiments import step
+    from twin.config import Step
+    from twin.experiments.fly import step
 
     for name, seed in (("fitted", 0), ("other", 7)):
         step(
@@ -343,8 +343,8 @@ def test_a_comparison_reports_the_delay_between_two_motions_and_checks_the_fit(
     capsys, made, tmp_path
 ):
     """One model with 7 ms more delay; 0.2 ms: rows come every 2 ms and are interpolated."""
-    from twin.configuration import Step
-    from twin.experiments import step
+    from twin.config import Step
+    from twin.experiments.fly import step
 
     shipped = TransferFunctionModel.read(REFERENCE_GIMBAL)
     late = replace(

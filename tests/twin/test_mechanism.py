@@ -11,15 +11,15 @@ from mujoco.introspect import structs
 from numba import cfunc, types
 from numpy.testing import assert_allclose
 
-from twin.mechanism import (
+from twin.physics.mechanism import (
     Kinematics,
     MechanismError,
     apply_servo,
     insert_backlash,
     mobility,
 )
-from twin.native.layout import address
-from twin.native.servo import dead_bands
+from twin.physics.native.layout import address
+from twin.physics.native.servo import dead_bands
 
 MJCF = Path(__file__).resolve().parents[2] / "mjcf"
 FILES = {

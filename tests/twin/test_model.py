@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import overrides
-from twin.compose import MJCF
 from twin.errors import TwinError
-from twin.model import ModelConfig, load
+from twin.plant import overrides
+from twin.plant.compose import MJCF
+from twin.plant.model import ModelConfig, load
 
 DIRECT = MJCF / "examples" / "direct_drive.xml"
 TETRAHEDRON = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from twin.errors import TwinError
-from twin.motor import Depletion, Motor, MotorError, apply_motor, parse, read
-from twin.motor.grain import Grain
+from twin.physics.motor import Depletion, Motor, MotorError, apply_motor, parse, read
+from twin.physics.motor.grain import Grain
 
 MJCF = Path(__file__).resolve().parents[2] / "mjcf"
 HEADER = "X1 29 124 4-6 0.06 0.12 Acme\n"

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from mujoco.batch import Batch
 
-from twin import aerodynamics as air
-from twin import native, rows
 from twin.control.attitude import interpolate
 from twin.control.authority import control_config
-from twin.motor import Depletion
-from twin.native import index, layout, ramp
-from twin.native.names import NUMERICS, SITES
+from twin.physics import aerodynamics as air
+from twin.physics import native
+from twin.physics.motor import Depletion
+from twin.physics.native import index, layout, ramp
+from twin.physics.native.names import NUMERICS, SITES
+from twin.recorder import rows
 
 FLIGHT = Path(__file__).resolve().parents[2] / "mjcf" / "flight.xml"
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin import overrides
 from twin.errors import TwinError
+from twin.plant import overrides
 
 XML = """
 <mujoco>

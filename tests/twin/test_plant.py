@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin import native
-from twin.compose import MJCF
 from twin.errors import DivergenceError
-from twin.model import ModelConfig, load
-from twin.plant import Plant
+from twin.physics import native
+from twin.plant.compose import MJCF
+from twin.plant.model import ModelConfig, load
+from twin.plant.plant import Plant
 
 
 @pytest.fixture(scope="module")

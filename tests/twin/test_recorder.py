@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from analysis import recording, schema
+from analysis import schema
+from analysis.recording import reader as recording
 from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer

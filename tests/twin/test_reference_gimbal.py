@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis import recording
-from analysis.recording import Recording
-from twin.configuration import Fly
-from twin.experiments import fly
+from analysis.recording import reader as recording
+from analysis.recording.reader import Recording
+from twin.config import Fly
+from twin.experiments.fly import fly
 
 ATTITUDE_DEG, PATH = 1.5, 0.02  # the figures: rms, and of the distance flown
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.flights import FlightPath, flight_path
-from analysis.recording import read
+from analysis.comparison.flights import FlightPath, flight_path
+from analysis.recording.reader import read
 from tests.twin.test_cli import run as command
-from twin.configuration import Fly
-from twin.results import FlightResult
-from twin.study import repeat as study
-from twin.study.repeat import repeat
+from twin.config import Fly
+from twin.experiments.repeat import repeat as study
+from twin.experiments.repeat.repeat import repeat
+from twin.experiments.summary import FlightResult
 
 
 @pytest.fixture(scope="module")

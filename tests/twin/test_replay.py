@@ -11,20 +11,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.recording import Recording, TimeSeries, read
+from analysis.recording.reader import Recording, TimeSeries, read
 from hardware.calibration import CalibrationError
 from hardware.calibration import write as write_calibration
 from hardware.frames import HardwareError
 from tests.twin.test_desk import served
-from twin import native
-from twin.configuration import Fly, Replay, Step, as_properties
+from twin.config import Fly, Replay, Step, as_properties
+from twin.config.recorded import configuration_of, typed
 from twin.errors import TwinError
-from twin.experiments import fly, step
-from twin.loop import run
-from twin.model import ModelConfig, load
-from twin.recalled import configuration_of, typed
-from twin.replay import differences, replay
-from twin.rigs import drawn, parameters
+from twin.experiments.fly import fly, step
+from twin.experiments.replay import differences, replay
+from twin.hil import drawn, parameters
+from twin.loop.loop import run
+from twin.physics import native
+from twin.plant.model import ModelConfig, load
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,9 @@ def test_a_recording_that_cannot_be_the_same_run_is_refused(flight, monkeypatch,
     old = read(flight)
     properties = json.loads(json.dumps(old.properties))
     change(properties)
-    monkeypatch.setattr("twin.replay.read", lambda _: replace(old, properties=properties))
+    monkeypatch.setattr(
+        "twin.experiments.replay.read", lambda _: replace(old, properties=properties)
+    )
     with pytest.raises(TwinError, match=told) as caught:
         replay(Replay(flight))
     assert "\n" not in str(caught.value)
@@ -176,7 +178,7 @@ def without_a_rig(monkeypatch):
     def refused(*_):
         raise AssertionError("a rig was opened")
 
-    monkeypatch.setattr("twin.rigs.opening.opened", refused)
+    monkeypatch.setattr("twin.hil.connect.opened", refused)
 
 
 def test_a_rigs_flight_repeats_itself_from_its_frames_to_the_last_bit(rig_flight, monkeypatch):
@@ -231,7 +233,7 @@ def test_a_run_that_was_cut_off_is_replayed_up_to_there(tmp_path, monkeypatch):
         return run(seats, **{**more, "duration_ns": 600_000_000})
 
     with monkeypatch.context() as patch:
-        patch.setattr("twin.experiments.run", interrupted)
+        patch.setattr("twin.experiments.fly.run", interrupted)
         fly(Fly(gimbal="emulator", duration_s=5.0, out=out))
     found = replay(Replay(out))
     assert found.identical, [d for d in found.differences if not d.equal]
@@ -243,7 +245,7 @@ def test_a_turntables_tape_without_its_map_is_refused(tmp_path, monkeypatch):
     tape = read(out)
     for base in (None, {}, {**tape.properties["base"], "tilt": 10**400}):
         changed = replace(tape, properties={**tape.properties, "base": base})
-        monkeypatch.setattr("twin.replay.read", lambda _, changed=changed: changed)
+        monkeypatch.setattr("twin.experiments.replay.read", lambda _, changed=changed: changed)
         with pytest.raises((TwinError, HardwareError), match=r"map of the base|base\.tilt"):
             replay(Replay(out, out=tmp_path / "a.rrd"))
 
@@ -310,7 +312,7 @@ def test_a_tape_that_lacks_something_is_refused_in_one_line(
     rig_flight, tmp_path, monkeypatch, change, told
 ):
     changed = change(read(rig_flight))
-    monkeypatch.setattr("twin.replay.read", lambda _: changed)
+    monkeypatch.setattr("twin.experiments.replay.read", lambda _: changed)
     with pytest.raises((TwinError, HardwareError), match=told) as caught:
         replay(Replay(rig_flight, out=tmp_path / "a.rrd"))
     assert "\n" not in str(caught.value)
@@ -354,7 +356,9 @@ def test_an_override_that_changed_nothing_and_is_refused_by_now_spoils_no_old_re
     set_ = ["gimbal_servo_gain[0]=20", "wind_speed=0"]
     settings = {**old.properties["configuration"], "set": set_}
     changed = replace(old, properties={**old.properties, "configuration": settings})
-    monkeypatch.setattr("twin.replay.read", lambda path: changed if path == out else read(path))
+    monkeypatch.setattr(
+        "twin.experiments.replay.read", lambda path: changed if path == out else read(path)
+    )
     found = replay(Replay(out))
     assert found.identical, [d for d in found.differences if not d.equal]
     settings["set"] = ["motor_length=1"]

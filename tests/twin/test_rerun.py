@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from analysis.convergence import Trajectory, distance
-from analysis.recording import Recording, TimeSeries
+from analysis.recording.reader import Recording, TimeSeries
 from analysis.timing import Delays
 from hardware.frames import GimbalCommand, GimbalState
-from twin import native
-from twin.assembly import make_plant
-from twin.clock import Lockstep
-from twin.configuration import Fly, Step, as_properties
+from twin.config import Fly, Step, as_properties
 from twin.control import AttitudeController, control_config
-from twin.flight import setpoint
-from twin.loop import Seats, run
-from twin.rerun import DelayedGimbal, rerun_of, verdict
-from twin.seats import Pilot, SimulatedGimbal
+from twin.experiments.flight import setpoint
+from twin.experiments.session import make_plant
+from twin.experiments.timing import DelayedGimbal, rerun_of, verdict
+from twin.loop.clock import Lockstep
+from twin.loop.loop import Seats, run
+from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.physics import native
 
 TICK_NS = 2_000_000  # so that 10, 20 and 40 ms are whole ticks of a plain queue
 END_NS = 5_000_000_000

@@ -7,18 +7,19 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.recording import read
-from hardware.avr import missing
+from analysis.recording.reader import read
 from hardware.emulator import sample_rig
 from hardware.frames import GimbalCommand
-from twin import native
-from twin.configuration import Step
+from hardware.simavr.nano import missing
+from twin.config import Step
+from twin.config.seats import check_seat, is_port, is_rig
 from twin.errors import TwinError
-from twin.experiments import step
-from twin.model import ModelConfig, load
-from twin.plant import Plant
-from twin.rigs import BenchPlant, RigOptions, drawing, open_rig
-from twin.seat_names import check_seat, is_port, is_rig
+from twin.experiments.fly import step
+from twin.hil import BenchPlant, RigOptions, open_rig
+from twin.hil import correction as drawing
+from twin.physics import native
+from twin.plant.model import ModelConfig, load
+from twin.plant.plant import Plant
 
 TICK_S = 2e-3
 FAST = 6  # a unit whose clock is far off
@@ -47,7 +48,7 @@ def seated(**options):
 
 
 def drive(seat, plant, command, seconds, each=lambda state: None):
-    """The loop of `twin.loop`, in four lines."""
+    """The loop of `twin.loop.loop`, in four lines."""
     end = plant.time_ns + round(seconds * 1e9)
     while plant.time_ns < end:
         each(seat.poll())

@@ -10,10 +10,10 @@ from scipy.integrate import quad
 
 from tests.benchmarks.stability import fly
 from tests.twin.outlines import REFERENCE
-from twin import native
-from twin.aerodynamics import stability
-from twin.aerodynamics.stability import Stability
-from twin.motor import Depletion
+from twin.physics import native
+from twin.physics.aerodynamics import stability
+from twin.physics.aerodynamics.stability import Stability
+from twin.physics.motor import Depletion
 
 ROOT = Path(__file__).resolve().parents[2]
 DENSITY = 1.225  # kg/m³, ICAO at sea level

@@ -7,8 +7,8 @@ import pytest
 
 from analysis.transfer_function import TransferFunctionModel
 from tests.twin.test_cli import run
-from twin.configuration import Step
-from twin.experiments import step
+from twin.config import Step
+from twin.experiments.fly import step
 
 OMEGA, ZETA, DELAY = 40.0, 0.5, 0.012
 SHORT = {"repeats": 1, "duration_s": 4.0, "band_hz": (0.5, 10.0), "smallest_deg": 1.0}

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from analysis.convergence import richardson, study
-from twin import native
-from twin.configuration import Converge
+from twin.config import Converge
 from twin.errors import TwinError
-from twin.study import converge
-from twin.study.budget import budget
-from twin.study.flights import JITTERED, baseline, closed_loop, jittered, load_for
-from twin.study.page import shade
+from twin.experiments.convergence import converge
+from twin.experiments.convergence.budget import budget
+from twin.experiments.convergence.flights import JITTERED, baseline, closed_loop, jittered, load_for
+from twin.experiments.convergence.page import shade
+from twin.physics import native
 
 SHORT = Converge(duration_s=0.8)
 STEPS = (0.01, 0.005, 0.0025)

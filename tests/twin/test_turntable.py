@@ -10,18 +10,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from analysis.recording import read
-from hardware.avr import missing
+from analysis.recording.reader import read
 from hardware.frames import HardwareError
 from hardware.fusion.base import tilt
+from hardware.simavr.nano import missing
 from tests.twin.test_cli import run as command
-from twin import native
-from twin.configuration import Fly
-from twin.experiments import fly
-from twin.model import ModelConfig, load
-from twin.rigs import BenchPlant, RigOptions, open_rig
-from twin.rigs.opening import lead, opened
-from twin.rigs.turntable import _twist, find_base
+from twin.config import Fly
+from twin.experiments.fly import fly
+from twin.hil import BenchPlant, RigOptions, open_rig
+from twin.hil.connect import lead, opened
+from twin.hil.turntable import _twist, find_base
+from twin.physics import native
+from twin.plant.model import ModelConfig, load
 
 needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
 angles = st.floats(-1.2, 1.2)
@@ -141,7 +141,7 @@ def test_the_real_firmware_turns_its_base_alike(tmp_path):
 
 def test_the_controller_sees_the_base_and_not_the_vehicle(tmp_path, monkeypatch):
     """Told that the base leans by 3° where it stands upright, the loop holds the vehicle askew."""
-    from twin.rigs import opening
+    from twin.hil import connect as opening
 
     lean = radians(3.0)
     honest = opening.find_base

@@ -12,7 +12,7 @@ import psutil
 import pytest
 from PIL import Image
 
-from analysis import recording
+from analysis.recording import reader as recording
 from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer
@@ -160,8 +160,8 @@ def test_the_shipped_flight_scene_is_in_frame(tmp_path, vulkan, signals):
 
 
 def test_a_flown_flight_is_in_frame_and_reports_nothing(tmp_path, vulkan):
-    from twin.configuration import Fly
-    from twin.experiments import fly
+    from twin.config import Fly
+    from twin.experiments.fly import fly
 
     path = tmp_path / "flown.rrd"
     fly(Fly(duration_s=3.0, out=path))

@@ -14,8 +14,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from analysis import rrd, schema
-from analysis.held import claim
+from analysis import schema
+from analysis.recording import rrd
+from analysis.recording.lock import claim
 from twin.errors import TwinError
 from twin.recorder import blueprint, columns
 from twin.recorder.poses import Poses

@@ -11,8 +11,8 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from analysis.held import held
-from analysis.rrd import MAGIC
+from analysis.recording.lock import held
+from analysis.recording.rrd import MAGIC
 from twin.errors import TwinError
 
 LOOPBACK = "127.0.0.1"

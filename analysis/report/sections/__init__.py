@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
+from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Section
-from analysis.report.run import Run
 from analysis.report.sections.comparison import comparison
 from analysis.report.sections.events import events
 from analysis.report.sections.figures import figures

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.compare import AxisComparison, Comparison, bridged
+from analysis.comparison.compare import AxisComparison, Comparison, bridged
+from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table, thinned
-from analysis.report.run import Run
 from analysis.report.words import number
 
 

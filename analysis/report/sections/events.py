@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Section, Table
-from analysis.report.run import Run
 from analysis.report.words import number
 
 MOST = 200  # lines

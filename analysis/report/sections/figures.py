@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
+from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers, RunNumbers
 from analysis.report.parts import Cell, Section, Table
-from analysis.report.run import Run
 from analysis.report.words import DIRECTIONS, angle_text, split, value_text
 from analysis.response import Figure
 

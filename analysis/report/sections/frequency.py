@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
-from analysis.report.run import Run
 from analysis.report.spectrum import FrequencyResponse
 
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers, same_command
 from analysis.report.parts import Line, Panel, Plot, Section, held, thinned
-from analysis.report.run import Run
 
 
 def histories(runs: Sequence[Run], numbers: ReportNumbers) -> Section:  # noqa: ARG001

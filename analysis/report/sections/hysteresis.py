@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.recording.run import Run
 from analysis.report.figures import at_rest, in_motion
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section, Style
-from analysis.report.run import Run
 
 SIDES: tuple[tuple[float, Style], ...] = ((1.0, "dots"), (-1.0, "rings"))
 MOST = 1500  # points of one sweep

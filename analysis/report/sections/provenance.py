@@ -3,9 +3,9 @@
 import json
 from collections.abc import Mapping, Sequence
 
+from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Section, Table
-from analysis.report.run import Run
 from analysis.report.words import number
 
 LONGEST = 200  # characters of one value

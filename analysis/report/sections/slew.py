@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.recording.run import Run
 from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
-from analysis.report.run import Run
 from analysis.response import slew_points
 
 FIGURES = ("slew_rate", "speed_reached")

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.recording.run import Run
 from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
-from analysis.report.run import Run
 
 FLOOR = 1e-3  # degrees; a step that moved less is drawn here, a logarithm has no zero
 

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Sequence
 
-from analysis.compare import Comparison
+from analysis.comparison.compare import Comparison
+from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Section, Table
-from analysis.report.run import Run
 from analysis.report.words import number
 
 

@@ -1,0 +1,295 @@
+"""Recordings as validated time series: the reader of the twin's own files."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from analysis import schema
+from analysis.recording import rrd
+from analysis.schema import AnalysisError
+
+PROPERTIES = f"/__properties/{schema.PROPERTY}"
+TIMING = f"/__properties/{schema.TIMING}"
+TEXTS = (schema.EVENTS, schema.HEALTH, schema.ESTIMATOR)
+WANTED = frozenset([PROPERTIES, TIMING, *TEXTS, *schema.ENTITIES])
+MAX_BYTES = 4 * 2**30  # a day of flight; more is a mistake or an attack
+MAX_PROPERTIES = 16 * 2**20  # characters of JSON
+
+
+class RecordingError(AnalysisError):
+    """A file that is no sound recording, told in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimeSeries:
+    """One vector signal over time, in SI; checked on creation, read-only afterwards.
+
+    Attributes
+    ----------
+    name : name of the signal, as in `analysis.schema.SIGNALS` where it is one of them
+    time : experiment time (n,) [s], never decreasing
+    values : (n, k) [unit]; NaN where nothing was measured, never infinite
+    unit : SI unit of the values
+    components : names of the k columns
+
+    Raises
+    ------
+    RecordingError
+        if shapes do not fit, time runs backwards or is not finite, or a value is infinite.
+    """
+
+    name: str
+    time: NDArray[np.float64]
+    values: NDArray[np.float64]
+    unit: str
+    components: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Check once, so that nothing downstream checks again."""
+        time = np.ascontiguousarray(self.time, dtype=np.float64)
+        values = np.ascontiguousarray(self.values, dtype=np.float64)
+        if time.ndim != 1 or values.shape != (len(time), len(self.components)):
+            raise RecordingError(
+                f"{self.name}: {values.shape} values do not fit {time.shape} stamps and "
+                f"{len(self.components)} components"
+            )
+        if not np.isfinite(time).all():
+            raise RecordingError(f"{self.name}: a time stamp is not a finite number")
+        if len(time) and (back := np.diff(time) < 0.0).any():
+            at = int(np.argmax(back))
+            raise RecordingError(
+                f"{self.name}: time runs backwards from {time[at]:.9g} s to {time[at + 1]:.9g} s"
+            )
+        if np.isinf(values).any():
+            raise RecordingError(f"{self.name}: a value is infinite")
+        for name, array in (("time", time), ("values", values)):
+            view = array.view()
+            view.setflags(write=False)
+            object.__setattr__(self, name, view)
+
+    @property
+    def time_ns(self) -> NDArray[np.int64]:
+        """Experiment time (n,) in whole nanoseconds, exact up to 13 days (2⁵⁰ ns)."""
+        return np.rint(self.time * 1e9).astype(np.int64)
+
+    def column(self, component: str) -> NDArray[np.float64]:
+        """Return one component (n,) by name.
+
+        Raises
+        ------
+        RecordingError
+            if there is no such component; the message lists the valid names.
+        """
+        if component not in self.components:
+            raise RecordingError(schema.unknown("component", component, self.components))
+        return self.values[:, self.components.index(component)]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A line of text in a recording: experiment time [s], level (INFO, WARN, ERROR), text."""
+
+    time: float
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What one run left behind.
+
+    Attributes
+    ----------
+    properties : configuration, versions, model hash, seed; as the run gave them
+    series : signals by name, in SI
+    events, health : text over time
+    estimator : what the rig's estimator remembered when the run began, JSON; "" without a rig
+    timing : the verdict on a run in real time, see `analysis.timing`; empty for others
+    """
+
+    properties: dict[str, object]
+    series: Mapping[str, TimeSeries]
+    events: tuple[Event, ...] = ()
+    health: tuple[Event, ...] = ()
+    estimator: str = ""
+    timing: Mapping[str, object] = field(default_factory=dict)
+
+    def setting(self, name: str) -> object:
+        """Return a value of the run's configuration, None without it."""
+        configuration = self.properties.get("configuration")
+        return configuration.get(name) if isinstance(configuration, Mapping) else None
+
+    def __getitem__(self, name: str) -> TimeSeries:
+        """Return the signal of that name.
+
+        Raises
+        ------
+        RecordingError
+            if it was not recorded; the message lists what was.
+        """
+        if name not in self.series:
+            raise RecordingError(schema.unknown("recorded signal", name, self.series))
+        return self.series[name]
+
+
+def read(path: Path | str, *, growing: bool = False) -> Recording:
+    """Read and check a recording of the twin.
+
+    Parameters
+    ----------
+    path : an `.rrd` file; also one whose end is missing, as far as it goes, if `twin view` has
+        repaired it
+    growing : it is still being written, and read as far as it goes
+
+    Raises
+    ------
+    RecordingError
+        if the file is missing, is no recording of the twin, is cut off, has another schema
+        version, or holds impossible numbers.
+    """
+    path = Path(path)
+    content = _Content(path)
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise RecordingError(f"{path}: larger than the {MAX_BYTES >> 30} GiB that are read")
+        for entity, batch in rrd.batches(path, WANTED, growing=growing):
+            content.take(entity, batch)
+    except RecordingError:
+        raise
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from None
+    except rrd.CutOffError as error:
+        raise RecordingError(f"{path}: {error}; `twin view FILE` repairs it") from None
+    except (ValueError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())[:160]
+        raise RecordingError(f"{path}: not a Rerun recording, or damaged ({reason})") from None
+    return content.recording()
+
+
+@dataclass
+class _Content:
+    """What has been read so far, still as stored."""
+
+    path: Path
+    texts: dict[str, str] = field(default_factory=dict)
+    parts: dict[str, list[tuple[NDArray[np.int64], NDArray[np.float64]]]] = field(
+        default_factory=dict
+    )
+    lines: dict[str, list[Event]] = field(default_factory=dict)
+
+    def take(self, entity: str, batch: pa.RecordBatch) -> None:
+        if entity == PROPERTIES:
+            self._take_properties(batch)
+        elif entity == TIMING:
+            if "json" in batch.schema.names and (text := _texts(batch, "json")[0]) is not None:
+                self.texts["timing"] = text
+        elif schema.TIME not in batch.schema.names:
+            return
+        elif entity in TEXTS:
+            self._take_lines(entity, batch)
+        elif entity in schema.ENTITIES:
+            self._take_values(schema.ENTITIES[entity], batch)
+
+    def _take_properties(self, batch: pa.RecordBatch) -> None:
+        # `rerun rrd optimize`, and so every repair, puts long properties in a chunk each.
+        for name in {"schema", "json"}.intersection(batch.schema.names):
+            if (text := _texts(batch, name)[0]) is not None:
+                self.texts[name] = text
+        version = self.texts.get("schema", schema.SCHEMA)
+        if version != schema.SCHEMA:
+            raise RecordingError(
+                f"{self.path}: schema '{version}'; this version reads '{schema.SCHEMA}'"
+            )
+
+    def _take_lines(self, entity: str, batch: pa.RecordBatch) -> None:
+        texts, levels = (_texts(batch, name) for name in ("TextLog:text", "TextLog:level"))
+        for at, text, level in zip(_times(batch), texts, levels, strict=True):
+            self.lines.setdefault(entity, []).append(
+                Event(float(at) * 1e-9, level or "INFO", text or "")
+            )
+
+    def _take_values(self, signal: schema.Signal, batch: pa.RecordBatch) -> None:
+        if "Scalars:scalars" not in batch.schema.names:
+            return
+        column, width = batch["Scalars:scalars"], len(signal.components)
+        if column.type != pa.list_(pa.float64()):
+            raise RecordingError(f"{self.path}: {signal.name} holds {column.type}, not numbers")
+        flat = column.flatten().to_numpy(zero_copy_only=False)
+        if flat.size != batch.num_rows * width or column.null_count:
+            raise RecordingError(
+                f"{self.path}: {signal.name} holds {flat.size} values in {batch.num_rows} rows; "
+                f"{width} to a row are right ({', '.join(signal.components)})"
+            )
+        self.parts.setdefault(signal.name, []).append((_times(batch), flat.reshape(-1, width)))
+
+    def recording(self) -> Recording:
+        if not {"schema", "json"} <= self.texts.keys():
+            raise RecordingError(f"{self.path}: a Rerun file, but no recording of the twin")
+        series = {name: self._series(schema.SIGNALS[name]) for name in sorted(self.parts)}
+        events, health = (
+            tuple(sorted(self.lines.get(entity, ()), key=lambda event: event.time))
+            for entity in (schema.EVENTS, schema.HEALTH)
+        )
+        memory = self.lines.get(schema.ESTIMATOR)
+        return Recording(
+            _properties(self.path, self.texts["json"]),
+            MappingProxyType(series),
+            events,
+            health,
+            memory[0].text if memory else "",
+            _properties(self.path, self.texts.get("timing", "{}")),
+        )
+
+    def _series(self, signal: schema.Signal) -> TimeSeries:
+        # The pieces lie in the file in any order; each is in order itself.
+        parts = sorted(self.parts[signal.name], key=lambda part: int(part[0][0]))
+        time = np.concatenate([stamps for stamps, _ in parts])
+        values = np.concatenate([values for _, values in parts])
+        if signal.kind != "sampled" and not (sound := np.isfinite(values).all(axis=1)).all():
+            at = float(time[int(np.argmin(sound))]) * 1e-9
+            raise RecordingError(f"{self.path}: {signal.name} is not a finite number at {at:.9g} s")
+        try:
+            # Division gives the float nearest to the decimal; a product with 1e-9 may be one off.
+            return TimeSeries(
+                signal.name,
+                time / 1e9,
+                signal.from_stored(values),
+                signal.unit,
+                signal.components,
+            )
+        except RecordingError as error:
+            raise RecordingError(f"{self.path}: {error}") from None
+
+
+def _times(batch: pa.RecordBatch) -> NDArray[np.int64]:
+    column = batch[schema.TIME]
+    if column.null_count or not pa.types.is_duration(column.type):
+        raise RecordingError(f"timeline '{schema.TIME}' holds {column.type}, not durations")
+    stamps = column.to_numpy(zero_copy_only=False)
+    return np.asarray(stamps.astype("timedelta64[ns]", copy=False).view(np.int64))
+
+
+def _texts(batch: pa.RecordBatch, name: str) -> list[str | None]:
+    """Return the first text of each row of a column of lists of text; None where there is none."""
+    # Other types are not even looked at: what a column becomes in Python may raise anything.
+    if name not in batch.schema.names or batch[name].type != pa.list_(pa.string()):
+        return [None] * batch.num_rows
+    return [row[0] if row else None for row in batch[name].to_pylist()]
+
+
+def _properties(path: Path, text: str) -> dict[str, object]:
+    if len(text) > MAX_PROPERTIES:
+        raise RecordingError(f"{path}: {len(text)} characters of properties; something is wrong")
+    try:
+        properties = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"{path}: properties are not JSON ({error})") from None
+    if not isinstance(properties, dict):
+        raise RecordingError(f"{path}: properties are not a JSON object")
+    return properties

@@ -1,0 +1,363 @@
+"""Measurements as tables: CSV and MATLAB files with named columns, from anybody's rig."""
+
+import csv
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, islice
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording.record import Initial, InputStamps, Record, record
+from analysis.schema import AnalysisError, unknown
+
+Array = NDArray[np.float64]
+
+LARGEST_FILE = 1 << 30  # bytes
+MOST_COLUMNS = 512
+MOST_ROWS = 20_000_000
+LONGEST_FIELD = 256  # characters
+_SLOWEST = 0.5  # s between samples; no gimbal's motion is seen that seldom
+
+KINDS = frozenset({".csv", ".tsv", ".txt", ".mat"})
+UNITS: Mapping[str, float] = MappingProxyType(
+    {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "turn": 2.0 * math.pi, "1": 1.0}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns of one file, by name.
+
+    Attributes
+    ----------
+    columns : name → values (n,), NaN where a field is empty; lengths may differ (MATLAB files)
+    source : the file's name
+    unusable : name → what is wrong with a column of text or infinities; told to who asks for it
+    """
+
+    columns: Mapping[str, Array]
+    source: str
+    unusable: Mapping[str, str] = field(default_factory=dict)
+
+    def column(self, name: str) -> Array:
+        """One column (n,).
+
+        Raises
+        ------
+        AnalysisError
+            if there is none of that name (the message lists the valid names), or it holds
+            something else than numbers.
+        """
+        if name not in self.columns:
+            raise AnalysisError(f"{self.source}: {unknown('column', name, self.columns)}")
+        if name in self.unusable:
+            raise AnalysisError(self.unusable[name])
+        return self.columns[name]
+
+    def stack(self, names: Sequence[str]) -> Array:
+        """Several columns of one length (n, len(names)).
+
+        Raises
+        ------
+        AnalysisError
+            for names that are none, and columns of different lengths.
+        """
+        found = [self.column(name) for name in names]
+        lengths = {name: len(c) for name, c in zip(names, found, strict=True)}
+        if len(set(lengths.values())) > 1:
+            raise AnalysisError(f"{self.source}: columns of different lengths: {lengths}")
+        return np.stack(found, axis=1)
+
+
+def read(path: Path | str) -> Table:
+    """Read a .csv (or .tsv, .txt) or .mat file.
+
+    Raises
+    ------
+    AnalysisError
+        for a file that is missing, too large, of another kind, or not a table.
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise AnalysisError(f"{path}: {error.strerror or 'cannot be read'}") from error
+    if not path.is_file():
+        raise AnalysisError(f"{path}: not a file")
+    if size > LARGEST_FILE:
+        raise AnalysisError(f"{path}: {size} bytes; {LARGEST_FILE} at most")
+    kind = path.suffix.lower()
+    if kind not in KINDS:
+        raise AnalysisError(f"{path}: '{kind}' is no table; .csv, .tsv, .txt and .mat are")
+    return _read_mat(path) if kind == ".mat" else _read_csv(path)
+
+
+def to_record(
+    table: Table,
+    *,
+    time: str,
+    inputs: Sequence[str],
+    rate: Sequence[str] = (),
+    angle: Sequence[str] = (),
+    unit: str = "rad",
+    input_unit: str | None = None,
+    time_scale: float | None = None,
+    gyro_delay: float = 0.0,
+    commands: Table | None = None,
+    input_stamps: InputStamps = "shown",
+    initial: Initial = "rest",
+    before: Sequence[float] | None = None,
+) -> Record:
+    """Pick the columns of a record by name; empty fields are readings that are missing.
+
+    Parameters
+    ----------
+    time : column of stamps
+    inputs, rate, angle : columns of commands, gyro (per second) and potentiometer
+    unit : of angle, rate and command: one of `UNITS`
+    input_unit : of the command, where it is another
+    time_scale : seconds per unit of the time column (1e-3 for milliseconds); 1 without it
+    gyro_delay : delay of the gyro's own filter [s]
+    commands : a table of the commands with a time column of the same name; without it they change
+        at the sample that first shows them
+    input_stamps : without `commands`, what is known of that sample; see `record`
+    before : the command that held before the first stamp, in its unit
+
+    Raises
+    ------
+    AnalysisError
+        for columns and units that are none, and stamps that are hardly in seconds;
+        `IdentificationError` for what no record may hold.
+    """
+    scale, own = _scale(unit), _scale(input_unit or unit)
+    if time_scale is not None and not 0.0 < time_scale < math.inf:
+        raise AnalysisError(f"{table.source}: a time scale of {time_scale:g} s; more than 0 s")
+    if time_scale is None:
+        _check_seconds(table.source, time, table.column(time))
+    seconds = 1.0 if time_scale is None else time_scale
+    stamps = table.column(time) * seconds
+    source = table if commands is None else commands
+    filled = _held(source.stack(inputs))
+    return record(
+        stamps,
+        filled,
+        angle=table.stack(angle) if angle else None,
+        rate=table.stack(rate) if rate else None,
+        command_time=None if commands is None else commands.column(time) * seconds,
+        stamps=input_stamps,
+        before=before,
+        scale=scale,
+        input_scale=own,
+        gyro_delay=gyro_delay,
+        initial=initial,
+        name=table.source,
+        inputs=tuple(inputs) if len(inputs) > 2 else (),
+    )
+
+
+def _check_seconds(source: str, name: str, stamps: Array) -> None:
+    """Refuse stamps too far apart for a gimbal: a column of milliseconds or finer."""
+    apart = np.diff(stamps)
+    period = float(np.median(apart)) if len(apart) and np.isfinite(apart).all() else 0.0
+    if period < _SLOWEST:
+        return
+    scale = next(s for s in (1e-3, 1e-6, 1e-9) if period * s < _SLOWEST or s == 1e-9)
+    raise AnalysisError(
+        f"{source}: samples {period:g} s apart; if '{name}' is not in seconds, give its unit "
+        f"(--time-scale {scale:g}), otherwise --time-scale 1"
+    )
+
+
+def _scale(unit: str) -> float:
+    if unit not in UNITS:
+        raise AnalysisError(unknown("unit", unit, UNITS))
+    return UNITS[unit]
+
+
+def _held(values: Array) -> Array:
+    """Commands with empty fields taken as no change."""
+    rows = np.arange(len(values))[:, None]
+    last = np.maximum.accumulate(np.where(np.isfinite(values), rows, 0), axis=0)
+    return np.asarray(np.take_along_axis(values, last, axis=0))
+
+
+def _read_csv(path: Path) -> Table:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            sample = file.read(8192)
+            if "\0" in sample:
+                raise AnalysisError(f"{path}: holds zero bytes; not a text file")
+            file.seek(0)
+            return _table_of(path, file, _delimiter(sample))
+    except UnicodeDecodeError as error:
+        raise AnalysisError(f"{path}: not UTF-8 text (byte {error.start})") from error
+    except csv.Error as error:
+        raise AnalysisError(f"{path}: not a table: {error}") from error
+    except OSError as error:
+        raise AnalysisError(f"{path}: {error.strerror or 'cannot be read'}") from error
+
+
+class _Lines:
+    """Lines of a file with comments (`# …`) left empty, so that they keep their numbers."""
+
+    def __init__(self, file: Iterable[str]) -> None:
+        self._file = iter(file)
+        self.comment = ""  # the last one
+
+    def __iter__(self) -> Iterator[str]:
+        return self
+
+    def __next__(self) -> str:
+        line = next(self._file)
+        if not line.startswith("#"):
+            return line
+        self.comment = line.lstrip("# ").rstrip()
+        return "\n"
+
+
+def _delimiter(sample: str) -> str:
+    """The separator of the first line; numbers may hold a decimal comma between semicolons."""
+    lines = (line for line in sample.splitlines() if line.strip())
+    first = next((line for line in lines if not line.startswith("#")), "")
+    for candidate in (";", "\t", ","):
+        if candidate in first:
+            return candidate
+    return ","
+
+
+def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
+    lines = _Lines(file)
+    reader = csv.reader(lines, delimiter=delimiter, strict=True)
+    header = next((row for row in reader if any(f.strip() for f in row)), None)
+    if header is None:
+        raise AnalysisError(f"{path}: empty")
+    rows: Iterator[list[str]] = reader
+    above = lines.comment.split(delimiter)
+    if all(_is_number(f) for f in header) and len(above) == len(header) > 1:
+        header, rows = above, chain([header], reader)  # as NumPy's savetxt writes names
+    names = [f.strip() for f in header]
+    if len(names) > 1 and not names[-1]:
+        names.pop()  # every line ends with a separator
+    _check_names(path, names)
+    values: list[list[float]] = []
+    unusable: dict[str, str] = {}
+    for row in islice(rows, MOST_ROWS + 1):
+        if not any(f.strip() for f in row):
+            continue
+        if len(row) == len(names) + 1 and not row[-1].strip():
+            row.pop()
+        if len(row) != len(names):
+            raise AnalysisError(
+                f"{path}: row {reader.line_num} has {len(row)} fields, the header {len(names)}"
+            )
+        values.append([_number(f, decimal_comma=delimiter == ";") for f in row])
+        if math.inf in values[-1]:
+            for name, text, value in zip(names, row, values[-1], strict=True):
+                if value == math.inf and name not in unusable:
+                    place = f"{path}: row {reader.line_num}, column '{name}'"
+                    infinite = text.strip().lstrip("+-").lower() in {"inf", "infinity"}
+                    told = "infinite" if infinite else f"'{text.strip()[:40]}' is not a number"
+                    unusable[name] = f"{place}: {told}"
+    if len(values) > MOST_ROWS:
+        raise AnalysisError(f"{path}: more than {MOST_ROWS} rows")
+    if not values:
+        raise AnalysisError(f"{path}: a header but no rows")
+    table = np.array(values)
+    return _frozen(path, {name: table[:, i] for i, name in enumerate(names)}, unusable)
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    if len(names) > MOST_COLUMNS:
+        raise AnalysisError(f"{path}: {len(names)} columns; {MOST_COLUMNS} at most")
+    if all(_is_number(n) for n in names):
+        raise AnalysisError(f"{path}: the first row holds numbers; it must name the columns")
+    for name in names:
+        if names.count(name) > 1:
+            raise AnalysisError(f"{path}: two columns are called '{name}'")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(text: str, *, decimal_comma: bool) -> float:
+    """A field's value: NaN where it is empty, infinite where it is no number."""
+    text = text.strip()
+    if not text:
+        return math.nan
+    if len(text) > LONGEST_FIELD or "_" in text:
+        return math.inf
+    try:
+        value = float(text.replace(",", ".") if decimal_comma else text)
+    except ValueError:
+        return math.inf
+    return math.inf if math.isinf(value) else value
+
+
+def _read_mat(path: Path) -> Table:
+    from scipy.io import loadmat, whosmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        listing = whosmat(str(path))
+        total = sum(math.prod(shape) for _, shape, _ in listing)
+        if len(listing) > MOST_COLUMNS or total > MOST_ROWS:
+            raise AnalysisError(f"{path}: {len(listing)} variables with {total} values; too many")
+        content = loadmat(str(path), squeeze_me=True, struct_as_record=True, chars_as_strings=True)
+    except NotImplementedError:
+        raise AnalysisError(f"{path}: a MATLAB 7.3 file; save it with -v7 instead") from None
+    except AnalysisError:
+        raise
+    except (MatReadError, ValueError, TypeError, KeyError, OSError, EOFError, MemoryError,
+            IndexError, OverflowError, AttributeError) as error:  # fmt: skip
+        # hostile bytes fail anywhere in the reader
+        raise AnalysisError(
+            f"{path}: not a readable MATLAB file ({type(error).__name__})"
+        ) from error
+    columns: dict[str, Array] = {}
+    for name, value in content.items():
+        if not name.startswith("__"):
+            _collect(columns, name, value, depth=0)
+    if not columns:
+        raise AnalysisError(f"{path}: holds no numeric columns")
+    unusable = {
+        name: f"{path}: column '{name}' holds infinite values"
+        for name, values in columns.items()
+        if np.isinf(values).any()
+    }
+    return _frozen(path, columns, unusable)
+
+
+def _collect(columns: dict[str, Array], name: str, value: object, depth: int) -> None:
+    """Vectors as columns, matrices as name(1), name(2) …, fields of structs as name.field."""
+    if len(columns) >= MOST_COLUMNS or not isinstance(value, np.ndarray | np.void):
+        return
+    if value.dtype.names is not None:
+        if depth < 3 and value.ndim == 0:
+            for key in value.dtype.names:
+                part = value[key]
+                inner = part.item() if part.dtype == object and part.ndim == 0 else part
+                _collect(columns, f"{name}.{key}", inner, depth + 1)
+        return
+    if value.dtype.kind not in "fiub" or value.ndim not in (1, 2):
+        return
+    table = np.asarray(value, dtype=np.float64)
+    if table.ndim == 1:
+        columns[name] = table
+    elif table.shape[1] <= MOST_COLUMNS:
+        for i in range(table.shape[1]):
+            columns[f"{name}({i + 1})"] = table[:, i].copy()
+
+
+def _frozen(path: Path, columns: dict[str, Array], unusable: dict[str, str]) -> Table:
+    for values in columns.values():
+        values.setflags(write=False)
+    return Table(MappingProxyType(columns), path.name, MappingProxyType(unusable))

@@ -1,0 +1,171 @@
+"""`twin doctor`: what this machine has of what the twin can use, and what to do about the rest."""
+
+import os
+import platform
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+Level = Literal["ok", "note", "missing"]
+PACKAGES = ("tvc-twin", "mujoco", "numba", "numpy", "scipy", "control", "rerun-sdk", "pyserial")
+AVR_TOOLS = ("avr-g++", "avr-size", "simavr")
+ROOT_USER = 0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing looked at.
+
+    Attributes
+    ----------
+    topic : what was looked at
+    level : `ok`, `note` (works, could be better) or `missing` (something will not run)
+    found : what is there
+    remedy : what to do about it; empty where nothing is to be done
+    """
+
+    topic: str
+    level: Level
+    found: str
+    remedy: str = ""
+
+
+def examine() -> list[Finding]:
+    """Look at everything; never raises, an examination that fails is a finding itself."""
+    findings: list[Finding] = []
+    for look in (_versions, _native, _rendering, _viewer, _real_time, _ports, _avr):
+        findings.extend(_guarded(look))
+    return findings
+
+
+def table(findings: list[Finding]) -> str:
+    """Findings as lines for a terminal."""
+    marks = {"ok": "ok     ", "note": "note   ", "missing": "missing"}
+    lines = []
+    for finding in findings:
+        lines.append(f"{marks[finding.level]}  {finding.topic:<18} {finding.found}")
+        if finding.remedy:
+            lines.append(f"{'':<28} → {finding.remedy}")
+    return "\n".join(lines)
+
+
+def as_dict(findings: list[Finding]) -> dict[str, object]:
+    """Findings for machines."""
+    return {"findings": [asdict(finding) for finding in findings]}
+
+
+def _guarded(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
+    try:
+        yield from look()
+    except Exception as error:  # a diagnosis must survive what it diagnoses
+        yield Finding(look.__name__.strip("_"), "missing", f"{type(error).__name__}: {error}")
+
+
+def _versions() -> Iterator[Finding]:
+    yield Finding("python", "ok", f"{platform.python_version()} on {platform.platform()}")
+    for package in PACKAGES:
+        try:
+            yield Finding(package, "ok", version(package))
+        except PackageNotFoundError:
+            yield Finding(package, "missing", "not installed", "run `make env`")
+
+
+def _native() -> Iterator[Finding]:
+    from twin.physics.native import layout
+
+    layout.verify()
+    yield Finding("native callbacks", "ok", "field offsets agree with this MuJoCo")
+
+
+def _rendering() -> Iterator[Finding]:
+    """Try each GL backend in a process of its own: the choice is made once, at import."""
+    program = (
+        "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco/>');"
+        "r = mujoco.Renderer(m, 32, 32); r.update_scene(mujoco.MjData(m)); r.render()"
+    )
+    working = []
+    for backend in ("egl", "osmesa"):
+        environment = {**os.environ, "MUJOCO_GL": backend}
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env=environment,
+            capture_output=True,
+            timeout=60,
+            check=False,
+        )
+        if done.returncode == 0:
+            working.append(backend)
+    if working:
+        yield Finding("headless GL", "ok", " and ".join(f"MUJOCO_GL={name}" for name in working))
+    else:
+        remedy = "install libegl1 and libgl1-mesa-dri, or libosmesa6 (only rendering needs it)"
+        yield Finding("headless GL", "note", "neither EGL nor OSMesa renders", remedy)
+
+
+def _viewer() -> Iterator[Finding]:
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    vulkan = any(Path("/usr/share/vulkan/icd.d").glob("*.json"))
+    if sys.platform.startswith("linux") and not vulkan:
+        remedy = "install mesa-vulkan-drivers and libvulkan1, or use `twin view --web`"
+        yield Finding("Vulkan", "note", "no driver: the native viewer will not open", remedy)
+    else:
+        yield Finding("Vulkan", "ok", "a driver is installed")
+    if browser is None:
+        yield Finding("browser", "note", "no Chromium", "`twin view --web` opens in any browser")
+    else:
+        yield Finding("browser", "ok", browser)
+
+
+def _real_time() -> Iterator[Finding]:
+    if not hasattr(os, "sched_setscheduler"):
+        yield Finding("SCHED_FIFO", "note", "this system has none", "expect late ticks under load")
+        return
+    limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+    if os.geteuid() == ROOT_USER or limit > 0:
+        yield Finding("SCHED_FIFO", "ok", "allowed")
+    else:
+        remedy = "add `@realtime - rtprio 80` to /etc/security/limits.conf and join that group"
+        yield Finding("SCHED_FIFO", "note", "not allowed: ticks may come late under load", remedy)
+    locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    if os.geteuid() == ROOT_USER or locked in (-1, resource.RLIM_INFINITY):
+        yield Finding("memory lock", "ok", "allowed")
+    else:
+        remedy = "add `@realtime - memlock unlimited` to /etc/security/limits.conf"
+        yield Finding("memory lock", "note", f"limited to {locked // 1024} KiB", remedy)
+    yield Finding("processors", "ok" if (os.cpu_count() or 1) > 1 else "note", f"{os.cpu_count()}")
+
+
+def _ports() -> Iterator[Finding]:
+    from hardware.link import link
+
+    ports = link.available()
+    if not ports:
+        yield Finding("serial ports", "note", "none", "plug a Nano in, or use `--gimbal linkage`")
+    for device, description in ports.items():
+        usable = not device.startswith("/") or os.access(device, os.R_OK | os.W_OK)
+        remedy = "" if usable else "add yourself to the group `dialout` and log in again"
+        yield Finding(device, "ok" if usable else "missing", description, remedy)
+        timer = Path("/sys/bus/usb-serial/devices", Path(device).name, "latency_timer")
+        if timer.is_file() and timer.read_text().strip() != "1":
+            remedy = f"write 1 to {timer}: until then bytes wait up to 16 ms in the adapter"
+            yield Finding(device, "note", f"latency {timer.read_text().strip()} ms", remedy)
+
+
+def _avr() -> Iterator[Finding]:
+    absent = [tool for tool in AVR_TOOLS if shutil.which(tool) is None]
+    header = Path("/usr/include/simavr/sim_avr.h")
+    if not header.is_file():
+        absent.append("libsimavr-dev")
+    if absent:
+        remedy = (
+            "install gcc-avr avr-libc simavr libsimavr-dev (only the simulated Nano needs them)"
+        )
+        yield Finding("AVR tools", "note", f"without {', '.join(absent)}", remedy)
+    else:
+        yield Finding("AVR tools", "ok", "compiler and simulator")

@@ -1,0 +1,44 @@
+"""The assembly of `twin report`: recordings and models in, one page out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.report import ReportNumbers, report
+from analysis.transfer_function import TransferFunctionModel
+from twin.config import Report
+from twin.errors import TwinError
+from twin.evaluation.inputs import seen
+from twin.evaluation.words import screen, writable
+
+
+@dataclass(frozen=True)
+class ReportResult:
+    """The page and its numbers."""
+
+    numbers: ReportNumbers
+    file: Path
+    sources: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, object]:
+        """What the page itself carries, as JSON values."""
+        return self.numbers.to_dict()
+
+    def text(self) -> str:
+        """Where the page is; the figures stand on it."""
+        return screen([("report of", ", ".join(self.sources)), ("page", str(self.file))])
+
+
+def write_report(config: Report) -> ReportResult:
+    """Write one page about recordings of a gimbal, and models beside them.
+
+    Raises
+    ------
+    TwinError, AnalysisError : something the user asked for cannot be done, in one line
+    """
+    if not config.recordings:
+        raise TwinError("report: name one recording (.rrd) or table (.csv, .mat), or more")
+    runs = seen(config, config.recordings)
+    models = {f.stem: TransferFunctionModel.read(f) for f in config.model}
+    out = writable(config.out or Path("runs/report.html"))
+    numbers = report(runs, out, models=models, title=config.title)
+    return ReportResult(numbers, out, tuple(str(f) for f in (*config.recordings, *config.model)))

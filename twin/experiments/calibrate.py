@@ -1,0 +1,188 @@
+"""`twin calibrate`: drive a rig to its limit switches, solve, write the file."""
+
+import secrets
+import sys
+import time
+from dataclasses import dataclass
+from math import degrees, radians, sqrt
+from pathlib import Path
+from typing import Any
+
+from hardware.calibration import Calibration, CalibrationError, CalibrationRig, Procedure, write
+from hardware.calibration.file import to_dict
+from hardware.protocol import constants
+from twin.config import Calibrate
+from twin.errors import TwinError
+from twin.experiments.session import compiled
+from twin.hil import RigGimbal, RigOptions, open_rig, switch_angles
+from twin.plant.model import ModelConfig, load
+
+COMMAND_NS = 10_000_000
+STEP_NS = 2_000_000
+NAMING_NS = 1_000_000_000
+PATIENCE_NS = 3_000_000_000  # without a frame: cable out, or a rig that has died
+FIGURE = 1.96  # standard deviations of a 95 % interval
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """A calibration and where it was written.
+
+    Attributes
+    ----------
+    file : written
+    calibration : result of the run
+    duration_s : rig time
+    """
+
+    file: str
+    calibration: Calibration
+    duration_s: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """The file's content, and where it is."""
+        return {"file": self.file, "duration_s": self.duration_s, **to_dict(self.calibration)}
+
+    def text(self) -> str:
+        """One screen, with 95 % intervals."""
+        c = self.calibration
+        rows = [("rig", f"{c.rig:08x}, calibrated in {self.duration_s:.0f} s")]
+        for k, axis in enumerate("xy"):
+            zero = FIGURE * sqrt(c.zero_covariance[k][k]) * 1e6
+            gain, slip = degrees(c.matrix[k][k]) * 1e-6, degrees(c.matrix[k][1 - k]) * 1e-6
+            error = FIGURE * degrees(sqrt(c.matrix_covariance[3 * k][3 * k])) * 1e-6
+            play = FIGURE * degrees(c.hysteresis_sigma[k])
+            again = degrees(c.repeatability[k])
+            loose = f"{degrees(c.hysteresis[k]):.2f} ± {play:.2f}°, repeats within {again:.2f}°"
+            rows += [
+                (f"zero {axis}", f"{c.zero[k] * 1e6:.1f} ± {zero:.1f} µs"),
+                (f"servo {axis}", f"{gain * 1e3:.2f} ± {error * 1e3:.2f} °/ms"),
+                (f"from servo {'yx'[k]}", f"{slip * 1e3:.2f} °/ms"),
+                (f"hysteresis {axis}", loose),
+            ]
+        for name, p in zip(("x_a", "x_b", "y_a", "y_b"), c.potentiometers, strict=True):
+            line = f"zero {p.zero:.4f}, {degrees(p.gain):.1f}° over its track"
+            rows.append((f"potentiometer {name}", line))
+        bias = ", ".join(f"{degrees(b):.2f}" for b in c.gyro.bias)
+        rows.append(("gyro bias", f"{bias} °/s"))
+        rows += [("calibration", self.file), ("", f"twin mirror --calibration {self.file} …")]
+        return "\n".join(f"{name:<20}{value}" for name, value in rows)
+
+
+def calibrate(config: Calibrate) -> CalibrationResult:
+    """Calibrate a rig and write the file; nothing is written unless the result is plausible.
+
+    Raises
+    ------
+    CalibrationError : a switch, servo or sensor does not do what it should; says which
+    TwinError, HardwareError : the rig cannot be opened, or the file cannot be written
+    """
+    _writable(config.out)
+    rig = _rig(config)
+    options = RigOptions(
+        seat=config.gimbal, unit=config.unit, faults=config.fault, seed=config.seed, fuse=False
+    )
+    with compiled(), open_rig(options, None) as seat:
+        began = seat.now_ns()
+        try:
+            result = _drive(seat, rig)
+        finally:
+            seat.rig.neutral()
+        duration = (seat.now_ns() - began) * 1e-9
+    write(config.out, result)
+    return CalibrationResult(str(config.out), result, duration)
+
+
+def _rig(config: Calibrate) -> CalibrationRig:
+    if config.repeats < 1:
+        raise TwinError(f"--repeats {config.repeats}: must be at least 1")
+    if config.switch_deg is None:
+        angles = switch_angles(load(ModelConfig(scene="bench")).mj)
+    else:
+        a, b, c, d = (radians(v) for v in config.switch_deg)
+        angles = (a, b, c, d)
+        if not (0 < a < 1 and -1 < b < 0 < c < 1 and -1 < d < 0):
+            raise TwinError(
+                f"--switch-deg {' '.join(f'{v:g}' for v in config.switch_deg)}: must be the angles"
+                " of +x, -x, +y, -y, such as 9 -9 9 -9"
+            )
+    return CalibrationRig(switch_angle=angles, repeats=config.repeats, seed=config.seed)
+
+
+def _numbered(seat: RigGimbal) -> int:
+    """Serial number of the board; one that has none is given one, which it keeps."""
+    end = seat.now_ns() + NAMING_NS
+    while seat.rig.hello is None or not seat.rig.hello.serial:
+        seat.rig.name(secrets.randbelow(constants.SERIAL_BLANK - 1) + 1)
+        for _ in range(50):
+            seat.wait(STEP_NS)
+            seat.rig.poll()
+        if seat.now_ns() > end:
+            raise CalibrationError(
+                "the board has no serial number and takes none; flash the firmware in"
+                " hardware/firmware anew"
+            )
+    return seat.rig.hello.serial
+
+
+def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
+    procedure = Procedure(rig, _numbered(seat))
+    session = seat.rig.session
+    heard = seat.now_ns()
+    next_command = heard
+    bar = _Bar()
+    while not procedure.done:
+        seat.wait(STEP_NS)
+        now = seat.now_ns()
+        for frame in seat.rig.poll():
+            pulses = procedure.step(frame)
+            heard = now
+        if heard == now and now >= next_command:
+            seat.rig.send_pulses(*pulses)
+            next_command = now + COMMAND_NS
+        if seat.rig.session != session:
+            raise CalibrationError(
+                f"the connection was lost at {procedure.progress:.0%} of the calibration"
+                f" ({seat.rig.reason}{f', {seat.rig.started}' if seat.rig.started else ''});"
+                " check cable and supply and start again"
+            )
+        if now - heard > PATIENCE_NS:
+            raise CalibrationError(
+                f"the rig fell silent at {procedure.progress:.0%} of the calibration; check its"
+                " cable and start again"
+            )
+        bar.show(procedure.progress)
+    bar.end()
+    return procedure.result()
+
+
+class _Bar:
+    """Progress on a terminal, nothing elsewhere."""
+
+    def __init__(self) -> None:
+        self._on = sys.stderr.isatty()
+        self._next = 0.0
+
+    def show(self, progress: float) -> None:
+        if not self._on or time.monotonic() < self._next:
+            return
+        self._next = time.monotonic() + 0.1
+        done = round(40 * progress)
+        line = f"\rcalibrating {'█' * done}{'·' * (40 - done)} {progress:4.0%}"
+        print(line, end="", file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        if self._on:
+            print("\r" + " " * 60 + "\r", end="", file=sys.stderr, flush=True)
+
+
+def _writable(path: Path) -> None:
+    """Refuse a place that cannot be written before a minute of driving, not after."""
+    probe = path.with_name(path.name + ".partial")
+    try:
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise TwinError(f"cannot write {path}: {error.strerror}") from None
+    if path.is_dir():
+        raise TwinError(f"cannot write {path}: it is a folder")

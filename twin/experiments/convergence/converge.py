@@ -1,0 +1,95 @@
+"""The assembly of `twin converge`."""
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import mujoco
+
+from analysis.convergence import Flight, Study, distance, richardson, study
+from analysis.report import render
+from twin.config import Converge
+from twin.errors import TwinError
+from twin.experiments.convergence.budget import budget
+from twin.experiments.convergence.flights import JITTERED, flight, jittered, load_for
+from twin.experiments.convergence.page import sections
+from twin.experiments.convergence.result import ConvergenceResult, RealTime
+from twin.experiments.session import compiled
+
+REFERENCE = "rk4"
+# s; the baseline's steps divide 0.2 s, the closed loop's its control period
+STEPS = {"baseline": (0.02, 0.01, 0.005, 0.0025), "closed-loop": (0.004, 0.002, 0.001, 0.0005)}
+MOST_STEPS = 12
+JITTERED_STEPS = (0.004, 0.002, 0.001, 0.0005)  # s; the rocket of the jittered flights swings fast
+
+
+def converge(config: Converge) -> ConvergenceResult:
+    """Fly one flight with every integrator at every step, and write the page.
+
+    Raises
+    ------
+    TwinError, AnalysisError : something the user asked for cannot be done, in one line
+    """
+    began = time.perf_counter()
+    steps = _steps(config)
+    out = config.out or Path("runs/converge.html")
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise TwinError(f"--out {out}: the report of a convergence study is an .html file")
+    names = tuple(dict.fromkeys((*config.integrators, config.integrator)))
+    with compiled(), _quietly():
+        fly = flight(config)
+        found = study(fly, names, steps, richardson(fly, REFERENCE, min(steps)))
+        uneven = _jitter(config)
+        real_time = tuple(_real_time(config, fly, found, name) for name in names)
+        chosen = next(r for r in real_time if r.budget.integrator == config.integrator)
+        step = chosen.budget.step
+        at_step = None if math.isnan(step) else fly(config.integrator, step)
+    result = ConvergenceResult(
+        config.flight, found, uneven, real_time, config.integrator, config.tolerance_m,
+        str(out), time.perf_counter() - began,
+    )  # fmt: skip
+    render(sections(result, at_step), "Convergence study", out, result.as_dict())
+    return result
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """Keep MuJoCo's warnings of flights that diverge, as coarse ones may, off the terminal."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _steps(config: Converge) -> tuple[float, ...]:
+    steps = tuple(ms * 1e-3 for ms in config.dt_ms) or STEPS[config.flight]
+    if not 2 <= len(set(steps)) <= MOST_STEPS:
+        raise TwinError(f"--dt-ms: {len(set(steps))} different steps; 2 to {MOST_STEPS} are right")
+    if not 0 < config.duration_s <= 60:
+        raise TwinError(f"--duration-s {config.duration_s:g}: must lie in 0 to 60")
+    return steps
+
+
+def _jitter(config: Converge) -> Study | None:
+    if config.flight != "baseline":
+        return None
+    fly, steps = jittered(config), JITTERED_STEPS
+    return study(fly, tuple(JITTERED), steps, richardson(fly, REFERENCE, min(steps)))
+
+
+def _real_time(config: Converge, fly: Flight, found: Study, name: str) -> RealTime:
+    """Only the figure's integrator is flown at its own step; the others follow their order."""
+    afforded = budget(load_for(config), name, config)
+    if math.isnan(afforded.step):
+        return RealTime(afforded, math.nan, flown=False)
+    if name == config.integrator:
+        flown = fly(name, afforded.step)
+        if flown is not None:
+            return RealTime(afforded, distance(flown, found.reference.trajectory).position, True)
+    # what lies below the reference's own uncertainty could not be told from it
+    floor = found.reference.uncertainty.position
+    return RealTime(afforded, max(found.of(name).error_at(afforded.step), floor), flown=False)

@@ -1,0 +1,155 @@
+"""What a convergence study amounts to: numbers for machines, one screen for people."""
+
+import math
+from dataclasses import dataclass
+
+from analysis.convergence import Series, Study
+from twin.experiments.convergence.budget import Budget
+
+
+@dataclass(frozen=True)
+class RealTime:
+    """One integrator at the step that real time allows.
+
+    Attributes
+    ----------
+    budget : as measured
+    error : position error there [m]: flown, or expected from the observed order
+    flown : whether it was flown
+    """
+
+    budget: Budget
+    error: float
+    flown: bool
+
+
+@dataclass(frozen=True)
+class ConvergenceResult:
+    """Orders, errors, and whether the solution has converged at the step real time allows.
+
+    Attributes
+    ----------
+    study : of the flight asked for
+    jitter : of steps of unequal length, with variable and with fixed coefficients
+    real_time : by integrator
+    integrator : of the figure and of the verdict
+    tolerance : position error that counts as converged [m]
+    """
+
+    flight: str
+    study: Study
+    jitter: Study | None
+    real_time: tuple[RealTime, ...]
+    integrator: str
+    tolerance: float
+    page: str
+    wall_s: float
+
+    @property
+    def chosen(self) -> RealTime:
+        """The figure's integrator in real time."""
+        return next(r for r in self.real_time if r.budget.integrator == self.integrator)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the error at the real-time step stays within the tolerance."""
+        return self.chosen.error <= self.tolerance
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values in SI; None where nothing could be told."""
+        reference = self.study.reference
+        return {
+            "flight": self.flight,
+            "reference": {
+                "integrator": reference.integrator,
+                "dt_s": reference.step,
+                "order": _number(reference.order),
+                "uncertainty_m": _number(reference.uncertainty.position),
+            },
+            "integrators": [_series(s) for s in self.study.series],
+            "jittered": [] if self.jitter is None else [_series(s) for s in self.jitter.series],
+            "real_time": [
+                {
+                    "integrator": r.budget.integrator,
+                    "dt_s": _number(r.budget.step),
+                    "step_cost_s": r.budget.step_cost,
+                    "tick_cost_p99_s": r.budget.tick_cost,
+                    "position_error_m": _number(r.error),
+                    "flown": r.flown,
+                }
+                for r in self.real_time
+            ],
+            "integrator": self.integrator,
+            "tolerance_m": self.tolerance,
+            "converged": self.converged,
+            "page": self.page,
+            "wall_s": self.wall_s,
+        }
+
+    def text(self) -> str:
+        """One screen."""
+        reference = self.study.reference
+        lines = [
+            f"{'flight':<18}{self.flight}",
+            f"{'reference':<18}{reference.integrator} at {_ms(reference.step)},"
+            f" ± {reference.uncertainty.position:.1e} m"
+            + ("" if math.isnan(reference.order) else f", order {reference.order:.2f} observed"),
+            *_table(self.study),
+        ]
+        if self.jitter is not None:
+            lines += ["", "steps jittered by ± 80 %, vehicle without gimbal", *_table(self.jitter)]
+        lines += ["", f"{'in real time':<24}{'finest step':>12}{'error':>12}{'one step':>12}"]
+        for r in self.real_time:
+            error = "unknown" if math.isnan(r.error) else f"{r.error:.1e} m"
+            step = "none" if math.isnan(r.budget.step) else _ms(r.budget.step)
+            lines.append(
+                f"{r.budget.integrator:<24}{step:>12}{error:>12}{r.budget.step_cost * 1e6:>9.1f} µs"
+            )
+        return "\n".join([*lines, "", self._verdict(), f"{'report':<18}{self.page}"])
+
+    def _verdict(self) -> str:
+        step = self.chosen.budget.step
+        if math.isnan(step):
+            return f"{'verdict':<18}this machine keeps up with {self.integrator} at no step"
+        word = "converged" if self.converged else "NOT converged"
+        return (
+            f"{'verdict':<18}{word} with {self.integrator} at {_ms(step)}:"
+            f" {self.chosen.error:.1e} m, tolerance {self.tolerance:g} m"
+        )
+
+
+def _table(study: Study) -> list[str]:
+    steps = study.series[0].steps
+    head = "".join(f"{_ms(h):>11}" for h in steps)
+    lines = [f"{'position error [m]':<24}{head}{'order':>8}{'attitude':>10}"]
+    for series in study.series:
+        errors = "".join(
+            f"{'diverged':>11}" if math.isnan(e.position) else f"{e.position:>11.1e}"
+            for e in series.errors
+        )
+        orders = [_order(series.order[q]) for q in ("position", "attitude")]
+        lines.append(f"{series.integrator:<24}{errors}{orders[0]:>8}{orders[1]:>10}")
+    return lines
+
+
+def _series(series: Series) -> dict[str, object]:
+    return {
+        "integrator": series.integrator,
+        "dt_s": [float(h) for h in series.steps],
+        "position_error_m": [_number(e.position) for e in series.errors],
+        "attitude_error_rad": [_number(e.attitude) for e in series.errors],
+        "order_position": _number(series.order["position"]),
+        "order_attitude": _number(series.order["attitude"]),
+    }
+
+
+def _order(order: float) -> str:
+    return "–" if math.isnan(order) else f"{order:.2f}"
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds * 1e3:.4g} ms"
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,315 @@
+"""What a gimbal is told in a test: one description, evaluated at the ticks of any gimbal seat.
+
+Every signal is a list of levels held from tick to tick, so the same description moves servos in
+MuJoCo, an identified model and a rig over a wire, and the recording holds what each was told.
+
+A rig takes up commands when its next pulse frame begins, 50 times a second, so a command waits 0 to
+20 ms. Held levels would all wait alike if their holds were multiples of the frame, and a delay
+identified from them would be that of one phase. So their changes are spread evenly over the phases
+of a frame: the identified delay is the mean, and repeats of one step see different waits.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.config import Signal
+from twin.errors import TwinError
+from twin.plant.model import AXES
+
+Array = NDArray[np.float64]
+
+Axis = Literal["x", "y", "both"]
+
+LARGEST_ANGLE = math.radians(10.0)  # the mechanism's stops
+LONGEST = 3600.0  # s of one test
+CLEAN = 0.443  # a held random level's power is halved at 0.443 of its clock rate (sinc² = 1/2)
+REGISTER = (3, 16)  # stages of the shift register; SciPy has primitive polynomials for 2 to 32
+FINER = 1.0 / math.sqrt(2.0)  # ratio of neighbouring steps of a staircase
+FRAME = 0.02  # s; between two pulses of a hobby servo, `hardware.protocol` PWM_PERIOD_US
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """One test of a gimbal, whoever sits in the seat.
+
+    Attributes
+    ----------
+    signal : what kind
+    amplitude : largest angle either way from zero [rad]
+    axis : axis excited; `both` takes one after the other
+    repeats : steps per direction, periods, or sweeps
+    hold : rest before and after, and at least between steps [s]; each is up to a pulse frame
+        longer, to spread them over its phases
+    duration : of one sweep of a chirp, one period of triangle or dog-leg [s]
+    band : lowest and highest frequency of chirp, prbs and multisine [Hz]
+    smallest : last step of a staircase [rad]
+    rate_limit : fastest the command may change [rad/s]; None leaves jumps as they are
+    seed : of the random signals' phases, and of the phases of the pulse frame
+
+    Raises
+    ------
+    TwinError : a value that cannot be, with the flag it came from
+    """
+
+    signal: Signal = "steps"
+    amplitude: float = math.radians(5.0)
+    axis: Axis = "both"
+    repeats: int = 3
+    hold: float = 0.8
+    duration: float = 20.0
+    band: tuple[float, float] = (0.2, 10.0)
+    smallest: float = math.radians(0.05)
+    rate_limit: float | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.signal not in get_args(Signal):
+            valid = ", ".join(get_args(Signal))
+            raise TwinError(f"--signal {self.signal}: there are {valid}")
+        if not 0 < self.amplitude <= LARGEST_ANGLE * (1.0 + 1e-12):
+            raise TwinError(
+                f"--amplitude-deg {math.degrees(self.amplitude):g}: must lie in 0 to 10, the stops"
+            )
+        if not 0.01 <= self.hold <= 100:
+            raise TwinError(f"--hold-s {self.hold:g}: must lie in 0.01 to 100")
+        if not 1 <= self.repeats <= 10_000:
+            raise TwinError(f"--repeats {self.repeats}: must lie in 1 to 10000")
+        if not 0.1 <= self.duration <= 600:
+            raise TwinError(f"--duration-s {self.duration:g}: must lie in 0.1 to 600")
+        low, high = self.band
+        if not 0.01 <= low < high <= 1000:
+            raise TwinError(
+                f"--band-hz {low:g} {high:g}: the lower frequency first, from 0.01 to 1000"
+            )
+        least = 1e-3 * self.amplitude
+        if self.signal == "staircase" and not least <= self.smallest <= self.amplitude:
+            raise TwinError(
+                f"--smallest-deg {math.degrees(self.smallest):g}: must lie between a thousandth of"
+                f" the amplitude and the amplitude, {math.degrees(self.amplitude):g}"
+            )
+        if self.rate_limit is not None and not self.rate_limit > 0:
+            limit = math.degrees(self.rate_limit)
+            raise TwinError(f"--rate-limit-deg-s {limit:g}: must be greater than zero")
+        if not 0 <= self.seed < 2**63:
+            raise TwinError(f"--seed {self.seed}: must be a whole number from 0 to 2⁶³ − 1")
+
+    def plan(self, tick: float) -> "Plan":
+        """Commands for a seat that is told a new angle every `tick` [s].
+
+        Raises
+        ------
+        TwinError : a frequency the ticks cannot carry, or more than an hour of commands
+        """
+        if self.signal in ("chirp", "prbs", "multisine") and self.band[1] > 0.25 / tick:
+            raise TwinError(
+                f"--band-hz {self.band[0]:g} {self.band[1]:g}: at {1.0 / tick:g} commands a second"
+                f" the upper one can be {0.25 / tick:g} at most"
+            )
+        chosen = (0, 1) if self.axis == "both" else (AXES.index(self.axis),)
+        if self.signal in _LEVELS:
+            turns = self._held(_LEVELS[self.signal](self), tick, len(chosen))
+        else:
+            turns = self._repeated(tick, len(chosen))
+        if self.rate_limit is not None:
+            turns = [_limited(t, self.rate_limit * tick) for t in turns]
+        angles = np.zeros((sum(map(len, turns)), 2))
+        begin = 0
+        for axis, levels in zip(chosen, turns, strict=True):
+            end = begin + len(levels)
+            angles[begin:end, axis] = np.clip(levels, -self.amplitude, self.amplitude)
+            begin = end
+        changes = np.flatnonzero(np.any(np.diff(angles, axis=0) != 0.0, axis=1)) + 1
+        rows = np.concatenate([[0], changes])
+        return Plan(rows * tick, angles[rows], len(angles) * tick)
+
+    def _repeated(self, tick: float, axes: int) -> list[Array]:
+        """Rest, whole periods and rest for every axis, one level a tick."""
+        rest = np.zeros(_ticks(self.hold, tick))
+        period = _PERIODS[self.signal](self, tick)
+        self._check((2 * len(rest) + self.repeats * len(period)) * axes * tick)
+        return [np.concatenate([rest, np.tile(period, self.repeats), rest])] * axes
+
+    def _held(self, levels: Array, tick: float, axes: int) -> list[Array]:
+        """The same for levels (k,) that are held, each begun at another phase of a pulse frame."""
+        hold, frame = _ticks(self.hold, tick), _frame(tick)
+        moves = self.repeats * len(levels)
+        self._check((moves + 2) * (hold + frame) * axes * tick)
+        told = np.concatenate([[0.0], np.tile(levels, self.repeats)])
+        turns, now = [], 0
+        for axis in range(axes):
+            phases = _phases(self.repeats, len(levels), np.random.default_rng([self.seed, axis]))
+            counts = []
+            for phase in (phases * frame).astype(int):
+                # no hold is shorter than asked; it ends when the frame next has that phase
+                counts.append(hold + int(phase - now - hold) % frame)
+                now += counts[-1]
+            counts.append(2 * hold)  # the last level and the rest, both zero
+            now += counts[-1]
+            turns.append(np.repeat(told, counts))
+        return turns
+
+    def _check(self, seconds: float) -> None:
+        if seconds > LONGEST:
+            raise TwinError(
+                f"--signal {self.signal} with these flags takes {seconds:.0f} s;"
+                f" {LONGEST:.0f} are the most"
+            )
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sequence of commanded gimbal angles, read-only.
+
+    Attributes
+    ----------
+    times : (n,) when each angle begins [s], ascending from 0
+    angles : (n, 2) [rad]
+    duration : end of the last hold [s]
+    """
+
+    times: Array
+    angles: Array
+    duration: float
+
+    def __post_init__(self) -> None:
+        self.times.setflags(write=False)
+        self.angles.setflags(write=False)
+
+
+def _ticks(seconds: float, tick: float) -> int:
+    """Ticks that last at least so long."""
+    return max(1, math.ceil(seconds / tick - 1e-6))
+
+
+def _frame(tick: float) -> int:
+    """Phases of a pulse frame that commands of this tick can meet."""
+    return max(1, round(FRAME / tick))
+
+
+def _phases(repeats: int, moves: int, rng: np.random.Generator) -> Array:
+    """Phases (repeats · moves,) in 0…1 at which moves begin, spread evenly twice over.
+
+    All of them stand at equal distances, and so do those of the repeats of every one move.
+    """
+    coarse = np.argsort(rng.random((repeats, moves)), axis=0)
+    fine = (rng.permutation(moves) + 0.5) / moves
+    return np.asarray((coarse + fine) / repeats).ravel()
+
+
+def _back_and_forth(amplitudes: Array) -> Array:
+    """To +a, zero, −a and zero for every amplitude."""
+    return np.outer(amplitudes, (1.0, 0.0, -1.0, 0.0)).ravel()
+
+
+def _steps(e: Excitation) -> Array:
+    return _back_and_forth(np.array([e.amplitude]))
+
+
+def _staircase(e: Excitation) -> Array:
+    """Ever smaller steps, √2 apart: each leaves zero and returns, so it must cross any play."""
+    count = 1 + round(math.log(e.smallest / e.amplitude) / math.log(FINER))
+    return _back_and_forth(np.geomspace(e.amplitude, e.smallest, count))
+
+
+def _chirp(e: Excitation, tick: float) -> Array:
+    """Logarithmic sweep: as many seconds for every octave."""
+    low, high = e.band
+    n = _ticks(e.duration, tick)
+    t = np.arange(n) * tick
+    pace = math.log(high / low) / (n * tick)
+    return np.asarray(e.amplitude * np.sin(2 * np.pi * low / pace * np.expm1(pace * t)))
+
+
+def _prbs(e: Excitation, tick: float) -> Array:
+    """Maximum-length sequence of ±amplitude (Golomb, Shift Register Sequences, 1967).
+
+    Its lines stand at multiples of the lower frequency or closer, of half the power or more at the
+    upper. Its clock has no divisor with the pulse frame in common, so that it meets every phase.
+    """
+    from scipy.signal import max_len_seq
+
+    low, high = e.band
+    clock = _ticks(CLEAN / high, tick)
+    while math.gcd(clock, _frame(tick)) > 1:
+        clock -= 1
+    stages = math.ceil(math.log2(1.0 / (low * clock * tick) + 1.0))
+    stages = min(max(stages, REGISTER[0]), REGISTER[1])
+    state = int(np.random.default_rng(e.seed).integers(1, 2**stages))
+    register = np.array([(state >> k) & 1 for k in range(stages)], dtype=np.int8)
+    bits = max_len_seq(stages, state=register)[0]
+    return np.repeat(e.amplitude * (2.0 * bits - 1.0), clock)
+
+
+def _multisine(e: Excitation, tick: float) -> Array:
+    """Equal lines at multiples of the lower frequency, phases searched for a low crest.
+
+    Clipping and restoring the spectrum in turn: Van der Ouderaa, Schoukens and Renneboog, IEEE
+    Trans. Instrum. Meas. 37 (1988) 145.
+    """
+    low, high = e.band
+    n = _ticks(1.0 / low, tick)
+    lines = np.arange(1, math.floor(high * n * tick * (1.0 + 1e-9)) + 1)
+    phases = np.random.default_rng(e.seed).uniform(0.0, 2.0 * np.pi, len(lines))
+    best, least = np.zeros(n), math.inf
+    for _ in range(200):
+        spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)
+        spectrum[lines] = np.exp(1j * phases)
+        wave = np.fft.irfft(spectrum, n)
+        peak = float(np.abs(wave).max())
+        if peak < least:
+            best, least = wave, peak
+        phases = np.angle(np.fft.rfft(np.clip(wave, -0.85 * peak, 0.85 * peak))[lines])
+    return np.asarray(best * (e.amplitude / least))
+
+
+def _triangle(e: Excitation, tick: float) -> Array:
+    """Slow and straight to both ends, so that the way up and the way down can be compared."""
+    return _corners(e, tick, np.array([0.0, 0.25, 0.75, 1.0]), np.array([0.0, 1.0, -1.0, 0.0]))
+
+
+def _dog_leg(e: Excitation, tick: float) -> Array:
+    """Ramps with a bend, to either side: lag at two speeds, and what friction makes of the bend.
+
+    Fast to half the angle, on at a third of that speed, hold, the same back, hold.
+    """
+    out = np.array([0.0, 1.0, 4.0, 6.0, 7.0, 10.0, 12.0]) / 24.0
+    level = np.array([0.0, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0])
+    times, levels = np.append(out, out[1:] + 0.5), np.append(level, -level[1:])
+    return _corners(e, tick, times, levels)
+
+
+def _corners(e: Excitation, tick: float, times: Array, levels: Array) -> Array:
+    """Straight lines between levels of the amplitude at fractions of one period."""
+    n = _ticks(e.duration, tick)
+    return np.asarray(e.amplitude * np.interp(np.arange(n) / n, times, levels))
+
+
+def _limited(levels: Array, most: float) -> Array:
+    """Follow the levels, but no further than `most` a tick."""
+    out = np.empty_like(levels)
+    now = 0.0
+    for k, level in enumerate(levels):
+        now += min(max(level - now, -most), most)
+        out[k] = now
+    return out
+
+
+# Levels that are held, and signals that are given tick by tick.
+_LEVELS: Mapping[str, Callable[[Excitation], Array]] = MappingProxyType(
+    {"steps": _steps, "staircase": _staircase}
+)
+_PERIODS: Mapping[str, Callable[[Excitation, float], Array]] = MappingProxyType(
+    {
+        "chirp": _chirp,
+        "prbs": _prbs,
+        "multisine": _multisine,
+        "triangle": _triangle,
+        "dog-leg": _dog_leg,
+    }
+)

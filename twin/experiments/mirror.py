@@ -1,0 +1,222 @@
+"""`twin mirror`: the MuJoCo gimbal follows what a rig measures, live or from a tape."""
+
+import time
+from array import array
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hardware.protocol import Board
+from twin.config import Mirror
+from twin.errors import TwinError
+from twin.experiments.session import (
+    compiled,
+    make_clock,
+    make_plant,
+    make_recorder,
+    rig_options,
+    steps_per_tick,
+)
+from twin.experiments.signals import until_signal
+from twin.hil import RigGimbal, open_rig
+from twin.hil.teleop import Keys, Stick, Watch
+from twin.loop.loop import Controller, Gimbal, Seats, run
+from twin.loop.readings import Readings
+from twin.plant.plant import Plant
+from twin.recorder.rows import Rows
+
+if TYPE_CHECKING:
+    from twin.hil.playback import Tape
+
+ENDLESS_NS = 1 << 62
+# The rig is looked at more often than rows are worth keeping, so that no frame waits for its tick.
+ROW_NS = 2_000_000
+# A write of the recorder holds the loop up for milliseconds: seldom, but for a watching viewer.
+DRAIN_NS, DRAIN_LIVE_NS = 2_000_000_000, 100_000_000
+
+
+@dataclass(frozen=True)
+class MirrorResult:
+    """What a mirror saw.
+
+    Attributes
+    ----------
+    rig : what it was
+    ended : why
+    frames : sensor frames followed
+    pose_age_ms : median and 99th percentile of the time from a device's stamp to the pose that
+        shows it; None without readings or for a tape
+    lost, crc_errors : frames
+    gaps_s : times without the rig
+    health : last state of connection and sensors
+    """
+
+    recording: str
+    rig: str
+    ended: str
+    duration_s: float
+    frames: int
+    pose_age_ms: tuple[float, float] | None
+    lost: int
+    crc_errors: int
+    gaps_s: tuple[float, ...]
+    health: str
+    wall_s: float
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values."""
+        return asdict(self)
+
+    def text(self) -> str:
+        """One screen."""
+        rows = [
+            ("rig", self.rig),
+            ("ended", f"{self.ended}, after {self.duration_s:.2f} s"),
+            ("frames", f"{self.frames}, {self.lost} lost, {self.crc_errors} with CRC errors"),
+        ]
+        if self.pose_age_ms is not None:
+            median, worst = self.pose_age_ms
+            rows.append(("pose age", f"{median:.2f} ms median, {worst:.2f} ms at 99 %"))
+        if self.gaps_s:
+            times = ", ".join(f"{g:.2f}" for g in self.gaps_s)
+            rows.append(("without the rig", f"{len(self.gaps_s)} times: {times} s"))
+        rows += [
+            ("health", self.health),
+            ("recording", self.recording),
+            ("", f"twin view {self.recording}"),
+        ]
+        return "\n".join(f"{name:<18}{value}" for name, value in rows)
+
+
+class _Witness:
+    """Counts frames and notes the age of each pose, once the plant has taken the tick's step."""
+
+    def __init__(self, readings: Readings, now_ns: Callable[[], int] | None) -> None:
+        self._readings, self._now = readings, now_ns
+        self.frames = 0
+        self.ages = array("q")
+        self.gaps: list[float] = []
+        self._since: int | None = None
+        self._seen_ns = 0
+
+    def look(self, time_ns: int) -> None:
+        r = self._readings
+        self.frames += sum(f.time_ns >= 0 for f in r.frames)
+        for level, text in r.news:
+            if level == "WARN" and text.startswith("rig lost"):
+                self._since = time_ns
+            elif self._since is not None and text.startswith("rig back"):
+                self.gaps.append((time_ns - self._since) * 1e-9)
+                self._since = None
+        self._seen_ns = time_ns
+        if self._now is not None and r.states:
+            self.ages.append(self._now() - r.states[-1].time_ns)
+
+    def times_without(self) -> tuple[float, ...]:
+        """How long the rig was away each time, the last to the end of the run [s]."""
+        last = () if self._since is None else ((self._seen_ns - self._since) * 1e-9,)
+        return (*self.gaps, *last)
+
+    def percentiles(self) -> tuple[float, float] | None:
+        if not self.ages:
+            return None
+        median, high = np.percentile(np.frombuffer(self.ages, np.int64), [50, 99]) * 1e-6
+        return float(median), float(high)
+
+
+def mirror(config: Mirror) -> MirrorResult:
+    """Follow a rig, or a tape, until it is interrupted or its time is over.
+
+    Raises
+    ------
+    TwinError, HardwareError, AnalysisError : in one line, what cannot be opened and what to do
+    """
+    began = time.perf_counter()
+    with ExitStack() as stack:
+        stack.enter_context(compiled())
+        plant = _follower(config)
+        steps = steps_per_tick(config.control_hz, plant)
+        keys = stack.enter_context(Keys()) if config.steer == "keys" else None
+        ended = stack.enter_context(until_signal())
+        if config.tape is None:
+            rig = stack.enter_context(open_rig(rig_options(config, watch=not config.steer), plant))
+            gimbal: Gimbal = rig
+            readings, controller = rig.readings, _controller(config, keys, rig)
+            witness = _Witness(readings, rig.now_ns)
+            length, name = ENDLESS_NS, _name(config, rig)
+        else:
+            tape = _tape(config, plant)
+            gimbal, readings, controller = tape, tape.readings, tape
+            witness = _Witness(readings, None)
+            length = tape.duration_ns + steps * plant.dt_ns  # the last reading belongs to a tick
+            name = f"tape {config.tape}"
+        if config.duration_s is not None:
+            length = min(length, round(config.duration_s * 1e9))
+        rows = Rows(plant, readings=readings)
+        drain = DRAIN_NS if config.serve is None else DRAIN_LIVE_NS
+        recorder = stack.enter_context(
+            make_recorder(config, "mirror", plant.twin, rows, serve=config.serve, drain_ns=drain)
+        )
+        rows.bind(recorder)
+        clock = stack.enter_context(make_clock(real_time=config.real_time))
+
+        def write(time_ns: int) -> None:
+            if readings.frames or readings.news or time_ns % ROW_NS == 0:
+                rows.write(time_ns)
+
+        def over() -> str | None:
+            witness.look(plant.time_ns)
+            return "q" if keys is not None and keys.ended else ended()
+
+        outcome = run(
+            Seats(plant, gimbal, controller, clock),
+            steps_per_tick=steps,
+            duration_ns=length,
+            command=rows.command,
+            each_tick=(write,),
+            stop=over,
+        )
+        recorder.event(plant.time_ns, f"mirror ended: {outcome.ended}")
+    return MirrorResult(
+        recording=str(recorder.path),
+        rig=name,
+        ended=outcome.ended,
+        duration_s=plant.time_ns * 1e-9,
+        frames=witness.frames,
+        pose_age_ms=witness.percentiles(),
+        lost=readings.lost,
+        crc_errors=readings.crc_errors,
+        gaps_s=witness.times_without(),
+        health=readings.health,
+        wall_s=time.perf_counter() - began,
+    )
+
+
+def _follower(config: Mirror) -> Plant:
+    plant = make_plant(config)
+    if plant.twin.gimbal != "follow":
+        raise TwinError(f"scene {config.scene!r} has no gimbal to follow a rig with")
+    return plant
+
+
+def _controller(config: Mirror, keys: Keys | None, rig: RigGimbal) -> Controller:
+    if keys is not None:
+        return keys
+    return Stick(rig.readings) if config.steer == "joystick" else Watch(rig.readings, rig.asked)
+
+
+def _name(config: Mirror, rig: RigGimbal) -> str:
+    hello = rig.rig.hello
+    assert hello is not None
+    board = Board(hello.board).name.lower() if hello.board in list(Board) else str(hello.board)
+    return f"{config.gimbal} ({board} {hello.serial:08x})"
+
+
+def _tape(config: Mirror, plant: Plant) -> "Tape":
+    from twin.hil.playback import Tape
+
+    assert config.tape is not None
+    return Tape(config.tape, plant)

@@ -1,0 +1,50 @@
+"""`twin rig`: a simulated rig behind a port of this machine."""
+
+import gc
+import json
+import math
+import time
+from dataclasses import asdict
+
+from hardware.emulator import serve
+from twin.config import Rig
+from twin.errors import TwinError
+from twin.experiments.session import compiled
+from twin.experiments.signals import until_signal
+from twin.hil import RigOptions, device
+from twin.loop import realtime
+from twin.plant import overrides
+
+
+def rig(config: Rig) -> None:
+    """Serve a simulated rig until SIGINT, SIGTERM or its time is over; prints its port first.
+
+    Raises
+    ------
+    TwinError, HardwareError : it cannot be made or served, in one line
+    """
+    if config.port is not None and config.link is not None:
+        raise TwinError("--link names a pseudo-terminal; with --port the rig is served over TCP")
+    life = math.inf if config.duration_s is None else config.duration_s
+    if not life > 0:
+        raise TwinError(f"--duration-s {life}: must be greater than zero")
+    options = RigOptions(
+        seat=config.kind,
+        unit=config.unit,
+        faults=config.fault,
+        seed=config.seed,
+        overrides=overrides.parse(config.set),
+        scene=config.scene,
+    )
+    with compiled(), until_signal() as ended:
+        simulated = device(options)
+        with serve(simulated, tcp=config.port, link=config.link) as server:
+            # a collection in the middle would hold the telemetry back for milliseconds
+            gc.collect()
+            gc.freeze()
+            with realtime.requested() as rights:  # a board on the desk waits for no other program
+                told = {"port": server.port.url, "kind": config.kind, "rights": asdict(rights)}
+                print(json.dumps(told) if config.json else server.port.url, flush=True)
+                end = time.monotonic() + life
+                server.run(until=lambda: ended() is not None or time.monotonic() >= end)
+        simulated.close()

@@ -1,0 +1,176 @@
+"""A recorded flight flown again in simulation, with its delays or on time, and the timing verdict.
+
+The gimbal of a recorded rig is stood in for by its identified model, so a re-run tells what delays
+did to the loop, not what the rig did.
+"""
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.convergence import Trajectory
+from analysis.recording.reader import Recording
+from analysis.timing import Delays, Limits, Rerun, Verdict, assess
+from hardware.frames import GimbalCommand, GimbalState
+from hardware.protocol import BAUD, Encoder, Ping, Pong
+from twin.config import Fly, Run, with_model
+from twin.config.recorded import configuration_of
+from twin.config.seats import is_rig
+from twin.control import AttitudeController, control_config
+from twin.errors import DivergenceError, TwinError
+from twin.experiments.flight import setpoint
+from twin.experiments.session import make_plant, steps_per_tick
+from twin.loop.clock import Lockstep
+from twin.loop.loop import Gimbal, Seats, run
+from twin.loop.seats import Pilot, SimulatedGimbal
+
+Array = NDArray[np.float64]
+SAMPLE_S = 0.1  # between the instants compared
+PWM_FRAME_S = 0.020  # of hobby servos; a command waits half of it on average
+# Nobody answers the angles of a step test, and each sample is dated by the device: a delay that
+# would spoil a loop only makes the test longer.
+UNANSWERED = Limits(delay=math.inf)
+BITS = 10  # to a byte on a serial line, with start and stop
+
+
+class DelayedGimbal:
+    """A gimbal whose commands arrive late, by any part of a tick.
+
+    A command in force from one tick to the next and delayed by τ is, as a mean over a tick, the
+    straight line between two commands; τ may change from tick to tick.
+
+    Parameters
+    ----------
+    gimbal : who gets the commands
+    delays : over experiment time
+    period_ns : of the ticks
+    """
+
+    def __init__(self, gimbal: Gimbal, delays: Delays, period_ns: int) -> None:
+        self._gimbal, self._delays, self._period = gimbal, delays, period_ns
+        self._sent: list[tuple[float, float]] = []
+
+    def send(self, command: GimbalCommand) -> None:
+        """Pass on what was commanded a delay ago; straight ahead before the first command."""
+        self._sent.append(command.angle)
+        late = float(np.interp(command.time_ns * 1e-9, self._delays.time, self._delays.value))
+        late = max(0.0, late)  # an estimate of the device's clock may be off by more than the delay
+        at = len(self._sent) - 1 - late * 1e9 / self._period
+        angle = (0.0, 0.0)
+        if at > -1.0:
+            k = int(np.floor(at))
+            a, b = (self._sent[k] if k >= 0 else (0.0, 0.0)), self._sent[min(k + 1, self._last)]
+            share = at - k
+            angle = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
+        self._gimbal.send(replace(command, angle=angle))
+
+    @property
+    def _last(self) -> int:
+        return len(self._sent) - 1
+
+    def poll(self) -> GimbalState:
+        """As the gimbal behind it."""
+        return self._gimbal.poll()
+
+
+def rerun_of(recording: Recording, gimbal: str | None = None) -> Rerun:
+    """A function that flies a recorded flight again, for `analysis.timing`.
+
+    Parameters
+    ----------
+    gimbal : `linkage` or `transfer-function` in place of the recorded one; a rig's is always
+        replaced by its identified model
+
+    Raises
+    ------
+    TwinError : the recording is of no flight
+    """
+    asked = configuration_of(recording)
+    if not isinstance(asked, Fly):
+        raise TwinError("only a flight has a path that timing could have moved")
+    seat = gimbal or ("transfer-function" if is_rig(asked.gimbal) else asked.gimbal)
+    config = with_model(asked, seat, out=None)
+    end_ns = int(recording["gimbal/command"].time_ns[-1])
+
+    def fly(delays: Delays | None, finer: int) -> Trajectory:
+        return _flown(config, delays, finer, end_ns)
+
+    return fly
+
+
+def verdict(
+    recording: Recording,
+    *,
+    overruns: int | None = None,
+    rights: Mapping[str, str] | None = None,
+    stolen: float = 0.0,
+    limits: Limits | None = None,
+) -> Verdict:
+    """The timing verdict of a recorded run, within `native.installed()`.
+
+    Raises
+    ------
+    AnalysisError : the recording says nothing about timing
+    """
+    config = configuration_of(recording)
+    rerun = rerun_of(recording) if isinstance(config, Fly) else None
+    if limits is None:
+        limits = Limits() if rerun else UNANSWERED
+    rig = is_rig(config.gimbal)
+    return assess(
+        recording,
+        _period(config),
+        rerun=rerun,
+        overruns=overruns,
+        wire=_wire() if rig else 0.0,
+        frame=0.5 * PWM_FRAME_S if rig else 0.0,
+        limits=limits,
+        rights=rights or {},
+        stolen=stolen,
+    )
+
+
+def _wire() -> float:
+    """Time on the line of one PING and its PONG [s]."""
+    encoder = Encoder()
+    return BITS * sum(len(encoder.encode(m)) for m in (Ping(0), Pong(0, 0, 0))) / BAUD
+
+
+def _period(config: Run) -> float:
+    hz = getattr(config, "control_hz", 0.0)
+    return 1.0 / hz if hz > 0 else 0.0
+
+
+def _flown(config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Trajectory:
+    plant = make_plant(config, config.motor)
+    if finer > 1:
+        plant = make_plant(replace(config, dt=plant.dt_ns * 1e-9 / finer), config.motor)
+    steps = steps_per_tick(config.control_hz, plant)
+    tick_ns = steps * plant.dt_ns
+    programme, _ = setpoint(config, plant.model)
+    pilot = Pilot(plant, AttitudeController(control_config(plant.model)), programme, tick_ns * 1e-9)
+    gimbal: Gimbal = SimulatedGimbal(plant)
+    if delays is not None:
+        gimbal = DelayedGimbal(gimbal, delays, tick_ns)
+    every = max(1, round(SAMPLE_S * 1e9 / tick_ns)) * tick_ns
+    kept: list[tuple[float, Array, Array]] = []
+
+    def sample(time_ns: int) -> None:
+        if time_ns % every == 0:
+            kept.append((time_ns * 1e-9, plant.position.copy(), plant.attitude.copy()))
+
+    with suppress(DivergenceError):  # a loop delayed too long; the comparison ends where it does
+        run(
+            Seats(plant, gimbal, pilot, Lockstep()),
+            steps_per_tick=steps,
+            duration_ns=end_ns,
+            command=np.zeros(2),
+            each_tick=(sample,),
+            stop=lambda: "ground" if plant.landed else None,
+        )
+    time, position, attitude = (np.array(c) for c in zip(*kept, strict=True))
+    return Trajectory(time, position, attitude)

@@ -1,0 +1,208 @@
+"""From the name in the gimbal seat to a rig that is connected."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from analysis.recording.reader import Recording
+from hardware.calibration import Calibration
+from hardware.calibration import read as read_calibration
+from hardware.emulator import parse
+from hardware.frames import Pair, SensorFrame
+from hardware.fusion import Fusion
+from hardware.link.link import Link
+from hardware.rig import Rig, in_process
+from twin.config.seats import SIMULATED, check_seat, is_rig
+from twin.errors import TwinError
+from twin.hil.bench import TURNTABLE, BenchPlant
+from twin.hil.correction import Drawing
+from twin.hil.gimbal import RigGimbal
+from twin.hil.simulated import Device, drawing, drawn, make_device, parameters
+from twin.hil.turntable import find_base
+from twin.plant.model import ModelConfig, TwinModel, load
+from twin.plant.plant import Plant
+
+OF_THE_RIG = ("gimbal_", TURNTABLE)
+
+
+@dataclass(frozen=True)
+class RigOptions:
+    """What opening a rig can be told.
+
+    Attributes
+    ----------
+    seat : `emulator`, `firmware` or a port
+    calibration : JSON file of this rig; what the drawings say where None
+    unit : number of a simulated rig with tolerances; None is the rig as drawn
+    faults : of a simulated rig, see `hardware.emulator.parse`
+    seed : of a simulated rig's noise
+    mechanism : MJCF file in place of the reference mechanism
+    overrides : named parameters; those of mechanism and turntable count for a rig
+    scene : what it stands on: `bench`, or `turntable` whose base turns
+    watch : neither arm nor command it
+    fuse : estimate angles; a calibration has no use for it
+    """
+
+    seat: str
+    calibration: Path | None = None
+    unit: int | None = None
+    faults: tuple[str, ...] = ()
+    seed: int = 0
+    mechanism: Path | None = None
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    scene: str = "bench"
+    watch: bool = False
+    fuse: bool = True
+
+
+def lead(options: RigOptions) -> Pair:
+    """What a turntable is told ahead, per rate [s] and per acceleration [s²]."""
+    first, second = _model(options, TURNTABLE).mj.numeric("turntable_lead").data.tolist()
+    return first, second
+
+
+def device(options: RigOptions) -> Device:
+    """The simulated rig of a seat, over a scene of its own.
+
+    Raises
+    ------
+    TwinError, HardwareError : unknown fault, missing AVR tools, an override that cannot be
+    """
+    faults = [parse(text) for text in options.faults]
+    rig = parameters(_model(options, "bench").mj, options.unit)
+    plant = BenchPlant(_model(options, options.scene))
+    return make_device(options.seat, plant, rig, faults=faults, seed=options.seed)
+
+
+def _model(options: RigOptions, scene: str) -> TwinModel:
+    """A scene with the rig's mechanism; the bench is the one that knows the limit switches."""
+    names = OF_THE_RIG if scene == TURNTABLE else OF_THE_RIG[:1]
+    ours = {k: v for k, v in options.overrides.items() if k.startswith(names)}
+    return load(ModelConfig(scene=scene, mechanism=options.mechanism, overrides=ours))
+
+
+@contextmanager
+def open_rig(
+    options: RigOptions, plant: Plant | None, tape: Recording | None = None
+) -> Iterator[RigGimbal]:
+    """Connect a rig for the length of a block, within `native.installed()`; see `opened`.
+
+    Parameters
+    ----------
+    tape : recording whose readings stand in for the rig
+    """
+    if tape is not None:
+        assert plant is not None
+        seat = _replayed(options, plant, tape)
+    else:
+        seat = opened(options, plant)
+    try:
+        seat.start()
+        if options.scene == TURNTABLE and seat.base is None:
+            seat.base = find_base(seat)
+            seat.settle()
+        yield seat
+    finally:
+        seat.close()
+
+
+def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
+    """A rig in the gimbal seat, its line open, `start` not called yet.
+
+    Raises
+    ------
+    TwinError, HardwareError : in one line, what cannot be opened and what to do
+    """
+    check_seat(options.seat)
+    if not is_rig(options.seat):
+        raise TwinError(f"--gimbal {options.seat} is no rig")
+    if options.seat in SIMULATED:
+        return _simulated(options, plant)
+    _refuse_simulation(options)
+    bench = _model(options, "bench").mj
+    calibration = _calibration(options) or drawn(bench)
+    plan = drawing(bench)
+    _warm(calibration, plan)
+    link = Link(options.seat)
+    rig = Rig(link, calibration, arm=not options.watch, fuse=options.fuse)
+    return RigGimbal(
+        rig,
+        plant,
+        clock=time.monotonic_ns,
+        wait=lambda ns: time.sleep(ns * 1e-9),
+        lockstep=False,
+        watch=options.watch,
+        drawing=plan,
+    )
+
+
+def _warm(calibration: Calibration, plan: Drawing) -> None:
+    """Compile what a rig's frames and commands need, once after an update, before it talks."""
+    still = SensorFrame(
+        0, 0, (0.5,) * 4, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3,
+        (False,) * 4, (0.0, 0.0), 0,
+    )  # fmt: skip
+    fusion = Fusion(calibration)
+    fusion.update(still)
+    fusion.update(replace(still, device_us=2000))
+    plan.straightened((0.0, 0.0))
+
+
+def _replayed(options: RigOptions, plant: Plant, tape: Recording) -> RigGimbal:
+    from twin.hil.recorded import RecordedRig, base_of, calibration_of
+
+    bench = _model(options, "bench").mj
+    calibration = calibration_of(tape, given=options.calibration is not None)
+    if calibration is None:
+        simulated = options.seat in SIMULATED
+        calibration = drawn(bench, parameters(bench, options.unit) if simulated else None)
+    turns = options.scene == TURNTABLE
+    seat = RigGimbal(
+        RecordedRig(tape, calibration, plant, turns=turns),
+        plant,
+        clock=lambda: plant.time_ns,
+        wait=lambda _: None,
+        lockstep=False,
+        live=False,
+        drawing=drawing(bench),
+    )
+    seat.base = base_of(tape) if turns else None
+    return seat
+
+
+def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
+    calibration = _calibration(options)
+    simulated = device(options)
+    bench = _model(options, "bench").mj
+    if calibration is None:
+        calibration = drawn(bench, parameters(bench, options.unit))
+    rig = in_process(simulated, calibration, arm=not options.watch, fuse=options.fuse)
+    return RigGimbal(
+        rig,
+        plant,
+        clock=lambda: round(simulated.time_us * 1000),
+        wait=lambda ns: simulated.advance_us(max(1, ns // 1000)),
+        lockstep=True,
+        watch=options.watch,
+        drawing=drawing(bench),
+    )
+
+
+def _calibration(options: RigOptions) -> Calibration | None:
+    return None if options.calibration is None else read_calibration(options.calibration)
+
+
+def _refuse_simulation(options: RigOptions) -> None:
+    """A real rig has the faults and tolerances it has."""
+    given: Sequence[tuple[str, object]] = (
+        ("--fault", options.faults),
+        ("--unit", options.unit is not None),
+    )
+    for flag, value in given:
+        if value:
+            raise TwinError(
+                f"{flag} is for simulated rigs; --gimbal {options.seat} is a port"
+                " (give it to the `twin rig` behind it)"
+            )

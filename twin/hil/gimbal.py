@@ -1,0 +1,286 @@
+"""A rig in the gimbal seat: commands go over its line, measured angles move the joints."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+from hardware.calibration import Calibration
+from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
+from hardware.fusion import BaseMap, Fusion
+from hardware.protocol import Hello
+from hardware.rig import Phase, RigError, RigStatistics
+from hardware.rig.rig import TIMEOUT_MS
+from twin.hil.correction import Drawing
+from twin.loop.readings import Readings
+from twin.plant.model import AXES
+from twin.plant.plant import Plant
+
+# The filters find the gyro's bias sooner, but the estimate of a device's clock errs by up to 1 ms
+# in the first 0.6 s after the handshake.
+SETTLE_NS = 800_000_000
+LONGEST_SETTLE_NS = 3_000_000_000
+# A servo looks at its pulse every 20 ms; more commands than the rig sends frames tell it nothing.
+COMMAND_NS = 2_000_000
+# The rig's own timeout sends its servos to neutral when nothing comes any more; they take 0.1 s.
+NEUTRAL_NS = TIMEOUT_MS * 1_000_000 + 100_000_000
+_STEP_NS = 1_000_000
+# Frames come every 2 ms and spend 2 ms on the line; a backlog of a second is worked off in 0.1 s.
+FRESH_NS, LONGEST_CATCH_UP_NS = 10_000_000, 10_000_000_000
+
+
+class SomeRig(Protocol):
+    """What the seat needs of a rig; `hardware.rig.Rig` is one, a recording another."""
+
+    calibration: Calibration
+    fusion: Fusion
+    hello: Hello | None
+    session: int
+    gyro_delay: float
+    reason: str
+    started: str
+
+    @property
+    def phase(self) -> Phase:
+        """Where the connection stands."""
+
+    @property
+    def states(self) -> list[GimbalState]:
+        """Estimates of the frames that the latest poll returned."""
+
+    @property
+    def statistics(self) -> RigStatistics:
+        """Losses and timing so far."""
+
+    @property
+    def health(self) -> str:
+        """Health of connection and sensors in one line."""
+
+    @property
+    def turntable_limits(self) -> Pair:
+        """Shortest and longest pulse of the third servo [s]."""
+
+    def connect(self) -> object:
+        """Wait until it is ready."""
+
+    def renew(self, base: BaseMap | None = None) -> None:
+        """Forget every estimate."""
+
+    def poll(self) -> list[SensorFrame]:
+        """Frames that have arrived."""
+
+    def listen(self) -> bool:
+        """Hear what must be dated between two polls; whether to call again soon."""
+
+    def send(self, command: GimbalCommand, turntable: float = 0.0) -> object:
+        """Send a command."""
+
+    def send_pulses(self, x: float, y: float, turntable: float = 0.0) -> object:
+        """Send pulse widths [s]."""
+
+    def name(self, serial: int) -> None:
+        """Give a board without a serial number one."""
+
+    def neutral(self) -> None:
+        """Send the servos to neutral and leave them armed."""
+
+    def close(self) -> None:
+        """Neutral, disarmed, line closed."""
+
+
+class RigGimbal:
+    """Polls a rig once a tick without blocking and lets the plant's joints follow it.
+
+    While nothing comes from the rig, the joints hold the last angle for as long as its own timeout
+    lets the servos stand, and then go to neutral as the servos do (but where somebody else steers);
+    `GimbalState.healthy` is false meanwhile, and the run goes on.
+
+    Parameters
+    ----------
+    rig : not connected yet
+    plant : of a model whose gimbal is `follow`; None leaves the joints to somebody else
+    clock : the rig's clock [ns]
+    wait : lets time pass on it [ns]; in lockstep this is what moves the simulated device
+    lockstep : the device lives on the plant's time
+    watch : send nothing; the rig must not be armed then
+    live : its estimates need time to settle; those of a recording have had it
+    drawing : exact kinematics behind the straight lines of a calibration; None trusts the lines
+
+    Attributes
+    ----------
+    rig, wait : as given
+    readings : what the latest poll brought
+    turntable : pulse width for the third servo, 0 for neutral [s]
+    base : map of the base it stands on, where that turns
+    """
+
+    def __init__(
+        self,
+        rig: SomeRig,
+        plant: Plant | None,
+        *,
+        clock: Callable[[], int],
+        wait: Callable[[int], None],
+        lockstep: bool,
+        watch: bool = False,
+        live: bool = True,
+        drawing: Drawing | None = None,
+    ) -> None:
+        self.rig = rig
+        self.readings = Readings()
+        self.wait = wait
+        self._plant, self._clock = plant, clock
+        self._lockstep, self._watch, self._drawing = lockstep, watch, drawing
+        self._live = live
+        self.turntable = 0.0
+        self.base: BaseMap | None = None
+        self._origin = 0
+        self._started = self._caught_up = False
+        self._fresh_ns = 0
+        self._heard = False
+        self._next_command = 0
+        self._ready = False
+        self._lost_ns = 0
+        self._stale = GimbalState(0, (0.0, 0.0), healthy=False)
+        self._ids: list[int] = []
+        if plant is not None and plant.twin.gimbal == "follow":
+            self._ids = [int(plant.model.actuator(f"gimbal_{a}").id) for a in AXES]
+
+    def start(self) -> None:
+        """Connect and let the estimate settle; blocks.
+
+        Raises
+        ------
+        RigError : nothing answers, something else does, or the calibration is of another rig
+        """
+        self.rig.connect()
+        self.settle()
+
+    def settle(self) -> None:
+        """Begin every estimate anew and let it settle; blocks.
+
+        Raises
+        ------
+        RigError : no readings come
+        """
+        self.rig.renew(self.base)
+        began, before = self._clock(), self.rig.statistics.frames
+        while self._live and (
+            self._clock() - began < SETTLE_NS or self.rig.statistics.frames == before
+        ):
+            if self._clock() - began > LONGEST_SETTLE_NS:
+                raise RigError("the rig answers but sends no readings; is its cable sound?")
+            self.rig.poll()
+            self.wait(_STEP_NS)
+        self._ready = True
+        if self._drawing is not None:
+            self._drawing.straightened((0.0, 0.0))  # its first time takes milliseconds
+
+    def catch_up(self) -> None:
+        """Take in what has come while the run was being set up; its states count, no row does."""
+        end = self._clock() + LONGEST_CATCH_UP_NS
+        self.rig.poll()
+        while self._live and not self._lockstep and not self._fresh() and self._clock() < end:
+            self.wait(_STEP_NS)  # a terminal hands out what it has kept piece by piece
+            self.rig.poll()
+        self._stale = self.rig.fusion.state(0)
+        memory = {"session": self.rig.session, "fusion": self.rig.fusion.snapshot()}
+        self.readings.opening = json.dumps(memory, allow_nan=False)
+        self._caught_up = True
+
+    def _fresh(self) -> bool:
+        if self.rig.phase is not Phase.READY:  # nothing comes that could be caught up with
+            return True
+        states = self.rig.states
+        return bool(states) and self._clock() - states[-1].time_ns < FRESH_NS
+
+    def listen(self) -> bool:
+        """Hear the answer to a PING when it comes; whether one is awaited."""
+        return self.rig.listen()
+
+    def now_ns(self) -> int:
+        """Experiment time on the rig's clock [ns]."""
+        return self._clock() - self._origin
+
+    def send(self, command: GimbalCommand) -> None:
+        """Pass a command on, at most every 2 ms."""
+        if self._watch or command.time_ns < self._next_command:
+            return
+        self._next_command = command.time_ns + COMMAND_NS
+        if self._drawing is not None:
+            command = replace(command, angle=self._drawing.straightened(command.angle))
+        self.rig.send(command, self.turntable)
+
+    def asked(self, frame: SensorFrame) -> Pair:
+        """Gimbal angle that the pulses in force ask for [rad]."""
+        angle = self.rig.calibration.angles(frame.pulse[:2])
+        return angle if self._drawing is None else self._drawing.bent(angle)
+
+    def poll(self) -> GimbalState:
+        """The latest estimate, in experiment time; frames and states are in `readings`."""
+        if not self._started:
+            if not self._caught_up:
+                self.catch_up()
+            self._origin = self._clock() - (self._plant.time_ns if self._plant else 0)
+            self._started = True
+        if self._lockstep and self._plant is not None:
+            while (behind := self._plant.time_ns - self.now_ns()) > 0:
+                self.wait(min(behind, _STEP_NS))
+                self.rig.listen()  # a PONG dated a tick late would turn the device's clock
+        frames = self.rig.poll()
+        self._read(frames)
+        state = self.readings.states[-1] if self.readings.states else self._stale
+        if not self._ready:
+            state = replace(state, healthy=False)
+        if self._plant is not None and not self._watch:
+            state = self._neutral_unless_fresh(state, self._plant.time_ns)
+        self._stale = state
+        if self._plant is not None and self._ids:
+            ctrl = self._plant.data.ctrl
+            ctrl[self._ids[0]], ctrl[self._ids[1]] = state.angle
+        return state
+
+    def _neutral_unless_fresh(self, state: GimbalState, now_ns: int) -> GimbalState:
+        if self.readings.states:
+            self._fresh_ns = now_ns
+        elif now_ns - self._fresh_ns > NEUTRAL_NS:
+            return replace(state, angle=(0.0, 0.0), rate=(0.0, 0.0), healthy=False)
+        return state
+
+    def close(self) -> None:
+        """Neutral, disarmed, line closed."""
+        self.rig.close()
+
+    def _read(self, frames: list[SensorFrame]) -> None:
+        rig, origin, r = self.rig, self._origin, self.readings
+        r.frames = [replace(f, time_ns=f.time_ns - origin) for f in frames]
+        r.states = [replace(s, time_ns=s.time_ns - origin) for s in rig.states]
+        r.news = []
+        self._follow_connection()
+        newest = r.states[-1] if r.states else self._stale
+        if r.states and not self._heard:
+            self._heard = True
+            if note := rig.fusion.monitor.note:
+                r.news.append(("INFO", note))
+        known = self._ready and self._heard and newest.sigma != (0.0, 0.0)
+        r.age_ns = self.now_ns() - newest.time_ns if known else None
+        statistics = rig.statistics
+        r.round_trip_ns = statistics.round_trip_ns if known and r.frames else None
+        r.round_trips = statistics.round_trips
+        r.lost, r.crc_errors = statistics.lost, statistics.crc_errors
+        r.health, r.ready = rig.health, self._ready
+        r.session, r.gyro_delay = rig.session, rig.gyro_delay
+
+    def _follow_connection(self) -> None:
+        ready = self.rig.phase is Phase.READY
+        if ready is self._ready:
+            return
+        self._ready = ready
+        now = self.now_ns()
+        if ready:
+            told = f"rig back after {(now - self._lost_ns) * 1e-9:.2f} s"
+            started = f"; it started again {self.rig.started}" if self.rig.started else ""
+            self.readings.news.append(("INFO", told + started))
+            return
+        self._lost_ns = now
+        self.readings.news.append(("WARN", f"rig lost: {' '.join(self.rig.reason.split())}"))

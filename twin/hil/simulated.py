@@ -1,0 +1,116 @@
+"""Simulated rigs over the bench scene, and what the drawings say of a rig of this mechanism."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from hardware.calibration import Calibration, nominal
+from hardware.emulator import (
+    Emulator,
+    FirmwareRig,
+    Injection,
+    RigParameters,
+    ServoParameters,
+    reference_rig,
+    sample_rig,
+)
+from hardware.emulator.truth import exact_calibration
+from hardware.frames import Pair
+from twin.errors import TwinError
+from twin.hil.bench import BenchPlant
+from twin.hil.correction import Drawing
+from twin.physics.mechanism import Kinematics
+
+Device = Emulator | FirmwareRig
+_SWITCHES = 4
+
+
+def switch_angles(model: mujoco.MjModel) -> tuple[float, float, float, float]:
+    """Angles at which the scene's switches +x, −x, +y, −y close [rad].
+
+    Raises
+    ------
+    TwinError : the model does not say
+    """
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "switch_angle") < 0:
+        raise TwinError("the scene has no numeric 'switch_angle'; see mjcf/bench.xml")
+    angles = [float(a) for a in model.numeric("switch_angle").data]
+    if len(angles) != _SWITCHES:
+        raise TwinError(f"numeric 'switch_angle' has {len(angles)} values, must have {_SWITCHES}")
+    return angles[0], angles[1], angles[2], angles[3]
+
+
+def parameters(model: mujoco.MjModel, unit: int | None = None) -> RigParameters:
+    """One rig of many, on this mechanism.
+
+    Parameters
+    ----------
+    model : bench scene
+    unit : number of a rig whose tolerances are drawn; None is the rig exactly as drawn
+    """
+    rig, plain = reference_rig() if unit is None else sample_rig(unit), reference_rig()
+    errors = zip(rig.sensors.switch_angle, plain.sensors.switch_angle, strict=True)
+    held = [
+        at + (built - meant)
+        for at, (built, meant) in zip(switch_angles(model), errors, strict=True)
+    ]
+    angles = (held[0], held[1], held[2], held[3])
+    return replace(rig, sensors=replace(rig.sensors, switch_angle=angles))
+
+
+def make_device(
+    kind: str,
+    plant: BenchPlant,
+    rig: RigParameters,
+    *,
+    faults: Sequence[Injection] = (),
+    seed: int = 0,
+) -> Device:
+    """A simulated rig over a bench or turntable scene.
+
+    Parameters
+    ----------
+    kind : `emulator`, or `firmware` for the real program on a simulated Nano
+    rig : its servos, sensors and clock, from `parameters`
+
+    Raises
+    ------
+    hardware.simavr.nano.SimulatedNanoError : the AVR tools are missing
+    """
+    make = Emulator if kind == "emulator" else FirmwareRig
+    return make(rig, plant=plant, injections=tuple(faults), seed=seed)
+
+
+def drawing(model: mujoco.MjModel) -> Drawing:
+    """The exact kinematics of a bench scene's mechanism, for a calibration made on its switches."""
+    return Drawing(Kinematics(model), switch_angles(model))
+
+
+def drawn(model: mujoco.MjModel, rig: RigParameters | None = None) -> Calibration:
+    """What a calibration would give for a rig exactly as drawn, for one that never had one.
+
+    Parameters
+    ----------
+    model : bench scene
+    rig : its servos and sensors where they are known, as in a simulation; else those of the shelf
+    """
+    plan = drawing(model)
+    servos = rig.plant.servos if rig else (ServoParameters(),) * 2
+    skew = 1.0 + (rig.skew if rig else 0.0)
+    travel = np.array([s.travel for s in servos[:2]]) / skew
+    zero = np.array([1.5e-3 + s.trim for s in servos[:2]]) * skew + plan.shaft / travel
+    matrix = plan.matrix * travel
+    known = exact_calibration(rig) if rig else nominal()
+    return replace(
+        known,
+        rig=0,
+        zero=_pair(zero),
+        matrix=(_pair(matrix[0]), _pair(matrix[1])),
+        switch_angle=switch_angles(model),
+    )
+
+
+def _pair(values: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> Pair:
+    return float(values[0]), float(values[1])

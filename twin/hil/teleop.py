@@ -1,0 +1,139 @@
+"""Controllers of a mirror: nobody, the rig's joystick, or the keyboard."""
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from math import radians
+from types import TracebackType
+from typing import Self
+
+from hardware.frames import GimbalState, Pair, SensorFrame
+from twin.errors import TwinError
+from twin.loop.readings import Readings
+
+REACH = radians(8.0)
+DEAD_ZONE = 0.03  # of the joystick; its springs do not find the middle exactly
+KEY_STEP = radians(0.5)
+ARROWS = {"A": (0, 1), "B": (0, -1), "C": (1, 1), "D": (1, -1)}  # ESC [ A: axis, direction
+
+
+class Watch:
+    """Commands nothing; shows what the pulses in force ask for.
+
+    Parameters
+    ----------
+    readings : of the seat
+    asked : gimbal angle that the pulses of a frame ask for [rad]
+    """
+
+    def __init__(self, readings: Readings, asked: Callable[[SensorFrame], Pair]) -> None:
+        self._readings, self._asked = readings, asked
+        self._pulse: Pair | None = None
+        self._angle: Pair = (0.0, 0.0)
+
+    def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
+        """Angle asked for by whoever steers [rad]."""
+        frames = self._readings.frames
+        if frames and frames[-1].pulse[:2] != self._pulse:
+            self._pulse = frames[-1].pulse[:2]
+            self._angle = self._asked(frames[-1])
+        return self._angle
+
+
+class Stick:
+    """The rig's joystick, ±8° at its ends."""
+
+    def __init__(self, readings: Readings) -> None:
+        self._readings = readings
+        self._angle: Pair = (0.0, 0.0)
+
+    def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
+        """Angle the stick points to [rad]."""
+        if self._readings.frames:
+            x, y = self._readings.frames[-1].joystick
+            self._angle = _stick(x), _stick(y)
+        return self._angle
+
+
+def _stick(deflection: float) -> float:
+    beyond = max(abs(deflection) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
+    return REACH * (beyond if deflection > 0 else -beyond)
+
+
+def _standard_input() -> int:
+    """Descriptor of standard input; −1 where it was closed or exchanged for something else."""
+    try:
+        return sys.stdin.fileno()
+    except (AttributeError, OSError, ValueError):
+        return -1
+
+
+class Keys:
+    """Arrow keys: up and down turn x, right and left turn y, by half a degree; space is zero.
+
+    A context manager: the terminal passes every key on at once meanwhile. `q` sets `ended`.
+
+    Parameters
+    ----------
+    terminal : file descriptor; standard input without it
+
+    Raises
+    ------
+    TwinError : no terminal there, or a system without POSIX terminals
+    """
+
+    def __init__(self, terminal: int | None = None) -> None:
+        self._fd = _standard_input() if terminal is None else terminal
+        self.ended = False
+        self._angle = [0.0, 0.0]
+        self._rest = ""
+        if self._fd < 0 or not os.isatty(self._fd):
+            raise TwinError("--steer keys needs a terminal to read arrow keys from")
+        try:
+            import termios
+        except ImportError:
+            raise TwinError("--steer keys needs a POSIX terminal; --steer joystick works") from None
+        self._termios = termios
+
+    def __enter__(self) -> Self:
+        t = self._termios
+        self._before = t.tcgetattr(self._fd)
+        raw = t.tcgetattr(self._fd)
+        raw[3] &= ~(t.ICANON | t.ECHO)  # signals stay: Ctrl-C ends the run
+        raw[6][t.VMIN], raw[6][t.VTIME] = 0, 0
+        t.tcsetattr(self._fd, t.TCSANOW, raw)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with suppress(OSError, self._termios.error):
+            self._termios.tcsetattr(self._fd, self._termios.TCSADRAIN, self._before)
+
+    def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
+        """Angle reached so far [rad]."""
+        with suppress(OSError):
+            self._press(os.read(self._fd, 64).decode("ascii", "ignore"))
+        return self._angle[0], self._angle[1]
+
+    def _press(self, typed: str) -> None:
+        text = self._rest + typed
+        self._rest = ""
+        while text:
+            if text in ("\x1b", "\x1b["):
+                self._rest = text  # the rest of an arrow is still on its way
+                return
+            if text.startswith("\x1b["):
+                axis, way = ARROWS.get(text[2], (0, 0))
+                turned = self._angle[axis] + way * KEY_STEP
+                self._angle[axis] = min(max(turned, -REACH), REACH)
+                text = text[3:]
+                continue
+            if text[0] == " ":
+                self._angle = [0.0, 0.0]
+            self.ended |= text[0] == "q"
+            text = text[1:]

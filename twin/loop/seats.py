@@ -1,0 +1,135 @@
+"""Who can sit in the gimbal seat and in the controller seat when everything is simulated."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.frames import GimbalCommand, GimbalState, Pair
+from twin.control import AttitudeController, Setpoint
+from twin.physics.mechanism import Kinematics
+from twin.plant.model import AXES
+from twin.plant.plant import Plant
+
+Array = NDArray[np.float64]
+
+
+class SimulatedGimbal:
+    """The plant's own gimbal: servos and rods, or an identified model, whichever it was built with.
+
+    Servos are commanded through the mechanism's exact kinematic solution, as a calibrated rig is.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        names = {"linkage": "gimbal_servo_{}", "transfer-function": "gimbal_{}"}
+        pattern = names.get(plant.twin.gimbal)
+        ids = [plant.model.actuator(pattern.format(a)).id for a in AXES] if pattern else []
+        self._ctrl = plant.data.ctrl
+        self._ids = ids
+        self._map: Callable[[float, float], Pair] | None = None
+        if plant.twin.gimbal == "linkage":
+            self._map = Kinematics(plant.model).servo_from_gimbal_fast
+
+    def send(self, command: GimbalCommand) -> None:
+        """Set the actuators; a fixed motor has none."""
+        if not self._ids:
+            return
+        x, y = command.angle
+        if self._map is not None:
+            x, y = self._map(x, y)
+        self._ctrl[self._ids[0]] = x
+        self._ctrl[self._ids[1]] = y
+
+    def poll(self) -> GimbalState:
+        """Exact joint angles and rates of this instant."""
+        plant = self._plant
+        angle, rate = plant.gimbal_angle, plant.gimbal_rate
+        return GimbalState(
+            plant.time_ns, (float(angle[0]), float(angle[1])), (float(rate[0]), float(rate[1]))
+        )
+
+
+class Attitude(Protocol):
+    """The attitude seat: what the controller sees of how the vehicle lies and turns.
+
+    Attributes
+    ----------
+    attitude, rate : body to world (4,) wxyz, and in body axes (3,) [rad/s]
+    """
+
+    attitude: Array
+    rate: Array
+
+    def update(self) -> None:
+        """Renew both, once a tick."""
+
+
+class Truth:
+    """The vehicle as it is simulated, in the attitude seat."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.attitude, self.rate = plant.attitude, plant.rate
+
+    def update(self) -> None:
+        """Do nothing: both are views of the plant's state."""
+
+
+class Pilot:
+    """Attitude loop in the controller seat: setpoint programme and PID on what it sees.
+
+    Parameters
+    ----------
+    attitude : what it sees; the truth without it
+
+    Attributes
+    ----------
+    direction : (3,) wanted nose direction in the world, for whoever records it
+    error : (2,) rotation still missing about body x and y [rad]
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        controller: AttitudeController,
+        setpoint: Setpoint,
+        period: float,
+        attitude: Attitude | None = None,
+    ) -> None:
+        self._plant, self._controller, self._setpoint = plant, controller, setpoint
+        self._period = period
+        self._seen = attitude or Truth(plant)
+        self.direction: Array = np.zeros(3)
+        self.error: Array = controller.error[0]
+        self._angle: Array = np.zeros(2)
+
+    def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
+        """Gimbal angle that turns the nose towards the setpoint [rad]."""
+        plant, seen = self._plant, self._seen
+        seen.update()
+        self.direction[:] = self._setpoint.direction(time, plant.position, plant.velocity)
+        self._controller.update(
+            time, self._period, seen.attitude, seen.rate, self.direction, self._angle
+        )
+        return float(self._angle[0]), float(self._angle[1])
+
+
+class Sequence:
+    """Open loop in the controller seat: gimbal angles given beforehand.
+
+    Parameters
+    ----------
+    times : (n,) when each angle begins [s], ascending from 0
+    angles : (n, 2) gimbal angles [rad]
+    """
+
+    def __init__(self, times: Array, angles: Array) -> None:
+        self._times, self._angles = times, angles
+
+    def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
+        """Angle in force at `time` [rad]."""
+        # half a nanosecond: times are decimal fractions, a tick must not miss its own change
+        k = int(np.searchsorted(self._times, time + 5e-10, side="right")) - 1
+        x, y = self._angles[max(k, 0)]
+        return float(x), float(y)

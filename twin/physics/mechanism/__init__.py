@@ -1,0 +1,18 @@
+"""The gimbal's mechanism: how it can move, where its servos put it, what its servos are like."""
+
+from twin.physics.mechanism.frame import check_frame
+from twin.physics.mechanism.kinematics import Kinematics, Workspace
+from twin.physics.mechanism.mobility import Mobility, mobility
+from twin.physics.mechanism.names import MechanismError
+from twin.physics.mechanism.servo import apply_servo, insert_backlash
+
+__all__ = [
+    "Kinematics",
+    "MechanismError",
+    "Mobility",
+    "Workspace",
+    "apply_servo",
+    "check_frame",
+    "insert_backlash",
+    "mobility",
+]

@@ -1,0 +1,125 @@
+# ruff: noqa: ANN401 - MjSpec and MjModel elements share attributes, not a type
+"""Another motor for a vehicle: its curve into the numerics, its masses into the bodies."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from twin.errors import TwinError
+from twin.physics.motor.curve import Motor, MotorError
+from twin.physics.motor.grain import Burn, Grain
+
+
+def apply_motor(
+    target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, burn: Burn | None = None
+) -> None:
+    """Put a motor into a vehicle, before (`MjSpec`) or after (`MjModel`) it is compiled.
+
+    The forward end stays where it is, so a shorter motor moves the nozzle up. The curve is
+    thinned to the capacity of the numerics `motor_time` and `motor_thrust` with its impulse kept.
+    The bodies `gimbal_motor` and `gimbal_propellant` have their origin in the middle of the
+    casing and z along it.
+
+    Raises
+    ------
+    MotorError : the motor is wider than the one the holder was made for
+    TwinError : the vehicle carries no motor numerics or bodies
+    """
+    for name in ("motor_time", "motor_thrust", "motor_diameter", "motor_length"):
+        _element(target, "numeric", name)
+    bore = float(target.numeric("motor_diameter").data[0])
+    if motor.diameter > bore * (1 + 1e-6):
+        raise MotorError(
+            f"motor {motor.name!r} is {motor.diameter * 1e3:g} mm wide;"
+            f" the holder takes {bore * 1e3:g} mm"
+        )
+    grain = Grain.of(motor, burn)
+    _place(target, motor, grain)
+    _write_numerics(target, motor, grain)
+    if isinstance(target, mujoco.MjModel):
+        mujoco.mj_setConst(target, mujoco.MjData(target))
+
+
+def _element(target: Any, kind: str, name: str) -> Any:
+    try:
+        found = getattr(target, kind)(name)
+    except KeyError:
+        found = None
+    if found is None:
+        raise TwinError(f"the vehicle has no {kind} {name!r}, so no motor can be put into it")
+    return found
+
+
+def _write_numerics(target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, grain: Grain) -> None:
+    capacity = min(len(target.numeric(n).data) for n in ("motor_time", "motor_thrust"))
+    curve = motor.simplified(capacity)
+    rest = capacity - curve.time.size
+    values: dict[str, list[float]] = {
+        "motor_time": [*curve.time, *[curve.burn_time] * rest],
+        "motor_thrust": [*curve.thrust, *[0.0] * rest],
+        "motor_impulse": [curve.impulse],
+        "motor_propellant_mass": [motor.propellant_mass],
+        "motor_loaded_mass": [motor.loaded_mass],
+        "motor_length": [motor.length],
+        "motor_grain_length": [grain.length],
+        "motor_grain_radius": [grain.radius],
+        "motor_burn": [1.0 if grain.burn == "end" else 0.0],
+    }
+    for name, data in values.items():
+        numeric = _element(target, "numeric", name)
+        padded = [*data, *list(numeric.data)[len(data) :]]
+        if isinstance(target, mujoco.MjModel):
+            numeric.data[:] = padded
+        else:
+            numeric.data = padded
+
+
+def _place(target: Any, motor: Motor, grain: Grain) -> None:
+    """Forward end kept: middle up by half, nozzle up by all of what the motor is shorter."""
+    shorter = float(target.numeric("motor_length").data[0]) - motor.length
+    nozzle = _element(target, "site", "gimbal_nozzle")
+    nozzle.pos = np.asarray(nozzle.pos) + shorter * _axis(nozzle.quat)
+    casing_mass = motor.loaded_mass - motor.propellant_mass
+    r, length = motor.diameter / 2, motor.length
+    hoop = _closed_tube(casing_mass, r, length)
+    mass, ahead, transverse, axial = grain.remaining(0.0)
+    shapes = {
+        "gimbal_motor": (casing_mass, 0.0, hoop[0], hoop[1], r, length),
+        "gimbal_propellant": (mass, ahead, transverse, axial, grain.radius, grain.length),
+    }
+    for name, (m, z, across, along, radius, extent) in shapes.items():
+        body = _element(target, "body", name)
+        body.pos = np.asarray(body.pos) + shorter / 2 * _axis(body.quat)
+        body.mass, body.ipos, body.iquat = m, [0.0, 0.0, z], [1.0, 0.0, 0.0, 0.0]
+        body.inertia = [across, across, along]
+        if isinstance(target, mujoco.MjModel):
+            target.body_sameframe[body.id] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        else:
+            body.explicitinertial = True
+        for geom in _cylinders(target, body):
+            geom.size = [radius, extent / 2, 0.0]
+
+
+def _closed_tube(mass: float, radius: float, length: float) -> tuple[float, float]:
+    """Transverse and axial inertia of a thin tube with both ends closed [kg m²]."""
+    wall = mass * length / (length + radius)  # areas 2πrl and 2·πr²
+    ends, r2, l2 = mass - wall, radius * radius, length * length
+    across = wall * (r2 / 2 + l2 / 12) + ends * (r2 / 4 + l2 / 4)
+    return across, wall * r2 + ends * r2 / 2
+
+
+def _axis(quaternion: Sequence[float]) -> np.ndarray:
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, np.asarray(quaternion, dtype=float))
+    return rotation.reshape(3, 3)[:, 2]
+
+
+def _cylinders(target: Any, body: Any) -> Iterable[Any]:
+    kind = mujoco.mjtGeom.mjGEOM_CYLINDER
+    if isinstance(target, mujoco.MjModel):
+        first, count = int(body.geomadr[0]), int(body.geomnum[0])
+        geoms = [target.geom(k) for k in range(first, first + count)]
+        return [geom for geom in geoms if geom.type[0] == kind]
+    return [geom for geom in body.geoms if geom.type == kind]

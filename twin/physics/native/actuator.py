@@ -1,0 +1,233 @@
+"""The transfer-function actuator: an identified gimbal moves the joints of a MuJoCo model.
+
+Each axis is one actuator with user activation dynamics. The activations hold the state of the
+exact zero-order-hold equivalent, the shift register of past commands included; returning
+`act_dot = (next − now)/dt` makes MuJoCo's Euler update of them exact. The force is the torque that
+gives the joints the acceleration of the transfer function's output (inverse dynamics with MuJoCo's
+own inertia matrix), with a weak feedback on what contacts, stops and friction still disturb. It is
+a joint torque, so its reaction on the vehicle comes by itself.
+
+RK4 evaluates four stages per step. The first activation counts them: its rates are chosen so that
+stages see 0, 1, 2, 3, and the step leaves 0. Stages 1 to 3 return the rates of stage 0, which makes
+RK4's weighted mean of them exact too. docs/control.md derives all this.
+"""
+
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+from mujoco.introspect import structs
+from numba import cfunc, types
+from numpy.typing import NDArray
+
+from analysis.transfer_function import TransferFunctionModel, speed
+from twin.errors import TwinError
+from twin.physics.native.cache import fingerprint, jit
+from twin.physics.native.hold import AXES, BEFORE, MARK, OUTPUT, PHASE, REGISTERS, advance, packed
+from twin.physics.native.inverse import torques
+from twin.physics.native.layout import (
+    DATA,
+    MODEL,
+    _place,
+    address,
+    characters,
+    floats,
+    integer,
+    integers,
+    number,
+    size,
+)
+
+Array = NDArray[np.float64]
+
+# Corner of the feedback behind the inverse dynamics, in radians per step: the double pole
+# −0.2/dt lies inside the stability region of every integrator here, Adams–Bashforth 4 (−0.3)
+# being the narrowest (E. Hairer et al., Solving Ordinary Differential Equations II, fig. V.1.1).
+FEEDBACK: Final = 0.2
+
+_KEPT: Final = 3  # y[k−1], y[k], y[k+1] for the stages of RK4
+
+_NDYN: Final = int(mujoco.mjNDYN)
+_RK4: Final = int(mujoco.mjtIntegrator.mjINT_RK4)
+_TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; held by test
+_INTEGRATOR: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["integrator"]
+_NACTUATOR, _NU, _NA, _NV = (MODEL[n] for n in ("nactuator", "nu", "na", "nv"))
+_NQ, _NJNT, _NNUMERIC, _NNUMERICDATA = (
+    MODEL[n] for n in ("nq", "njnt", "nnumeric", "nnumericdata")
+)
+_DYNPRM, _TRNID, _CTRLADR, _ACTADR, _ACTNUM = (
+    MODEL[f"actuator_{n}"] for n in ("dynprm", "trnid", "ctrladr", "actadr", "actnum")
+)
+_LIMITED, _RANGE = MODEL["actuator_ctrllimited"], MODEL["actuator_ctrlrange"]
+_QPOSADR, _DOFADR = MODEL["jnt_qposadr"], MODEL["jnt_dofadr"]
+_NUMERIC_ADR, _NUMERIC_DATA = MODEL["numeric_adr"], MODEL["numeric_data"]
+_CTRL, _ACT, _ACT_DOT, _QPOS, _QVEL = (DATA[n] for n in ("ctrl", "act", "act_dot", "qpos", "qvel"))
+
+
+def attach(spec: mujoco.MjSpec, model: TransferFunctionModel, dt: float) -> None:
+    """Add the actuators `gimbal_x` and `gimbal_y` of an identified model to a spec.
+
+    Parameters
+    ----------
+    spec : has hinge joints `gimbal_x`, `gimbal_y`; nothing else may move them
+    model : inputs and outputs `x` and `y`
+    dt : physics step the spec will run at [s]
+
+    Raises
+    ------
+    TwinError
+        The model has other axes, is unstable, or the spec lacks a joint.
+    """
+    if set(model.inputs) != set(AXES) or set(model.outputs) != set(AXES):
+        raise TwinError(
+            f"the identified model goes from {list(model.inputs)} to {list(model.outputs)};"
+            " a gimbal goes from ['x', 'y'] to ['x', 'y'] (identify it with --both to take one axis"
+            " for both)"
+        )
+    if not model.stable:
+        raise TwinError("the identified model is unstable: a pole has no negative real part")
+    for axis in AXES:
+        data, states = packed(model, axis, dt)
+        _add(spec, axis, [MARK, dt, FEEDBACK, *data], REGISTERS + states)
+
+
+def _add(spec: mujoco.MjSpec, axis: str, data: list[float], moving: int) -> None:
+    joint = spec.joint(f"gimbal_{axis}")
+    if joint is None:
+        names = ", ".join(j.name for j in spec.joints if j.name)
+        raise TwinError(f"the model has no joint 'gimbal_{axis}'; its joints are {names or 'none'}")
+    spec.add_numeric(name=f"tf_gimbal_{axis}", data=data, size=len(data))
+    actuator = spec.add_actuator(
+        name=f"gimbal_{axis}",
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        target=joint.name,
+        dyntype=mujoco.mjtDyn.mjDYN_USER,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        biastype=mujoco.mjtBias.mjBIAS_NONE,
+        # moving activations, what RK4's stages need of stage 0, and the torque
+        actdim=moving + (moving - 1) + _KEPT + 1,
+    )
+    actuator.gainprm[0] = 1.0
+    actuator.dynprm[:3] = MARK, len(spec.numerics) - 1, AXES.index(axis)
+
+
+def phases(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Addresses in `act` of the stage counters, for steppers that update activations themselves."""
+    ours = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_USER) & (
+        model.actuator_dynprm[:, 0] == MARK
+    )
+    return np.asarray(model.actuator_actadr[ours], dtype=np.intp)
+
+
+@jit
+def _acceleration(
+    y: Array, share: float, smooth: bool, dt: float, feedback: float, q: float, v: float
+) -> float:
+    """Joint acceleration that keeps the joint on the output y[k−1], y[k], y[k+1] (3,).
+
+    Euler and the implicit integrators move by v⁺ = v + dt·a, q⁺ = q + dt·v⁺, where backward
+    differences are the exact velocity. RK4 and Adams–Bashforth follow a smooth motion: the
+    parabola through the three points, at `share` of the step.
+    """
+    change = (y[2] - 2.0 * y[1] + y[0]) / (dt * dt)
+    position, speed = y[1], (y[1] - y[0]) / dt
+    if smooth:
+        t = share * dt
+        speed = (y[2] - y[0]) / (2.0 * dt)
+        position += t * (speed + 0.5 * t * change)
+        speed += t * change
+    w = feedback / dt
+    return change + 2.0 * w * (speed - v) + w * w * (position - q)
+
+
+@jit
+def _commands(m: int, d: int, first: int, out: Array) -> None:
+    """Commands (2,) of both axes within their control ranges [rad]."""
+    n, nu = size(m, _NACTUATOR), size(m, _NU)
+    where, ctrl = integers(m, _CTRLADR, n), floats(d, _CTRL, nu)
+    limited, bounds = characters(m, _LIMITED, nu), floats(m, _RANGE, 2 * nu)
+    for j in range(len(AXES)):
+        u = where[first + j]
+        out[j] = ctrl[u]
+        if limited[u]:
+            out[j] = min(max(out[j], bounds[2 * u]), bounds[2 * u + 1])
+
+
+@jit
+def _act(m: int, d: int, index: int) -> None:
+    n = size(m, _NACTUATOR)
+    parameters = floats(m, _DYNPRM, n * _NDYN)[index * _NDYN : (index + 1) * _NDYN]
+    if parameters[0] != MARK:
+        return
+    numeric, axis = int(parameters[1]), int(parameters[2])
+    begin = integers(m, _NUMERIC_ADR, size(m, _NNUMERIC))[numeric]
+    p = floats(m, _NUMERIC_DATA, size(m, _NNUMERICDATA))[begin:]
+    adr, num = integers(m, _ACTADR, n)[index], integers(m, _ACTNUM, n)[index]
+    everything = floats(d, _ACT, size(m, _NA))
+    act = everything[adr : adr + num]
+    rates = floats(d, _ACT_DOT, size(m, _NA))[adr : adr + num]
+    dt = p[1]
+    if p[0] != MARK or abs(number(m, _TIMESTEP) - dt) > 1e-12:
+        rates[:] = np.nan  # matrices of another step: nothing true could come of it
+        act[num - 1] = np.nan
+        return
+    moving = (num - _KEPT) // 2
+    stored, kept = moving, num - 1 - _KEPT  # rates of all but the counter, then y three times
+    smooth = integer(m, _INTEGRATOR) == _RK4
+    stage = round(act[PHASE]) if smooth else 0
+    if stage == 0:
+        commands = np.empty(len(AXES))
+        _commands(m, d, index - axis, commands)
+        following = rates  # scratch until the differences are taken
+        advance(p, act, following, commands)
+        act[kept], act[kept + 1], act[kept + 2] = act[BEFORE], act[OUTPUT], following[OUTPUT]
+        for k in range(1, moving):
+            act[stored + k - 1] = (following[k] - act[k]) / dt
+    for k in range(1, moving):
+        rates[k] = act[stored + k - 1]
+    for k in range(moving, num):
+        rates[k] = 0.0
+    # weights of RK4 1, 2, 2, 1 and what its stages add: 2, 4, 3 count up, the last brings back
+    if not smooth:
+        rates[PHASE] = -act[PHASE] / dt
+    elif stage == 0:
+        rates[PHASE] = 2.0 / dt
+    elif stage == 1:
+        rates[PHASE] = 4.0 / dt
+    elif stage == 2:
+        rates[PHASE] = 3.0 / dt
+    else:
+        rates[PHASE] = -(16.0 + 6.0 * (act[PHASE] - 3.0)) / dt
+    share = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+    joint = integers(m, _TRNID, 2 * n)[2 * index]
+    q = floats(d, _QPOS, size(m, _NQ))[integers(m, _QPOSADR, size(m, _NJNT))[joint]]
+    v = floats(d, _QVEL, size(m, _NV))[integers(m, _DOFADR, size(m, _NJNT))[joint]]
+    act[num - 1] = _acceleration(act[kept : kept + 3], share, smooth, dt, p[2], q, v)
+    if axis == len(AXES) - 1:
+        x, y = index - 1, index
+        joints, dofs = integers(m, _TRNID, 2 * n), integers(m, _DOFADR, size(m, _NJNT))
+        first = integers(m, _ACTADR, n)[x] + integers(m, _ACTNUM, n)[x] - 1
+        everything[first], act[num - 1] = torques(
+            m, d, dofs[joints[2 * x]], dofs[joints[2 * y]], everything[first], act[num - 1]
+        )
+
+
+def _callback() -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
+    version = fingerprint() + sha256(Path(speed.__file__).read_bytes()).hexdigest()
+
+    @cfunc(
+        types.float64(types.voidptr, types.voidptr, types.int32), cache=True, error_model="numpy"
+    )
+    def act_dyn(model, data, index):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        """`mjcb_act_dyn`: activation rates and torques of transfer-function actuators."""
+        if len(version) == 0:
+            return 0.0
+        _act(address(model), address(data), index)
+        return 0.0
+
+    return act_dyn
+
+
+act_dyn = _callback()

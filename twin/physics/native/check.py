@@ -1,0 +1,110 @@
+"""Which values of the numerics the compiled forces can work with.
+
+A callback cannot raise, so every value that would make it divide by zero, read past a table or
+bend physics is refused here, before a flight.
+"""
+
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import TwinError
+from twin.physics.native.names import NUMERICS
+
+Array = NDArray[np.float64]
+
+SWITCHES: Final = ("air_enabled", "air_model", "motor_burn")
+POSITIVE: Final = ("wind_reference_height",)
+NOT_NEGATIVE: Final = (
+    "air_strip_area",
+    "air_reference_area",
+    "air_crossflow_drag",
+    "air_axial_drag",
+    "air_roll_damping",
+    "wind_exponent",
+    "wind_turbulence",
+    "ramp_stiffness",
+    "ramp_damping",
+)
+MOTOR_POSITIVE: Final = (
+    "motor_propellant_mass",
+    "motor_loaded_mass",
+    "motor_length",
+    "motor_diameter",
+    "motor_grain_length",
+    "motor_grain_radius",
+)
+PAIRS: Final = (("air_strip_z", "air_strip_area"), ("motor_time", "motor_thrust"))
+IMPULSE_TOLERANCE: Final = 0.01  # figures in motor files are rounded to about that
+
+_UNIT: Final = {numeric.name: numeric.unit for numeric in NUMERICS}
+
+
+def check(model: mujoco.MjModel) -> None:
+    """Refuse numerics that the compiled forces cannot work with.
+
+    A model without thrust is one without a motor: its other motor figures are not looked at.
+
+    Raises
+    ------
+    TwinError : the first such numeric, its value and what would be right
+    """
+    values: dict[str, Array] = {n.name: model.numeric(n.name).data for n in NUMERICS}
+    for name, data in values.items():
+        _demand(name, data, np.isfinite(data), "must be finite")
+    for name in SWITCHES:
+        _demand(name, values[name], np.isin(values[name], (0.0, 1.0)), "must be 0 or 1")
+    for name in POSITIVE:
+        _demand(name, values[name], values[name] > 0, "must be positive")
+    for name in NOT_NEGATIVE:
+        _demand(name, values[name], values[name] >= 0, "must not be negative")
+    if values["air_model"][0] == 1:
+        offset = values["air_thesis_offset"]
+        _demand("air_thesis_offset", offset, offset > 0, "must be positive")
+    for one, other in PAIRS:
+        if values[one].size != values[other].size:
+            raise TwinError(
+                f"{one} has {values[one].size} values and {other} {values[other].size};"
+                " they need as many"
+            )
+    _check_motor(values)
+
+
+def _demand(name: str, data: Array, good: NDArray[np.bool_], wanted: str) -> None:
+    if not good.all():
+        k = int(np.argmin(good))
+        place = f"[{k}]" if data.size > 1 else ""
+        unit = "" if _UNIT[name] == "-" else f" {_UNIT[name]}"
+        raise TwinError(f"numeric {name}{place} = {data[k]:g}{unit}: {wanted}")
+
+
+def _check_motor(values: dict[str, Array]) -> None:
+    time, thrust, stated = (values[f"motor_{name}"] for name in ("time", "thrust", "impulse"))
+    _demand("motor_thrust", thrust, thrust >= 0, "must not be negative")
+    if not thrust.any():
+        _demand("motor_impulse", stated, stated == 0, "must be 0 where motor_thrust is all 0")
+        return
+    _check_curve(time, thrust)
+    for name in MOTOR_POSITIVE:
+        _demand(name, values[name], values[name] > 0, "must be positive")
+    loaded, propellant = values["motor_loaded_mass"], values["motor_propellant_mass"]
+    heavier = f"must be more than motor_propellant_mass = {propellant[0]:g} kg"
+    _demand("motor_loaded_mass", loaded, loaded > propellant[0], heavier)
+    impulse = float(np.trapezoid(thrust, time))
+    near = np.abs(stated - impulse) <= IMPULSE_TOLERANCE * impulse
+    _demand("motor_impulse", stated, near, f"the thrust curve has {impulse:.6g} N s; write that")
+
+
+def _check_curve(time: Array, thrust: Array) -> None:
+    """The rules of `motor.curve`, and beyond the last time a padding that repeats it."""
+    start = np.arange(time.size) > 0
+    _demand("motor_time", time, start | (time == 0), "the curve must start at 0 s")
+    last = int(np.argmax(time))
+    rising = np.diff(time, prepend=-1.0) > 0
+    padding = (np.arange(time.size) > last) & (time == time[last])
+    wanted = "must be later than the point before it, or repeat the last time as padding"
+    _demand("motor_time", time, rising | padding, wanted)
+    beyond = np.arange(time.size) >= last
+    _demand("motor_thrust", thrust, ~beyond | (thrust == 0), "must be 0 where the curve ends")

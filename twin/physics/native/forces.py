@@ -1,0 +1,292 @@
+"""The compiled passive forces: thrust, jet damping, air, wind, ramp, and dead bands of servos.
+
+One `mjcb_passive` callback for every model in the process: stateless, without Python or the
+interpreter lock, reading all coefficients from the model; models without them are left alone.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numba import cfunc, types
+
+from twin.physics import aerodynamics as air
+from twin.physics.native import ramp
+from twin.physics.native.cache import fingerprint, jit
+from twin.physics.native.index import FIRST, NOZZLE, PROPELLANT, VEHICLE, locate
+from twin.physics.native.layout import DATA, MODEL, address, floats, integers, number, size
+from twin.physics.native.names import SLOT
+from twin.physics.native.rigid_body import (
+    Array,
+    Vector,
+    apply_force,
+    cross,
+    turn,
+    turn_back,
+    vector,
+    velocity_at,
+)
+from twin.physics.native.servo import dead_bands
+
+_TIME, _XPOS, _XMAT, _XIPOS = DATA["time"], DATA["xpos"], DATA["xmat"], DATA["xipos"]
+_SITE_XPOS, _SITE_XMAT = DATA["site_xpos"], DATA["site_xmat"]
+_COM, _MASS = DATA["subtree_com"], MODEL["body_mass"]
+_NBODY, _NSITE = MODEL["nbody"], MODEL["nsite"]
+_NUMERIC, _NNUMERIC = MODEL["numeric_data"], MODEL["nnumericdata"]
+_SITE_BODY = MODEL["site_bodyid"]
+
+
+def _slot(name: str) -> int:
+    return FIRST + 2 * SLOT[name]
+
+
+_AIR, _AIR_MODEL, _ALTITUDE = _slot("air_enabled"), _slot("air_model"), _slot("air_altitude")
+_CROSSFLOW, _AXIAL = _slot("air_crossflow_drag"), _slot("air_axial_drag")
+_STRIP_Z, _STRIP_AREA = _slot("air_strip_z"), _slot("air_strip_area")
+_AREA, _ROLL = _slot("air_reference_area"), _slot("air_roll_damping")
+_NOSE, _NOSE_Z = _slot("air_nose_slope"), _slot("air_nose_z")
+_FIN, _FIN_Z = _slot("air_fin_slope"), _slot("air_fin_z")
+_THESIS_R, _THESIS_DV = _slot("air_thesis_radius"), _slot("air_thesis_offset")
+_WIND, _WIND_AZIMUTH, _WIND_EXPONENT = (
+    _slot("wind_speed"),
+    _slot("wind_azimuth"),
+    _slot("wind_exponent"),
+)
+_WIND_HEIGHT, _TURBULENCE = _slot("wind_reference_height"), _slot("wind_turbulence")
+_MODES = _slot("wind_modes")
+_RAMP, _ELEVATION, _AZIMUTH = _slot("ramp_position"), _slot("ramp_elevation"), _slot("ramp_azimuth")
+_RAMP_LENGTH, _LUG = _slot("ramp_length"), _slot("ramp_lug")
+_STIFFNESS, _DAMPING = _slot("ramp_stiffness"), _slot("ramp_damping")
+_CURVE_TIME, _CURVE_THRUST = _slot("motor_time"), _slot("motor_thrust")
+_IMPULSE, _IGNITION = _slot("motor_impulse"), _slot("motor_ignition")
+_PROPELLANT_MASS, _GRAIN_LENGTH, _BURN = (
+    _slot("motor_propellant_mass"),
+    _slot("motor_grain_length"),
+    _slot("motor_burn"),
+)
+
+
+@jit
+def _value(data: Array, index: Array, slot: int) -> float:
+    found: float = data[int(index[slot])]
+    return found
+
+
+@jit
+def _array(data: Array, index: Array, slot: int) -> Array:
+    start = int(index[slot])
+    return data[start : start + int(index[slot + 1])]
+
+
+@jit
+def thrust_at(time: Array, thrust: Array, t: float) -> float:
+    """Thrust of a piecewise linear curve [N]; zero before its first and after its last point."""
+    low, high = 0, time.size - 1
+    if t < time[low] or t >= time[high]:
+        return 0.0
+    while high - low > 1:
+        middle = (low + high) // 2
+        if t >= time[middle]:
+            low = middle
+        else:
+            high = middle
+    slope = (thrust[high] - thrust[low]) / (time[high] - time[low])
+    force: float = thrust[low] + slope * (t - time[low])
+    return force
+
+
+@jit
+def jet_damping(
+    nozzle: Vector, source: Vector, spread: float, up: Vector, w: Vector, flow: float
+) -> tuple[Vector, Vector, Vector]:
+    """Where the gas in a turning motor loads it, with which force [N] and torque [N m].
+
+    The Coriolis force -2 ω×u dm of every element on its way from the `source` [m] to the `nozzle`
+    [m]. Along a line ∫u dm is `flow` [kg/s] times the way, so the sum acts in the middle of it.
+    Where the grain burns all along a stretch `spread` [m] about the source, the moment of inertia
+    of that stretch is missing from the sum. `w` is the motor's own rate [rad/s]; neither the
+    vehicle's centre of mass nor the pivot enters.
+    Source: Thomson, Introduction to Space Dynamics (1961), on variable mass and jet damping;
+    Cornelisse, Schöyer & Wakker, Rocket Propulsion and Spaceflight Dynamics (1979), whose Coriolis
+    force and moment these are, for a channel.
+    """
+    way = (nozzle[0] - source[0], nozzle[1] - source[1], nozzle[2] - source[2])
+    turned = cross(w, way)
+    load = (-2.0 * flow * turned[0], -2.0 * flow * turned[1], -2.0 * flow * turned[2])
+    middle = (source[0] + 0.5 * way[0], source[1] + 0.5 * way[1], source[2] + 0.5 * way[2])
+    k, roll = flow * spread * spread / 12.0, w[0] * up[0] + w[1] * up[1] + w[2] * up[2]
+    torque = (k * (w[0] - roll * up[0]), k * (w[1] - roll * up[1]), k * (w[2] - roll * up[2]))
+    return middle, load, torque
+
+
+@jit
+def _motor(m: int, d: int, data: Array, index: Array) -> None:
+    t = number(d, _TIME) - _value(data, index, _IGNITION)
+    force = thrust_at(_array(data, index, _CURVE_TIME), _array(data, index, _CURVE_THRUST), t)
+    impulse = _value(data, index, _IMPULSE)
+    if force == 0.0 or impulse <= 0.0:
+        return
+    site = int(index[NOZZLE])
+    nsite, nbody = size(m, _NSITE), size(m, _NBODY)
+    body = integers(m, _SITE_BODY, nsite)[site]
+    nozzle = vector(floats(d, _SITE_XPOS, 3 * nsite), site)
+    axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
+    up = (axis[2], axis[5], axis[8])
+
+    none = (0.0, 0.0, 0.0)
+    push = (force * up[0], force * up[1], force * up[2])
+    apply_force(m, d, body, nozzle, push, none)
+
+    full = _value(data, index, _PROPELLANT_MASS)
+    grain = int(index[PROPELLANT])
+    burnt = 1.0 - floats(m, _MASS, nbody)[grain] / full
+    source = vector(floats(d, _XIPOS, 3 * nbody), grain)
+    back, spread = 0.0, _value(data, index, _GRAIN_LENGTH)  # of a bore that burns along its length
+    if _value(data, index, _BURN) != 0.0:
+        back, spread = 0.5 * (1.0 - burnt) * spread, 0.0
+    source = (source[0] - back * up[0], source[1] - back * up[1], source[2] - back * up[2])
+    _, w = velocity_at(m, d, body, nozzle)
+    middle, load, torque = jet_damping(nozzle, source, spread, up, w, force * full / impulse)
+    apply_force(m, d, body, middle, load, torque)
+
+
+@jit
+def _wind(d: int, data: Array, index: Array, point: Vector) -> Vector:
+    """Velocity of the air at a point, world frame."""
+    speed = _value(data, index, _WIND)
+    if speed == 0.0:
+        return 0.0, 0.0, 0.0
+    return air.wind(
+        point[0],
+        point[1],
+        point[2],
+        number(d, _TIME),
+        speed,
+        _value(data, index, _WIND_AZIMUTH),
+        _value(data, index, _WIND_EXPONENT),
+        _value(data, index, _WIND_HEIGHT),
+        _value(data, index, _TURBULENCE),
+        _array(data, index, _MODES),
+    )
+
+
+@jit
+def _crossflow(
+    v: Vector,
+    w: Vector,
+    rho: float,
+    station: float,
+    data: Array,
+    index: Array,
+) -> air.body.Load:
+    """Crossflow drag by the model the vehicle asks for."""
+    z, area = _array(data, index, _STRIP_Z), _array(data, index, _STRIP_AREA)
+    coefficient = _value(data, index, _CROSSFLOW)
+    if _value(data, index, _AIR_MODEL) == 0.0:
+        return air.crossflow(v[0], v[1], w[0], w[1], 0.5 * rho * coefficient, z, area, station)
+    r_ref, dv_ref = _value(data, index, _THESIS_R), _value(data, index, _THESIS_DV)
+    return air.crossflow_by_moments(
+        v[0], v[1], w[0], w[1], rho, coefficient, z, area, station, r_ref, dv_ref
+    )
+
+
+@jit
+def _air(m: int, d: int, data: Array, index: Array) -> None:
+    body, nbody = int(index[VEHICLE]), size(m, _NBODY)
+    origin = vector(floats(d, _XPOS, 3 * nbody), body)
+    rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
+    com = vector(floats(d, _COM, 3 * nbody), body)
+    offset = (com[0] - origin[0], com[1] - origin[1], com[2] - origin[2])
+    station = turn_back(rotation, offset)[2]  # of the centre of mass along the axis
+    up = turn(rotation, (0.0, 0.0, station))
+    point = (origin[0] + up[0], origin[1] + up[1], origin[2] + up[2])
+    velocity, rate = velocity_at(m, d, body, point)
+    wind = _wind(d, data, index, point)
+    rho = air.density(point[2] + _value(data, index, _ALTITUDE))
+    through = (velocity[0] - wind[0], velocity[1] - wind[1], velocity[2] - wind[2])
+    v, w = turn_back(rotation, through), turn_back(rotation, rate)
+
+    q = 0.5 * rho * _value(data, index, _AREA)
+    fx, fy, mx, my = _crossflow(v, w, rho, station, data, index)
+    # a nose lifts only while it leads; fins do both ways
+    nose = air.normal_force(
+        v[0],
+        v[1],
+        max(v[2], 0.0),
+        w[0],
+        w[1],
+        q * _value(data, index, _NOSE),
+        _value(data, index, _NOSE_Z) - station,
+    )
+    fins = air.normal_force(
+        v[0],
+        v[1],
+        abs(v[2]),
+        w[0],
+        w[1],
+        q * _value(data, index, _FIN),
+        _value(data, index, _FIN_Z) - station,
+    )
+    fz = air.axial_drag(v[2], q * _value(data, index, _AXIAL))
+    mz = air.roll_damping(v[2], w[2], 0.5 * rho * _value(data, index, _ROLL))
+    force = turn(rotation, (fx + nose[0] + fins[0], fy + nose[1] + fins[1], fz))
+    torque = turn(rotation, (mx + nose[2] + fins[2], my + nose[3] + fins[3], mz))
+    apply_force(m, d, body, point, force, torque)
+
+
+@jit
+def _guide(m: int, d: int, data: Array, index: Array) -> None:
+    length = _value(data, index, _RAMP_LENGTH)
+    body, nbody = int(index[VEHICLE]), size(m, _NBODY)
+    foot, lugs = _array(data, index, _RAMP), _array(data, index, _LUG)
+    origin = vector(floats(d, _XPOS, 3 * nbody), body)
+    reach = lugs[1] - lugs[0] + length + 1.0
+    away = (origin[0] - foot[0]) ** 2 + (origin[1] - foot[1]) ** 2 + (origin[2] - foot[2]) ** 2
+    if length <= 0.0 or away > reach * reach:
+        return
+    rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
+    direction = ramp.rail(_value(data, index, _ELEVATION), _value(data, index, _AZIMUTH))
+    stiffness, damping = _value(data, index, _STIFFNESS), _value(data, index, _DAMPING)
+    up = turn(rotation, (0.0, 0.0, 1.0))
+    for k in range(2 if lugs[1] != lugs[0] else 1):
+        arm = turn(rotation, (0.0, 0.0, lugs[k]))
+        point = (origin[0] + arm[0], origin[1] + arm[1], origin[2] + arm[2])
+        offset = (point[0] - foot[0], point[1] - foot[1], point[2] - foot[2])
+        velocity, rate = velocity_at(m, d, body, point)
+        fx, fy, fz, hold = ramp.guide_force(
+            offset, velocity, direction, length, stiffness, damping, k == 0
+        )
+        # the lug sits at the tube's surface and rubs when the vehicle rolls
+        rub = -hold * damping * _value(data, index, _AREA) / np.pi
+        spin = rub * (rate[0] * up[0] + rate[1] * up[1] + rate[2] * up[2])
+        torque = (spin * up[0], spin * up[1], spin * up[2])
+        apply_force(m, d, body, point, (fx, fy, fz), torque)
+
+
+@jit
+def add_forces(m: int, d: int) -> None:
+    """Add every force of the vehicle to qfrc_passive; nothing where the model carries none."""
+    carries, index = locate(m)
+    if not carries or index[VEHICLE] < 0:
+        return
+    data = floats(m, _NUMERIC, size(m, _NNUMERIC))
+    if index[_AIR] >= 0 and _value(data, index, _AIR) != 0.0:
+        _air(m, d, data, index)
+    if index[NOZZLE] >= 0 and index[_IMPULSE] >= 0:
+        _motor(m, d, data, index)
+    if index[_RAMP_LENGTH] >= 0:
+        _guide(m, d, data, index)
+
+
+def _compile(sources: str) -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
+    """The callback; `sources` enters numba's cache key, which knows only this file."""
+
+    @cfunc(types.void(types.voidptr, types.voidptr), cache=True, error_model="numpy")
+    def passive(model, data):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        if len(sources) > 0:
+            add_forces(address(model), address(data))
+            dead_bands(address(model), address(data))
+
+    return passive
+
+
+passive: Final = _compile(fingerprint())

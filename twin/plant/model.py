@@ -1,0 +1,222 @@
+"""From files and overrides to a compiled model whose needed names have been checked."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from analysis.transfer_function import Channel, TransferFunctionModel
+from twin.errors import TwinError
+from twin.physics import native
+from twin.physics.mechanism.frame import check_frame
+from twin.physics.mechanism.servo import apply_servo, insert_backlash
+from twin.plant import overrides as override
+from twin.plant.compose import MJCF, SCENES, compose, one_line
+
+Seat = Literal["linkage", "transfer-function", "follow"]
+REFERENCE_GIMBAL = MJCF / "gimbal.json"
+AXES = ("x", "y")
+LARGEST_DT = 0.02  # s; the 50 Hz frame of a hobby servo, past which no gimbal motion is resolved
+
+# What the loop reads and writes by name; docs/vehicles.md explains each.
+NEEDED: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "vehicle": (("body", "vehicle"), ("joint", "vehicle"), ("site", "gimbal_nozzle")),
+    "gimbal": (("joint", "gimbal_x"), ("joint", "gimbal_y"), ("body", "gimbal_holder")),
+    "linkage": (("actuator", "gimbal_servo_x"), ("actuator", "gimbal_servo_y")),
+}
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """What a run's model is made of; everything here goes into the recording.
+
+    Attributes
+    ----------
+    scene : a shipped scene's name or an MJCF file
+    gimbal : who moves the gimbal joints: the servos and rods, an identified model, or angles that
+        somebody measures, which the joints follow one physics step later
+    transfer_function : file of the identified model; the shipped reference where None
+    vehicle, mechanism : MJCF files in place of the scene's own
+    motor : RASP `.eng` file in place of the vehicle's own motor
+    overrides : named parameters, see `twin.plant.overrides`
+    dt : physics step [s]; the scene's own where None
+    seed : of the gusts, where no override names `wind_seed`
+    """
+
+    scene: str = "flight"
+    gimbal: Seat = "linkage"
+    transfer_function: Path | None = None
+    vehicle: Path | None = None
+    mechanism: Path | None = None
+    motor: Path | None = None
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    dt: float | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class TwinModel:
+    """A compiled model and what was decided on the way.
+
+    Attributes
+    ----------
+    mj : the compiled model; the plant of a run is its only writer
+    gimbal : the seat that moves the gimbal; `fixed` where the vehicle has no gimbal
+    sha256 : digest of the compiled model, the same for the same physics
+    """
+
+    mj: mujoco.MjModel
+    gimbal: Literal["linkage", "transfer-function", "follow", "fixed"]
+    sha256: str
+
+
+def load(config: ModelConfig) -> TwinModel:
+    """Compile the model of a run.
+
+    Raises
+    ------
+    TwinError : a file, name or number that cannot be used, in one line
+    """
+    spec = compose(config.scene, config.vehicle, config.mechanism)
+    if config.dt is not None:
+        spec.option.timestep = _checked_dt(config.dt)
+    seat = _seat(spec, config)
+    vehicle = config.vehicle is not None or spec.body("vehicle") is not None
+    _require(spec, seat, vehicle=vehicle)
+    if seat in ("transfer-function", "follow"):
+        _exchange_actuation(spec, _moved_by(config))
+    if config.motor is not None:
+        _exchange_motor(spec, config.motor)
+    if seat == "linkage":
+        _set_backlash(spec, config.overrides)
+        insert_backlash(spec)
+    model = _compiled(spec)
+    if config.vehicle or config.mechanism or config.scene not in SCENES:
+        _check_meshes(model)
+    override.apply(model, {**_seeded(model, config.seed), **config.overrides})
+    if seat == "linkage":
+        apply_servo(model)
+    native.bind(model)
+    if seat != "fixed":
+        check_frame(model)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    return TwinModel(mj=model, gimbal=seat, sha256=digest(model))
+
+
+def digest(model: mujoco.MjModel) -> str:
+    """SHA-256 of a compiled model's bytes."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return hashlib.sha256(buffer.tobytes()).hexdigest()
+
+
+def _seeded(model: mujoco.MjModel, seed: int) -> dict[str, float]:
+    carries = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "wind_seed") >= 0
+    return {"wind_seed": float(seed)} if carries else {}
+
+
+def _checked_dt(dt: float) -> float:
+    if not 0 < dt <= LARGEST_DT:
+        raise TwinError(f"--dt {dt}: the physics step must lie in 0 < dt ≤ {LARGEST_DT} s")
+    return dt
+
+
+def _seat(
+    spec: mujoco.MjSpec, config: ModelConfig
+) -> Literal["linkage", "transfer-function", "follow", "fixed"]:
+    joints = {joint.name for joint in spec.joints}
+    if joints.isdisjoint({"gimbal_x", "gimbal_y"}):
+        return "fixed"
+    return config.gimbal
+
+
+def _moved_by(config: ModelConfig) -> TransferFunctionModel:
+    if config.gimbal == "follow":
+        direct, none = Channel((1.0,), (1.0,)), Channel((0.0,), (1.0,))
+        return TransferFunctionModel(((direct, none), (none, direct)))
+    return TransferFunctionModel.read(config.transfer_function or REFERENCE_GIMBAL)
+
+
+def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> None:
+    """Take servos and rods out of the mechanism and let a transfer function move the joints.
+
+    Horns stay where they are as dead weight; rods are a gram each and go, since without their
+    loops they would have to be led by hand.
+    """
+    from twin.physics.native import actuator
+
+    for equality in list(spec.equalities):
+        if equality.name.startswith("gimbal_"):
+            spec.delete(equality)
+    for sensor in list(spec.sensors):
+        if sensor.objname.startswith(("gimbal_servo_", "gimbal_rod_")):
+            spec.delete(sensor)
+    for servo in list(spec.actuators):
+        if servo.name.startswith("gimbal_"):
+            spec.delete(servo)
+    for joint in list(spec.joints):
+        if joint.name.startswith("gimbal_servo_"):
+            spec.delete(joint)
+    for axis in AXES:
+        rod = spec.body(f"gimbal_rod_{axis}")
+        if rod is not None:
+            spec.delete(rod)
+    actuator.attach(spec, motion, spec.option.timestep)
+
+
+def _set_backlash(spec: mujoco.MjSpec, overrides: Mapping[str, float]) -> None:
+    """Overrides of the play, which takes joints that a compiled model can no longer get."""
+    numeric = spec.numeric("gimbal_backlash")
+    if numeric is None:
+        return
+    data = [*numeric.data, *[0.0] * (numeric.size - len(numeric.data))]
+    for name, value in overrides.items():
+        match = override.NAME.fullmatch(name)
+        if match and match["owner"] == "gimbal_backlash" and not match["attribute"]:
+            place = int(match["index"] or 0)
+            if place < len(data):  # what does not fit is refused with all other overrides
+                data[place] = value
+    numeric.data = data
+
+
+def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> None:
+    from twin.physics.motor import Motor, apply_motor
+
+    apply_motor(spec, Motor.from_eng(file))
+
+
+def _check_meshes(model: mujoco.MjModel) -> None:
+    """Refuse meshes that give mass and are not closed; the shipped ones are checked by tests."""
+    from meshes import MeshError, check_model
+
+    try:
+        check_model(model)
+    except MeshError as error:
+        raise TwinError(str(error)) from error
+
+
+def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise TwinError(f"the model does not compile: {one_line(error)}") from error
+
+
+def _require(spec: mujoco.MjSpec, seat: str, *, vehicle: bool) -> None:
+    """Refuse a model that lacks a name the loop needs, naming all that are missing."""
+    groups = {"vehicle": vehicle, "gimbal": seat != "fixed", "linkage": seat == "linkage"}
+    missing = [
+        f"{kind} {name!r}"
+        for group, needed in groups.items()
+        if needed
+        for kind, name in NEEDED[group]
+        if getattr(spec, kind)(name) is None
+    ]
+    if missing:
+        raise TwinError(
+            f"the model lacks {', '.join(missing)}; docs/vehicles.md lists what each is"
+        )

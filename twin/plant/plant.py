@@ -1,0 +1,191 @@
+"""The one owner of a run's MjModel and MjData."""
+
+import math
+import time
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.errors import DivergenceError, TwinError
+from twin.physics.motor import Depletion
+from twin.plant import integrators
+from twin.plant.model import AXES, TwinModel
+
+Array = NDArray[np.float64]
+
+# Beyond these a small vehicle's state is numerical nonsense, long before it overflows.
+LARGEST_SPEED = 5e3  # m/s and rad/s
+BEYOND_STOP = math.radians(3.0)  # servos at full torque press half a degree into a stop
+RENEWAL_NS = 4_000_000  # the reference motor burns 30 mg meanwhile, a 30000th of the vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """Where the vehicle is and how it moves.
+
+    Attributes
+    ----------
+    position : of the gimbal pivot, world frame, (3,) [m]
+    velocity : of the gimbal pivot, world frame, (3,) [m/s]
+    attitude : body to world, quaternion wxyz, (4,)
+    rate : angular velocity in the body frame, (3,) [rad/s]
+    """
+
+    position: Array
+    velocity: Array
+    attitude: Array
+    rate: Array
+
+
+class Plant:
+    """Steps one model and reads it; every consumer sees the same consistent instant.
+
+    After `advance` state, poses and site positions belong to the instant `time_ns`; MuJoCo's
+    sensors, forces and centres of mass are those of the beginning of the last step.
+
+    Attributes
+    ----------
+    renewal_ns : longest time between two renewals of the propellant's mass [ns]
+    """
+
+    renewal_ns = RENEWAL_NS
+
+    def __init__(self, twin: TwinModel, integrator: str = "implicitfast") -> None:
+        self.twin = twin
+        self.model = twin.mj
+        self.data = mujoco.MjData(self.model)
+        self.dt_ns: int = round(self.model.opt.timestep * 1e9)
+        if abs(self.dt_ns * 1e-9 - self.model.opt.timestep) > 1e-15:
+            raise TwinError(f"dt {self.model.opt.timestep} s is not a whole number of nanoseconds")
+        self.steps = 0
+        self.computing_s = 0.0
+        self._stepper = integrators.make(integrator)
+        self._propellant = Depletion(self.model)
+        self._renewal = max(1, self.renewal_ns // self.dt_ns)
+        self._view()
+        self._stops = self._read_stops()
+        self.reset()
+
+    def _view(self) -> None:
+        """Bind views of the state once; MuJoCo's arrays stay where they are for life."""
+        data, model = self.data, self.model
+        self._qvel = data.qvel
+        self._fixed = model.body_weldid[model.geom_bodyid] == 0
+        self.has_vehicle = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "vehicle") >= 0
+        if self.has_vehicle:
+            joint = model.joint("vehicle")
+            q, v = int(joint.qposadr[0]), int(joint.dofadr[0])
+            self.position, self.attitude = data.qpos[q : q + 3], data.qpos[q + 3 : q + 7]
+            self.velocity, self.rate = data.qvel[v : v + 3], data.qvel[v + 3 : v + 6]
+            root = model.body_rootid[model.body("vehicle").id]
+            self._own = model.body_rootid[model.geom_bodyid] == root
+        if self.twin.gimbal != "fixed":
+            joints = [model.joint(f"gimbal_{axis}") for axis in AXES]
+            q, v = int(joints[0].qposadr[0]), int(joints[0].dofadr[0])
+            if int(joints[1].qposadr[0]) != q + 1 or int(joints[1].dofadr[0]) != v + 1:
+                raise TwinError("joint 'gimbal_y' must follow 'gimbal_x' without a joint between")
+            self.gimbal_angle, self.gimbal_rate = data.qpos[q : q + 2], data.qvel[v : v + 2]
+        else:
+            self.gimbal_angle, self.gimbal_rate = np.zeros(2), np.zeros(2)
+
+    def _read_stops(self) -> tuple[float, float, float, float]:
+        """Gimbal angles past which the simulation is nonsense: x low, high, y low, high [rad]."""
+        stops = [-math.inf, math.inf] * len(AXES)
+        # what somebody measures may be anything, and says nothing about the simulation
+        if self.twin.gimbal in ("linkage", "transfer-function"):
+            for k, axis in enumerate(AXES):
+                joint = self.model.joint(f"gimbal_{axis}")
+                if self.model.jnt_limited[joint.id]:
+                    low, high = self.model.jnt_range[joint.id].tolist()
+                    stops[2 * k : 2 * k + 2] = low - BEYOND_STOP, high + BEYOND_STOP
+        return stops[0], stops[1], stops[2], stops[3]
+
+    def reset(self) -> None:
+        """Return to the model's initial state at time zero."""
+        self._propellant.update(0.0)
+        mujoco.mj_resetData(self.model, self.data)
+        self._stepper = self._stepper.fresh()
+        self.steps = 0
+        mujoco.mj_forward(self.model, self.data)
+
+    @property
+    def time_ns(self) -> int:
+        """Simulation time as step count × dt, never accumulated [ns]."""
+        return self.steps * self.dt_ns
+
+    def advance(self, n: int) -> None:
+        """Take `n` physics steps.
+
+        Raises
+        ------
+        DivergenceError : the state left the finite numbers, or the gimbal its stops
+        """
+        while n > self._renewal:  # commands at less than 250 Hz; propellant burns on between them
+            self._move(self._renewal)
+            n -= self._renewal
+        self._move(n)
+
+    def _move(self, n: int) -> None:
+        """Take `n` steps with one mass of the propellant."""
+        self._propellant.update(self.time_ns * 1e-9)
+        began = time.perf_counter()
+        self._stepper.step(self.model, self.data, n)
+        # a step leaves poses where it began; what is drawn and measured belongs to its end
+        mujoco.mj_kinematics(self.model, self.data)
+        self.computing_s += time.perf_counter() - began
+        self.steps += n
+        if not self._qvel @ self._qvel < LARGEST_SPEED**2:  # also where it is NaN
+            self._diverged()
+        x, y = self.gimbal_angle.tolist()
+        low_x, high_x, low_y, high_y = self._stops
+        if not (low_x <= x <= high_x and low_y <= y <= high_y):
+            self._left_stops(x, y)
+
+    @property
+    def landed(self) -> bool:
+        """Whether the vehicle touches something that stands still, or its pivot is below z = 0.
+
+        Contacts among its own parts are no landing.
+        """
+        if self.data.ncon:
+            one, other = self.data.contact.geom.T
+            if (self._own[one] & self._fixed[other] | self._fixed[one] & self._own[other]).any():
+                return True
+        return bool(self.position[2] < 0.0)
+
+    def vehicle(self) -> VehicleState:
+        """Copy of the vehicle's state."""
+        return VehicleState(
+            self.position.copy(), self.velocity.copy(), self.attitude.copy(), self.rate.copy()
+        )
+
+    def warnings(self) -> dict[str, int]:
+        """MuJoCo's warnings so far, by name, with their counts."""
+        counts = self.data.warning.number
+        names = (mujoco.mjtWarning(k).name for k in range(len(counts)))
+        return {
+            n.removeprefix("mjWARN_").lower(): int(c)
+            for n, c in zip(names, counts, strict=True)
+            if c
+        }
+
+    def _diverged(self) -> None:
+        worst = int(
+            np.nanargmax(np.where(np.isfinite(self.data.qvel), np.abs(self.data.qvel), np.inf))
+        )
+        joint = self.model.joint(int(self.model.dof_jntid[worst]))
+        raise DivergenceError(
+            f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: velocity of joint"
+            f" {joint.name!r} is {self.data.qvel[worst]:.3g}; a smaller --dt may help"
+        )
+
+    def _left_stops(self, x: float, y: float) -> None:
+        axis, angle = ("x", x) if not self._stops[0] <= x <= self._stops[1] else ("y", y)
+        low, high = np.degrees(self.model.joint(f"gimbal_{axis}").range)
+        raise DivergenceError(
+            f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: joint 'gimbal_{axis}' is at"
+            f" {math.degrees(angle):.3g}°, past its stops at {low:.3g}° and {high:.3g}°; a smaller"
+            " --dt may help"
+        )
