@@ -1,0 +1,38 @@
+"""Base of every verb's result: numbers for machines, rows for people."""
+
+import html
+
+Rows = list[tuple[str, str]]
+NARROWEST = 18  # characters of the first column
+
+
+class Result:
+    """What a verb returns; subclasses are frozen dataclasses."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check that was asked for passed."""
+        return True
+
+    def as_dict(self) -> dict[str, object]:
+        """The result as JSON values, in SI units unless a name gives another."""
+        raise NotImplementedError
+
+    def rows(self) -> Rows:
+        """The result as a table of two columns; a row with an empty name continues the last."""
+        raise NotImplementedError
+
+    def text(self) -> str:
+        """The table as aligned lines."""
+        rows = self.rows()
+        width = max(NARROWEST, 2 + max((len(name) for name, _ in rows), default=0))
+        return "\n".join(f"{name:<{width}}{value}".rstrip() for name, value in rows)
+
+    def _repr_html_(self) -> str:
+        """The table in a notebook."""
+        cells = "".join(
+            f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+            f"<td style='text-align:left'><pre style='margin:0'>{html.escape(value)}</pre></td></tr>"
+            for name, value in self.rows()
+        )
+        return f"<table>{cells}</table>"
