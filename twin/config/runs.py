@@ -6,6 +6,7 @@ from typing import Annotated, Literal, TypeVar
 
 import tyro
 
+from twin.config.overrides import parse
 from twin.config.seats import OF_SERVOS, check_seat, is_port, is_rig
 from twin.config.types import (
     LARGEST_DT,
@@ -258,9 +259,7 @@ def heeded(config: Run) -> Run:
 
 def _without_servos(config: Run, changes: dict[str, object]) -> dict[str, object]:
     """Overrides of a run but those of servos and rods; takes what it adds out of `changes`."""
-    from twin.plant import overrides
-
-    given = overrides.parse(config.set, config.set_from)
+    given = parse(config.set, config.set_from)
     kept = {name: value for name, value in given.items() if not name.startswith(OF_SERVOS)}
     if len(kept) == len(given):
         return {}
