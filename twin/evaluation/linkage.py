@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING
 import mujoco
 
 from twin.config import Identify
+from twin.config.overrides import parse
 from twin.errors import TwinError
 from twin.evaluation.inputs import given
 from twin.evaluation.linkage_data import moves_of
 from twin.evaluation.words import quantity, screen, writable
-from twin.experiments.session import compiled
 from twin.physics import native
 from twin.physics.mechanism.servo import apply_servo
 from twin.plant import overrides
+from twin.plant.compiled import compiled
 from twin.plant.model import AXES, ModelConfig, load
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     out = writable(config.out or Path("runs/set.json"))
     if len(config.sources) != 1:
         raise TwinError(f"--linkage: {len(config.sources)} sources; it takes one recording")
-    known = overrides.parse(config.set, config.set_from)
+    known = parse(config.set, config.set_from)
     source = given(config, config.sources)
     with compiled():
         bench = _Bench(config, known)

@@ -13,8 +13,8 @@ from hardware.calibration.file import to_dict
 from hardware.protocol import constants
 from twin.config import Calibrate
 from twin.errors import TwinError
-from twin.experiments.session import compiled
 from twin.hil import RigGimbal, RigOptions, open_rig, switch_angles
+from twin.plant.compiled import compiled
 from twin.plant.model import ModelConfig, load
 
 COMMAND_NS = 10_000_000

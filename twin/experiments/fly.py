@@ -14,7 +14,6 @@ from twin.errors import TwinError
 from twin.experiments.flight import Flight, setpoint
 from twin.experiments.session import (
     attitude_seat,
-    compiled,
     gimbal_seat,
     make_clock,
     make_plant,
@@ -27,6 +26,7 @@ from twin.hil.failsafe import Guard
 from twin.loop.clock import Clock, Ledger, Wall
 from twin.loop.loop import Controller, Gimbal, Seats, run
 from twin.loop.seats import Attitude, Pilot, Sequence, SimulatedGimbal
+from twin.plant.compiled import compiled
 from twin.plant.plant import Plant
 from twin.recorder import Sink
 from twin.recorder.rows import Rows
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from analysis.timing import Verdict
     from twin.hil.turntable import Turntable
 
-__all__ = ["compiled", "fly", "step", "steps_per_tick"]
+__all__ = ["fly", "step", "steps_per_tick"]
 
 
 def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:

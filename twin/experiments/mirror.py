@@ -13,7 +13,6 @@ from hardware.protocol import Board
 from twin.config import Mirror
 from twin.errors import TwinError
 from twin.experiments.session import (
-    compiled,
     make_clock,
     make_plant,
     make_recorder,
@@ -25,6 +24,7 @@ from twin.hil import RigGimbal, open_rig
 from twin.hil.teleop import Keys, Stick, Watch
 from twin.loop.loop import Controller, Gimbal, Seats, run
 from twin.loop.readings import Readings
+from twin.plant.compiled import compiled
 from twin.plant.plant import Plant
 from twin.recorder.rows import Rows
 

@@ -18,8 +18,9 @@ from twin.config.recorded import configuration_of
 from twin.config.seats import MODELS, is_port, is_rig
 from twin.errors import TwinError
 from twin.experiments.fly import fly, step
-from twin.experiments.session import VERSIONS, compiled, make_plant
+from twin.experiments.session import VERSIONS, make_plant
 from twin.experiments.summary import FlightResult, StepResult
+from twin.plant.compiled import compiled
 
 WIDTH = 28
 TAPED = "(the rig's recorded angles flew: nothing answers a difference, and it grows)"

@@ -7,13 +7,12 @@ import time
 from dataclasses import asdict
 
 from hardware.emulator import serve
-from twin.config import Rig
+from twin.config import Rig, overrides
 from twin.errors import TwinError
-from twin.experiments.session import compiled
 from twin.experiments.signals import until_signal
 from twin.hil import RigOptions, device
 from twin.loop import realtime
-from twin.plant import overrides
+from twin.plant.compiled import compiled
 
 
 def rig(config: Rig) -> None:

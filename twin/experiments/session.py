@@ -1,10 +1,8 @@
 """What every run is put together from: model, clock, rig, recorder."""
 
 import hashlib
-import sys
-import threading
-from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -13,14 +11,13 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
-from twin.config import TURNTABLE, Run, as_properties
+from twin.config import TURNTABLE, Run, as_properties, overrides
 from twin.config.seats import MODELS, OF_SERVOS, is_rig
 from twin.errors import TwinError
 from twin.loop.clock import Clock, Lockstep, Wall
 from twin.loop.loop import Gimbal
 from twin.loop.seats import SimulatedGimbal
-from twin.physics import native
-from twin.plant import integrators, overrides
+from twin.plant import integrators
 from twin.plant.model import ModelConfig, Seat, TwinModel, load
 from twin.plant.plant import Plant
 from twin.recorder import DetachedRecorder, Recorder, Sink
@@ -37,39 +34,8 @@ VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # process that writes may be ended by force.
 DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 1_000_000_000
 LARGEST_KEPT = 200_000  # bytes of a motor, model or vehicle file that a recording carries whole
-PATIENCE_S = 2.0
 OF_THE_RIG = ("gimbal_servo_", "gimbal_rod_")  # what a gimbal that follows a rig does not have
 UNRECORDED = ("out", "json")  # where and how a result is told changes nothing about the run
-
-
-@contextmanager
-def compiled() -> Iterator[None]:
-    """Install the native callbacks; tell whoever waits at a terminal why it takes long at first."""
-    timer = threading.Timer(PATIENCE_S, _explain_wait)
-    timer.daemon = True
-    if sys.stderr.isatty():
-        timer.start()
-    before = mujoco.get_mju_user_warning()
-    told: set[str] = set()
-
-    def warn(message: str) -> None:
-        kind = message.partition("Time")[0]
-        if kind not in told:  # a simulation in trouble says the same at every step
-            told.add(kind)
-            print(f"twin: MuJoCo: {message}", file=sys.stderr)
-
-    mujoco.set_mju_user_warning(warn)  # MuJoCo's own handler leaves a log file where one stands
-    try:
-        with native.installed():
-            timer.cancel()
-            yield
-    finally:
-        timer.cancel()
-        mujoco.set_mju_user_warning(before)
-
-
-def _explain_wait() -> None:
-    print("twin: compiling the native forces, once after an update …", file=sys.stderr)
 
 
 def make_plant(config: Run, motor: Path | None = None) -> Plant:

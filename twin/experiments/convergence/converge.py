@@ -16,7 +16,7 @@ from twin.experiments.convergence.budget import budget
 from twin.experiments.convergence.flights import JITTERED, flight, jittered, load_for
 from twin.experiments.convergence.page import sections
 from twin.experiments.convergence.result import ConvergenceResult, RealTime
-from twin.experiments.session import compiled
+from twin.plant.compiled import compiled
 
 REFERENCE = "rk4"
 # s; the baseline's steps divide 0.2 s, the closed loop's its control period
