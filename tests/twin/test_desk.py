@@ -25,8 +25,8 @@ from tests.twin.test_cli import run as command
 from twin.config import Calibrate, Mirror, Step
 from twin.experiments import calibrate as calibrating
 from twin.experiments.calibrate import calibrate
-from twin.experiments.fly import step
 from twin.experiments.mirror import mirror
+from twin.experiments.step import step
 from twin.hil import RigOptions, device, open_rig
 from twin.hil.teleop import Keys, Stick
 from twin.loop import loop

@@ -21,7 +21,7 @@ needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(miss
 def made(tmp_path_factory):
     """Recordings of the shipped model (steps, multisine) and of the linkage."""
     from twin.config import Step
-    from twin.experiments.fly import step
+    from twin.experiments.step import step
 
     folder = tmp_path_factory.mktemp("made")
     short = {"repeats": 1, "hold_s": 0.5}
@@ -242,7 +242,7 @@ def test_a_model_from_pulses_predicts_another_multisine_of_a_linear_rig(capsys, 
     a mean wait for the pulse frame is not the wait of each command.
     """
     from twin.config import Step
-    from twin.experiments.fly import step
+    from twin.experiments.step import step
 
     for name, seed in (("fitted", 0), ("other", 7)):
         step(
@@ -344,7 +344,7 @@ def test_a_comparison_reports_the_delay_between_two_motions_and_checks_the_fit(
 ):
     """One model with 7 ms more delay; 0.2 ms: rows come every 2 ms and are interpolated."""
     from twin.config import Step
-    from twin.experiments.fly import step
+    from twin.experiments.step import step
 
     shipped = TransferFunctionModel.read(REFERENCE_GIMBAL)
     late = replace(

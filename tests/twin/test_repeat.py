@@ -11,9 +11,9 @@ from analysis.comparison.flights import FlightPath, flight_path
 from analysis.recording.reader import read
 from tests.twin.test_cli import run as command
 from twin.config import Fly
+from twin.experiments.flight import FlightResult
 from twin.experiments.repeat import repeat as study
 from twin.experiments.repeat.repeat import repeat
-from twin.experiments.summary import FlightResult
 
 
 @pytest.fixture(scope="module")

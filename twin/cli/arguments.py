@@ -2,7 +2,6 @@
 
 import ast
 import contextlib
-import functools
 import inspect
 import io
 import re
@@ -19,6 +18,11 @@ from twin.errors import TwinError
 
 DESCRIPTION = "Digital twin of a thrust-vector-control gimbal and its vehicle."
 GROUPS = ("common", "table", "rig", "model", "time")  # the verb's own come after the common ones
+TYRO = {
+    POSITIONAL: tyro.conf.Positional,
+    REPEATABLE: tyro.conf.UseAppendAction,
+    FLAG: tyro.conf.FlagCreatePairsOff,
+}
 # tyro's messages, and the same in the words of this program
 PLAINER = (
     (r"no type matching FLOAT could be instantiated from \['(.*?)'\]\.?", r"'\1' is not a number"),
@@ -115,16 +119,8 @@ def _for_tyro(hint: Any, default: Any) -> tuple[Any, Any]:  # noqa: ANN401
     if get_origin(hint) is not Annotated:
         return hint, default
     inner, *markers = get_args(hint)
-    for marker in markers:
-        if marker is POSITIONAL:
-            inner = tyro.conf.Positional[inner]
-        elif marker is REPEATABLE:
-            inner = tyro.conf.UseAppendAction[inner]
-        elif marker is FLAG:
-            inner = tyro.conf.FlagCreatePairsOff[inner]
-        else:
-            assert isinstance(marker, Range)
-    return inner, default
+    of_tyro = tuple(TYRO[m] for m in markers if not isinstance(m, Range))
+    return (Annotated.__class_getitem__((inner, *of_tyro)) if of_tyro else inner), default
 
 
 def _behaviour(default: object) -> str:
@@ -138,21 +134,16 @@ def _behaviour(default: object) -> str:
 
 
 def _described(kind: type[Settings], name: str) -> tuple[str, str]:
-    """Heading and text of a setting: those of the class that describes it."""
-    for owner in kind.__mro__:
-        if issubclass(owner, Settings) and name in (texts := _texts(owner)):
-            base = next(c for c in reversed(kind.__mro__) if name in _texts_or_none(c))
-            return base.group, texts[name]  # type: ignore[attr-defined]
-    return kind.group, ""
+    """Heading and text of a setting: of the first class of its family, and of the latest text."""
+    owners = [(c, texts[name]) for c in kind.__mro__ if name in (texts := _texts(c))]
+    family: type[Settings] = owners[-1][0]
+    return family.group, owners[0][1]
 
 
-def _texts_or_none(owner: type) -> dict[str, str]:
-    return _texts(owner) if issubclass(owner, Settings) else {}
-
-
-@functools.cache
 def _texts(owner: type) -> dict[str, str]:
-    """The text under each setting of a class, from its source."""
+    """The text under each setting of a class, from its source; none for other classes."""
+    if not issubclass(owner, Settings):
+        return {}
     body = ast.parse(textwrap.dedent(inspect.getsource(owner))).body[0]
     assert isinstance(body, ast.ClassDef)
     found = {}

@@ -1,20 +1,22 @@
 """Base of every verb's settings: one conversion and validation, whatever the source."""
 
-import functools
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, Self, get_type_hints
 
-from twin.config.values import ValueFault, converted, refusal
+from twin.config.values import SettingError, converted, refusal
 from twin.errors import TwinError
 
+_HINTS: dict[type, Mapping[str, Any]] = {}
 
-@functools.cache
-def hints(kind: type) -> Mapping[str, Any]:
+
+def hints(kind: "type[Settings]") -> Mapping[str, Any]:
     """Annotations of a settings class by field name, with their markers."""
-    found = get_type_hints(kind, include_extras=True)
-    return {f.name: found[f.name] for f in fields(kind)}
+    if kind not in _HINTS:
+        annotations = get_type_hints(kind, include_extras=True)
+        _HINTS[kind] = {f.name: annotations[f.name] for f in fields(kind)}
+    return _HINTS[kind]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +40,7 @@ class Settings:
         for name, hint in hints(type(self)).items():
             try:
                 object.__setattr__(self, name, converted(getattr(self, name), hint))
-            except ValueFault as fault:
+            except SettingError as fault:
                 raise refusal(name, fault) from None
         self.validate()
 
@@ -66,7 +68,10 @@ class Settings:
 
     def as_properties(self) -> dict[str, object]:
         """Settings as JSON values, for a recording."""
-        return {k: str(v) if isinstance(v, Path) else v for k, v in asdict(self).items()}
+        values = {k: str(v) if isinstance(v, Path) else v for k, v in asdict(self).items()}
+        if "set" in values:
+            values["set"] = [f"{name}={value!r}" for name, value in values["set"]]
+        return values
 
 
 def _unknown(name: str, valid: tuple[str, ...]) -> str:

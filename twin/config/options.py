@@ -54,7 +54,7 @@ class Parameters(Settings):
         """
         super().validate()
         if self.set_from is not None:
-            object.__setattr__(self, "set", parse(self.set, self.set_from))
+            object.__setattr__(self, "set", tuple(parse(self.set, self.set_from).items()))
             object.__setattr__(self, "set_from", None)
 
     @property
@@ -195,4 +195,3 @@ class Run(Output, Time, Model, Rig, Gimbal):
     def real_time(self) -> bool:
         """Whether the run keeps pace with the wall clock."""
         return self.clock == "wall" or (self.clock is None and is_port(self.gimbal))
-

@@ -9,13 +9,11 @@ from twin.errors import TwinError
 
 LARGEST_FILE = 1_000_000  # bytes
 
-Pairs = tuple[tuple[str, float], ...]
-
 
 def parse(
     given: Mapping[str, float] | Sequence[str | tuple[str, float]], file: Path | None = None
-) -> Pairs:
-    """Return overrides as pairs of name and value, each name once.
+) -> dict[str, float]:
+    """Return overrides by name.
 
     Parameters
     ----------
@@ -30,7 +28,7 @@ def parse(
     values = _from_file(file) if file else {}
     for name, value in _pairs(given):
         values[name.strip()] = number(value, f"--set {name}={value}")
-    return tuple(values.items())
+    return values
 
 
 def _pairs(
@@ -42,14 +40,13 @@ def _pairs(
     if isinstance(given, str):
         raise TwinError(f"--set {given!r}: must be a list of NAME=VALUE, or a mapping")
     for item in given:
-        if isinstance(item, str):
-            name, equals, text = item.partition("=")
-            if not equals:
-                raise TwinError(f"--set {item!r}: write NAME=VALUE, for example wind_speed=3")
-            yield name, text
-        else:
-            name, value = item
-            yield name, value
+        if isinstance(item, list | tuple) and len(item) == 2 and isinstance(item[0], str):
+            yield item[0], item[1]
+            continue
+        name, equals, text = item.partition("=") if isinstance(item, str) else ("", "", "")
+        if not equals:
+            raise TwinError(f"--set {str(item)[:60]!r}: must be NAME=VALUE, such as wind_speed=3")
+        yield name, text
 
 
 def _from_file(file: Path) -> dict[str, float]:

@@ -1,11 +1,13 @@
 """The settings of a recorded run, read back as untrusted input."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from analysis.recording.reader import Recording
 from twin.config.base import hints
 from twin.config.options import Run
 from twin.config.runs import Fly, Step
+from twin.config.values import SettingError, converted, shown
 from twin.errors import TwinError
 
 KINDS: Mapping[str, type[Run]] = {"fly": Fly, "step": Step}
@@ -36,3 +38,18 @@ def configuration_of(recording: Recording) -> Run:
         return kind(**settings)
     except TwinError as error:
         raise TwinError(f"the recording's configuration: {error}") from None
+
+
+def typed(name: str, value: object, hint: Any) -> Any:  # noqa: ANN401  a type, and a value of it
+    """Return a JSON value as what an annotation asks for.
+
+    Raises
+    ------
+    TwinError : it is something else
+    """
+    try:
+        return converted(value, hint)
+    except SettingError as error:
+        raise TwinError(
+            f"the recording says {name} = {shown(error.value)}: must be {error.right}"
+        ) from None

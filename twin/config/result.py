@@ -32,7 +32,8 @@ class Result:
         """The table in a notebook."""
         cells = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
-            f"<td style='text-align:left'><pre style='margin:0'>{html.escape(value)}</pre></td></tr>"
+            f"<td style='text-align:left'><pre style='margin:0'>{html.escape(value)}</pre></td>"
+            "</tr>"
             for name, value in self.rows()
         )
         return f"<table>{cells}</table>"

@@ -5,9 +5,8 @@ from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, TypeVar
 
-from twin.config.base import Settings
 from twin.config.options import FaultResponse, Output, Parameters, Run
-from twin.config.seats import MODELS, OF_SERVOS, is_rig
+from twin.config.seats import OF_SERVOS, is_rig
 from twin.config.types import (
     POSITIONAL,
     TRANSFER_FUNCTION,
@@ -16,6 +15,7 @@ from twin.config.types import (
     Count,
     Degrees,
     Duration,
+    Flag,
     Frequency,
     Integrator,
     Programme,
@@ -162,7 +162,10 @@ class Replay(Output, Parameters):
     """Another rate of the controller [Hz]."""
     seed: Seed | None = None
     """Another random seed."""
-    force: bool = False
+    controller: str | None = None
+    """Own controller of the recorded flight, FILE.py:NAME; a file named in a recording is never
+    executed."""
+    force: Flag = False
     """Also if the versions of libraries or the model differ from those recorded."""
     out: Path | None = None
     """Recording to write; RECORDING.replay.rrd if omitted."""
@@ -216,7 +219,7 @@ def with_model(config: R, gimbal: str, **changes: object) -> R:
     rig: dict[str, object] = {"calibration": None, "fault": (), "unit": None, "clock": "lockstep"}
     if isinstance(config, Fly):
         rig |= {"attitude": "truth", "scene": config.plant_scene, "about": config.turns_about}
-    if isinstance(config, FaultResponse):
+    if hasattr(config, "on_fault"):
         rig["on_fault"] = None
     if gimbal == TRANSFER_FUNCTION:
         rig["set"] = _without_servos(config)
@@ -239,5 +242,3 @@ def added(config: R, parameters: Mapping[str, float]) -> R:
 
 def _without_servos(config: Run) -> tuple[tuple[str, float], ...]:
     return tuple((n, v) for n, v in config.set if not n.startswith(OF_SERVOS))
-
-

@@ -13,7 +13,7 @@ from twin.errors import TwinError
 LONGEST = 1000  # entries of a list, characters of a text
 
 
-class ValueFault(Exception):
+class SettingError(Exception):
     """A value that a setting cannot take.
 
     Parameters
@@ -35,7 +35,7 @@ def converted(value: object, hint: Any) -> Any:  # noqa: ANN401  a type, and a v
 
     Raises
     ------
-    ValueFault : it is something else
+    SettingError : it is something else
     TwinError : overrides that cannot be parsed
     """
     if hint == Overrides:
@@ -48,7 +48,7 @@ def converted(value: object, hint: Any) -> Any:  # noqa: ANN401  a type, and a v
     if origin is Literal:
         if value in arguments:
             return value
-        raise ValueFault(value, "one of " + ", ".join(map(str, arguments)))
+        raise SettingError(value, "one of " + ", ".join(map(str, arguments)))
     if origin is tuple:
         return _tuple(value, arguments)
     if hint is Path:
@@ -57,7 +57,7 @@ def converted(value: object, hint: Any) -> Any:  # noqa: ANN401  a type, and a v
         return _number(value, hint)
     if isinstance(value, hint) and len(str(value)) <= LONGEST:
         return value
-    raise ValueFault(value, {bool: "true or false", str: "a text"}.get(hint, str(hint)))
+    raise SettingError(value, {bool: "true or false", str: "a text"}.get(hint, str(hint)))
 
 
 def shown(value: object) -> str:
@@ -67,14 +67,14 @@ def shown(value: object) -> str:
 
 def _overrides(value: object) -> tuple[tuple[str, float], ...]:
     if not isinstance(value, Mapping | list | tuple) or len(value) > LONGEST:
-        raise ValueFault(value, "a list of NAME=VALUE, or a mapping")
-    return parse(value)
+        raise SettingError(value, "a list of NAME=VALUE, or a mapping")
+    return tuple(parse(value).items())
 
 
 def _path(value: object) -> Path:
     if isinstance(value, str | Path) and len(str(value)) <= 4096 and "\0" not in str(value):
         return Path(value)
-    raise ValueFault(value, "a path")
+    raise SettingError(value, "a path")
 
 
 def _number(value: object, kind: type) -> Any:  # noqa: ANN401
@@ -82,22 +82,22 @@ def _number(value: object, kind: type) -> Any:  # noqa: ANN401
     if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
         value = value.item()  # a NumPy scalar
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueFault(value, what)
+        raise SettingError(value, what)
     if kind is int:
         if not isinstance(value, int):
-            raise ValueFault(value, what)
+            raise SettingError(value, what)
         return value
     if isinstance(value, int) and abs(value) > 2**1000:
-        raise ValueFault(value, what)
+        raise SettingError(value, what)
     if not math.isfinite(value):
-        raise ValueFault(value, "finite")
+        raise SettingError(value, "finite")
     return float(value)
 
 
 def _within(value: Any, markers: tuple[object, ...]) -> Any:  # noqa: ANN401
     for limits in markers:
         if isinstance(limits, Range) and value not in limits:
-            raise ValueFault(value, str(limits))
+            raise SettingError(value, str(limits))
     return value
 
 
@@ -110,9 +110,9 @@ def _either(value: object, options: tuple[Any, ...]) -> Any:  # noqa: ANN401
             continue
         try:
             return converted(value, option)
-        except ValueFault as fault:
+        except SettingError as fault:
             faults.append(fault.right)
-    raise ValueFault(value, " or ".join(faults))
+    raise SettingError(value, " or ".join(faults))
 
 
 def _tuple(value: object, inside: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -122,15 +122,15 @@ def _tuple(value: object, inside: tuple[Any, ...]) -> tuple[Any, ...]:
     if hasattr(value, "tolist"):
         value = value.tolist()  # a NumPy array
     if not isinstance(value, list | tuple) or len(value) > LONGEST:
-        raise ValueFault(value, "a list")
+        raise SettingError(value, "a list")
     if many:
         return tuple(converted(v, inside[0]) for v in value)
     if len(value) != len(inside):
-        raise ValueFault(value, f"{len(inside)} values")
+        raise SettingError(value, f"{len(inside)} values")
     return tuple(converted(v, h) for v, h in zip(value, inside, strict=True))
 
 
-def refusal(flag: str, fault: ValueFault) -> TwinError:
+def refusal(flag: str, fault: SettingError) -> TwinError:
     """The message of a value that a flag cannot take."""
     given = fault.value
     text = " ".join(map(str, given)) if isinstance(given, list | tuple) else str(given)

@@ -36,7 +36,7 @@ class Verb:
 
 
 VERBS = (
-    Verb("fly", Fly, "twin.experiments:fly"),
+    Verb("fly", Fly, "twin.experiments.flights:fly"),
     Verb("step", Step, "twin.experiments.step:step"),
     Verb("mirror", Mirror, "twin.experiments.mirror:mirror"),
     Verb("calibrate", Calibrate, "twin.experiments.calibrate:calibrate"),

@@ -17,6 +17,7 @@ from analysis.comparison.flights import PathDifference, flight_path, holds_fligh
 from analysis.recording.caveats import caveats
 from analysis.recording.reader import Recording, TimeSeries
 from twin.config import Compare
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import is_table, seen
 from twin.evaluation.words import difference_text, screen
@@ -39,7 +40,7 @@ _FIGURES = (
 
 
 @dataclass(frozen=True)
-class CompareResult:
+class CompareResult(Result):
     """Two motions side by side, and the recording that shows them.
 
     Attributes

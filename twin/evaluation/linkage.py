@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import mujoco
 
 from twin.config import Identify
-from twin.config.overrides import parse
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import given
 from twin.evaluation.linkage_data import moves_of
@@ -57,7 +57,7 @@ SHORTEST_DELAY, LONGEST_DELAY = -0.005, 0.06  # s
 
 
 @dataclass(frozen=True)
-class PhysicsResult:
+class PhysicsResult(Result):
     """Fitted parameters of the linkage and the override file they went to.
 
     Attributes
@@ -119,7 +119,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     out = writable(config.out or Path("runs/set.json"))
     if len(config.sources) != 1:
         raise TwinError(f"--linkage: {len(config.sources)} sources; it takes one recording")
-    known = parse(config.set, config.set_from)
+    known = config.overrides
     source = given(config, config.sources)
     with compiled():
         bench = _Bench(config, known)
