@@ -14,7 +14,6 @@ from twin.errors import TwinError
 from twin.experiments.summary import FlightResult
 from twin.loop.loop import Outcome
 from twin.plant.plant import Plant
-from twin.recorder.rows import Rows
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -90,8 +89,8 @@ class Flight:
     burnout_ns : when the motor has burned out [ns]
     """
 
-    def __init__(self, plant: Plant, rows: Rows, error: Array, target: Vector | None) -> None:
-        self._plant, self._rows, self._error = plant, rows, error
+    def __init__(self, plant: Plant, error: Array, target: Vector | None) -> None:
+        self._plant, self._error = plant, error
         self._start = _start(plant.model)
         self._target = None if target is None else np.array(target)
         self.burnout_ns = round(_burnout(plant.model) * 1e9)
@@ -117,8 +116,8 @@ class Flight:
         vx, vy, vz = plant.velocity.tolist()
         speed = vx * vx + vy * vy + vz * vz
         self._speed = max(self._speed, speed)
-        if self._rows.closure[0] > self._closure or self._rows.closure[1] > self._closure:
-            self._closure = float(self._rows.closure.max())
+        if plant.closure[0] > self._closure or plant.closure[1] > self._closure:
+            self._closure = float(plant.closure.max())
         if time_ns <= self.burnout_ns:
             ex, ey = self._error.tolist()
             self._errors.append(ex * ex + ey * ey)

@@ -66,8 +66,8 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
         pilot = _pilot(plant, programme, steps, seen)
         guard = None if rig is None else Guard(pilot, rig.readings, config.on_fault or "end", seen)
         ledger = Ledger() if real_time else None
-        rows = Rows(plant, pilot, rig.readings if rig else None, ledger, seen)
-        flight = Flight(plant, rows, pilot.error, target)
+        rows = Rows(plant, pilot, seen, ledger, readings=rig.readings if rig else None)
+        flight = Flight(plant, pilot.error, target)
         recorder = stack.enter_context(
             make_recorder(config, "fly", plant.twin, rows, rig=rig, real_time=real_time, tape=tape)
         )
@@ -136,7 +136,7 @@ def step(config: Step, tape: "Recording | None" = None) -> StepResult:
         plan = asked.plan(steps * plant.dt_ns * 1e-9)
         gimbal, rig = gimbal_seat(live, config, plant, tape)
         ledger = Ledger() if real_time else None
-        rows = Rows(plant, readings=rig.readings if rig else None, ledger=ledger)
+        rows = Rows(plant, ledger, readings=rig.readings if rig else None)
         recorder = stack.enter_context(
             make_recorder(config, "step", plant.twin, rows, real_time=real_time, tape=tape)
         )
