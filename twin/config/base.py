@@ -69,8 +69,8 @@ class Settings:
     def as_properties(self) -> dict[str, object]:
         """Settings as JSON values, for a recording."""
         values = {k: str(v) if isinstance(v, Path) else v for k, v in asdict(self).items()}
-        if "set" in values:
-            values["set"] = [f"{name}={value!r}" for name, value in values["set"]]
+        if pairs := values.get("set"):
+            values["set"] = [f"{name}={value!r}" for name, value in dict(pairs).items()]
         return values
 
 

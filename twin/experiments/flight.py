@@ -15,7 +15,6 @@ from twin.experiments.programme import Vector, start_of
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.loop.loop import Outcome
 from twin.plant.plant import Plant
-from twin.recorder.rows import Rows as Recorded
 
 if TYPE_CHECKING:
     from analysis.timing import Verdict
@@ -118,8 +117,8 @@ class Flight:
     burnout_ns : time of burnout [ns]
     """
 
-    def __init__(self, plant: Plant, rows: Recorded, error: Array, target: Vector | None) -> None:
-        self._plant, self._rows, self._error = plant, rows, error
+    def __init__(self, plant: Plant, error: Array, target: Vector | None) -> None:
+        self._plant, self._error = plant, error
         self._start = start_of(plant.model)
         self._target = None if target is None else np.array(target)
         self.burnout_ns = round(_burnout(plant.model) * 1e9)
@@ -145,8 +144,8 @@ class Flight:
         vx, vy, vz = plant.velocity.tolist()
         speed = vx * vx + vy * vy + vz * vz
         self._speed = max(self._speed, speed)
-        if self._rows.closure[0] > self._closure or self._rows.closure[1] > self._closure:
-            self._closure = float(self._rows.closure.max())
+        if plant.closure[0] > self._closure or plant.closure[1] > self._closure:
+            self._closure = float(plant.closure.max())
         if time_ns <= self.burnout_ns:
             ex, ey = self._error.tolist()
             self._errors.append(ex * ex + ey * ey)

@@ -55,7 +55,7 @@ def fly(
             commanding = OwnController(controller, plant, pilot, s.tick_ns * 1e-9)
         guard = s.guard(commanding, config.on_fault, turntable)
         recorder = s.record(pilot, turntable)
-        flight = Flight(plant, s.rows, pilot.error, target)
+        flight = Flight(plant, pilot.error, target)
         flight.announce = recorder.event
         s.rehearse(_pilot(plant, programme, s.tick_ns))
         outcome = s.run(

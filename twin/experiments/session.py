@@ -156,7 +156,7 @@ class Session:
         ------
         TwinError : the file cannot be written, or the port is taken
         """
-        self.rows = Rows(self.plant, pilot, self.readings, self._ledger, turntable)
+        self.rows = Rows(self.plant, pilot, turntable, self._ledger, readings=self.readings)
         self.recorder = self._stack.enter_context(
             make_recorder(
                 self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,

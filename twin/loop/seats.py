@@ -1,9 +1,11 @@
 """Who can sit in the gimbal seat and in the controller seat when everything is simulated."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hardware.frames import GimbalCommand, GimbalState, Pair
@@ -85,8 +87,10 @@ class Pilot:
 
     Attributes
     ----------
-    direction : (3,) wanted nose direction in the world, for whoever records it
+    direction : (3,) wanted nose direction in the world
     error : (2,) rotation still missing about body x and y [rad]
+    signals : setpoint, as angles of the nose from the vertical, and error; NaN without thrust,
+        since nothing steers then
     """
 
     def __init__(
@@ -103,6 +107,11 @@ class Pilot:
         self.direction: Array = np.zeros(3)
         self.error: Array = controller.error[0]
         self._angle: Array = np.zeros(2)
+        self._values: Array = np.zeros(4)
+        self.signals: Mapping[str, Array] = {
+            "control/setpoint": self._values[0:2],
+            "control/error": self._values[2:4],
+        }
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
         """Gimbal angle that turns the nose towards the setpoint [rad]."""
@@ -113,6 +122,19 @@ class Pilot:
             time, self._period, seen.attitude, seen.rate, self.direction, self._angle
         )
         return float(self._angle[0]), float(self._angle[1])
+
+    def derive(self, time_ns: int) -> None:  # noqa: ARG002  the recorder's signature
+        """Compute the signals; the plant's thrust must have been derived before."""
+        _steering(self._values, self.direction, self.error, self._plant.thrust)
+
+
+@njit(cache=True)
+def _steering(out: Array, nose: Array, error: Array, thrust: Array) -> None:
+    if thrust[0] > 0.0:
+        out[0], out[1] = math.atan2(-nose[1], nose[2]), math.atan2(nose[0], nose[2])
+        out[2], out[3] = error[0], error[1]
+    else:
+        out[:] = math.nan
 
 
 class Sequence:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from twin.errors import DivergenceError, TwinError
 from twin.physics.motor import Depletion
 from twin.plant import integrators
+from twin.plant.flow import Flow
 from twin.plant.model import AXES, TwinModel
+from twin.plant.rods import Rods
 
 Array = NDArray[np.float64]
 
@@ -48,6 +51,11 @@ class Plant:
     Attributes
     ----------
     renewal_ns : longest time between two renewals of the propellant's mass [ns]
+    position, velocity, attitude, rate : views of the vehicle's state, as `VehicleState`
+    gimbal_angle, gimbal_rate : (2,) views of the gimbal joints; zeros of a fixed motor [rad, rad/s]
+    closure : (2,) gap of the two rod loops at the last `derive` [m]; zeros without rods
+    thrust : (1,) of the motor at the last `derive` [N]; zero without a vehicle
+    signals : what is recorded of it, views by name of `analysis.schema`
     """
 
     renewal_ns = RENEWAL_NS
@@ -65,6 +73,7 @@ class Plant:
         self._propellant = Depletion(self.model)
         self._renewal = max(1, self.renewal_ns // self.dt_ns)
         self._view()
+        self.signals = self._offer()
         self._stops = self._read_stops()
         self.reset()
 
@@ -89,6 +98,35 @@ class Plant:
             self.gimbal_angle, self.gimbal_rate = data.qpos[q : q + 2], data.qvel[v : v + 2]
         else:
             self.gimbal_angle, self.gimbal_rate = np.zeros(2), np.zeros(2)
+
+    def _offer(self) -> Mapping[str, Array]:
+        """Signals of the gimbal and, where there is one, of the vehicle."""
+        self._rods = Rods(self.model, self.data)
+        self.closure = self._rods.closure
+        self._flow: Flow | None = None
+        self.thrust: Array = np.zeros(1)
+        signals = {"gimbal/simulated": self.gimbal_angle, "gimbal/rate/simulated": self.gimbal_rate}
+        signals |= self._rods.signals
+        if self.has_vehicle:
+            state = (self.position, self.velocity, self.attitude, self.rate)
+            self._flow = Flow(self.model, self.data, *state)
+            self.thrust = self._flow.thrust
+            vehicle = int(self.model.body("vehicle").id)
+            signals |= {
+                "vehicle/position": self.position,
+                "vehicle/velocity": self.velocity,
+                "vehicle/attitude": self.attitude,
+                "vehicle/rate": self.rate,
+                "vehicle/mass": self.model.body_subtreemass[vehicle : vehicle + 1],
+                **self._flow.signals,
+            }
+        return signals
+
+    def derive(self, time_ns: int) -> None:
+        """Compute the signals beyond the state, at `time_ns` of the experiment [ns]."""
+        self._rods.derive()
+        if self._flow is not None:
+            self._flow.derive(time_ns)
 
     def _read_stops(self) -> tuple[float, float, float, float]:
         """Gimbal angles past which the simulation is nonsense: x low, high, y low, high [rad]."""
