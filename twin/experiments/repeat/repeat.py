@@ -18,11 +18,11 @@ from analysis.comparison.flights import (
 from analysis.recording.reader import read
 from analysis.report import render
 from analysis.response.figure import Figure, over_repeats
-from analysis.response.steps import StepMetrics, up_to_hidden
+from analysis.response.metrics import StepMetrics
+from analysis.response.steps import up_to_hidden
 from twin.config import Fly, with_model
 from twin.config.seats import MODELS, is_rig
 from twin.errors import TwinError
-from twin.evaluation.words import difference_text
 from twin.experiments.fly import fly
 from twin.experiments.summary import FlightResult
 
@@ -100,7 +100,7 @@ class RepeatResult:
             rows += [(seat.gimbal, _count(seat)), *_spread_rows(seat)]
             rows += [("", f"{f.name.replace('_', ' '):<20}{_told(f)}") for f in seat.figures]
             rows += [("FAULT", r.fault) for r in seat.results if r.fault is not None]
-        rows += [(f"against {name}", difference_text(d)) for name, d in self.differences.items()]
+        rows += [(f"against {name}", d.text()) for name, d in self.differences.items()]
         rows += [("computing", f"{self.wall_s:.1f} s"), ("report", self.page)]
         return "\n".join(f"{name:<26}{value}".rstrip() for name, value in rows)
 
