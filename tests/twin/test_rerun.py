@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.convergence import Trajectory, distance
+from analysis.delays import Delays
 from analysis.recording.reader import Recording, TimeSeries
-from analysis.timing import Delays
 from hardware.frames import GimbalCommand, GimbalState
 from twin.config import Fly, Step
 from twin.control import AttitudeController, control_config

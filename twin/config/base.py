@@ -68,7 +68,9 @@ class Settings:
 
     def as_properties(self) -> dict[str, object]:
         """Settings as JSON values, for a recording."""
-        values = {k: str(v) if isinstance(v, Path) else v for k, v in asdict(self).items()}
+        values: dict[str, Any] = {
+            k: str(v) if isinstance(v, Path) else v for k, v in asdict(self).items()
+        }
         if pairs := values.get("set"):
             values["set"] = [f"{name}={value!r}" for name, value in dict(pairs).items()]
         return values

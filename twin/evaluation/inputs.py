@@ -11,6 +11,7 @@ from analysis.identify import Record, from_recording
 from analysis.recording import tables
 from analysis.recording.reader import Recording
 from analysis.recording.record import Initial
+from analysis.recording.record_of_table import to_record
 from analysis.recording.tables import KINDS
 from twin.config import Columns, Identify
 from twin.errors import TwinError
@@ -132,7 +133,7 @@ def _record_of(
         )
     if config.commands is not None and config.input_stamps is not None:
         raise TwinError(f"--input-stamps {config.input_stamps}: --commands has stamps of its own")
-    return tables.to_record(
+    return to_record(
         tables.read(file),
         time=config.time,
         inputs=_names(config.input),

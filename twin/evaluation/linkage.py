@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 import mujoco
 
 from twin.config import Identify
+from twin.config.paths import writable
 from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import given
 from twin.evaluation.linkage_data import moves_of
-from twin.evaluation.words import quantity, screen, writable
+from twin.evaluation.words import quantity, screen
 from twin.physics import native
 from twin.physics.mechanism.servo import apply_servo
 from twin.plant import overrides
@@ -25,7 +26,8 @@ from twin.plant.compiled import compiled
 from twin.plant.model import AXES, ModelConfig, load
 
 if TYPE_CHECKING:
-    from analysis.linkage.fit import Knob, LinkageFit
+    from analysis.linkage.fit import LinkageFit
+    from analysis.linkage.problem import Knob
 
 # What a knob of one name sets; others set the parameter of their own name.
 BACKLASH, FRICTION = "gimbal_backlash", "friction"
@@ -113,7 +115,8 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     ------
     TwinError, AnalysisError : something the user asked for cannot be done, in one line
     """
-    from analysis.linkage.fit import DELAY, fit_linkage
+    from analysis.linkage.fit import fit_linkage
+    from analysis.linkage.problem import DELAY
 
     began = time.perf_counter()
     out = writable(config.out or Path("runs/set.json"))
@@ -158,7 +161,7 @@ class _Bench:
 
     def knob(self, name: str) -> "Knob":
         """A parameter by name, from a fifth to five times what the model has."""
-        from analysis.linkage.fit import DELAY, Knob
+        from analysis.linkage.problem import DELAY, Knob
 
         unit = UNITS.get(name, "")
         if name == DELAY:

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.convergence import Trajectory
+from analysis.delays import Delays
 from analysis.recording.reader import Recording
-from analysis.timing import Delays, Limits, Rerun, Verdict, assess
+from analysis.timing import Limits, Rerun, Verdict, assess
 from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import BAUD, Encoder, Ping, Pong
 from twin.config import Fly, Run, with_model

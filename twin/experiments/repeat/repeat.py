@@ -16,7 +16,8 @@ from analysis.comparison.flights import (
 from analysis.recording.reader import read
 from analysis.report import render
 from analysis.response.figure import Figure, over_repeats
-from analysis.response.steps import StepMetrics, up_to_hidden
+from analysis.response.metrics import StepMetrics
+from analysis.response.steps import up_to_hidden
 from twin.config import Fly, with_model
 from twin.config.seats import MODELS, is_rig
 from twin.errors import TwinError

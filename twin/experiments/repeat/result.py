@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from analysis.comparison.flights import FlightPath, PathDifference, Spread
 from analysis.response.figure import Figure
 from twin.config.result import Result, Rows
-from twin.evaluation.words import difference_text
 from twin.experiments.flight import FlightResult
 
 
@@ -80,7 +79,7 @@ class RepeatResult(Result):
             rows += [(seat.gimbal, _count(seat)), *_spread_rows(seat)]
             rows += [("", f"{f.name.replace('_', ' '):<20}{_text(f)}") for f in seat.figures]
             rows += [("FAULT", r.fault) for r in seat.results if r.fault is not None]
-        rows += [(f"against {name}", difference_text(d)) for name, d in self.differences.items()]
+        rows += [(f"against {name}", d.text()) for name, d in self.differences.items()]
         return [*rows, ("computing", f"{self.wall_s:.1f} s"), ("report", self.page)]
 
 
