@@ -94,7 +94,7 @@ def _grouped(kind: type[Settings]) -> type:
     """A dataclass of dataclasses, one a group: tyro prints each under a heading of its own."""
     groups: dict[str, list[tuple[str, Any, Any]]] = {}
     for f in fields(kind):
-        group, help_text = _described(kind, f.name)
+        group, help_text = described(kind, f.name)
         hint, default = _for_tyro(hints(kind)[f.name], f.default)
         argument = tyro.conf.arg(help=help_text, help_behavior_hint=_behaviour(f.default))
         marked = Annotated[hint, argument]  # type: ignore[valid-type]
@@ -133,7 +133,7 @@ def _behaviour(default: object) -> str:
     return f"(default: {shown})"
 
 
-def _described(kind: type[Settings], name: str) -> tuple[str, str]:
+def described(kind: type[Settings], name: str) -> tuple[str, str]:
     """Heading and text of a setting: of the first class of its family, and of the latest text."""
     owners = [(c, texts[name]) for c in kind.__mro__ if name in (texts := _texts(c))]
     family: type[Settings] = owners[-1][0]

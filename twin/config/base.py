@@ -1,9 +1,21 @@
 """Base of every verb's settings: one conversion and validation, whatever the source."""
 
+import functools
+import operator
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, ClassVar, Self, get_type_hints
+from types import UnionType
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Self,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from twin.config.values import SettingError, converted, refusal
 from twin.errors import TwinError
@@ -83,3 +95,14 @@ def _unknown(name: str, valid: tuple[str, ...]) -> str:
     return f"unknown setting {name!r}; " + (
         f"did you mean {' or '.join(near)}?" if near else f"valid: {', '.join(valid)}"
     )
+
+
+def without_markers(hint: Any) -> Any:  # noqa: ANN401  a type
+    """An annotation without markers and limits, at every level."""
+    if get_origin(hint) is Annotated:
+        return without_markers(get_args(hint)[0])
+    if get_origin(hint) is UnionType or get_origin(hint) is Union:
+        return functools.reduce(operator.or_, map(without_markers, get_args(hint)))
+    if get_origin(hint) is tuple:
+        return tuple.__class_getitem__(tuple(map(without_markers, get_args(hint))))
+    return hint

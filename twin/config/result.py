@@ -4,6 +4,7 @@ import html
 
 Rows = list[tuple[str, str]]
 NARROWEST = 18  # characters of the first column
+FILES = ("file", "replayed", "recording", "page")  # attributes that name what was written
 
 
 class Result:
@@ -22,11 +23,20 @@ class Result:
         """The result as a table of two columns; a row with an empty name continues the last."""
         raise NotImplementedError
 
+    def __fspath__(self) -> str:
+        """The file that was written, so that a result can be given wherever a file is expected."""
+        named = (getattr(self, name) for name in FILES if hasattr(self, name))
+        return str(next(named))
+
     def text(self) -> str:
         """The table as aligned lines."""
         rows = self.rows()
         width = max(NARROWEST, 2 + max((len(name) for name, _ in rows), default=0))
         return "\n".join(f"{name:<{width}}{value}".rstrip() for name, value in rows)
+
+    def __str__(self) -> str:
+        """The table as aligned lines."""
+        return self.text()
 
     def _repr_html_(self) -> str:
         """The table in a notebook."""

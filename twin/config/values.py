@@ -1,6 +1,7 @@
 """Checked conversion of untrusted values (JSON, Python, command line) to annotated settings."""
 
 import math
+import os
 import types
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +11,7 @@ from twin.config.overrides import parse
 from twin.config.types import Overrides, Range
 from twin.errors import TwinError
 
+LONGEST_PATH = 4096  # characters
 LONGEST = 1000  # entries of a list, characters of a text
 
 
@@ -72,8 +74,10 @@ def _overrides(value: object) -> tuple[tuple[str, float], ...]:
 
 
 def _path(value: object) -> Path:
-    if isinstance(value, str | Path) and len(str(value)) <= 4096 and "\0" not in str(value):
-        return Path(value)
+    if isinstance(value, str | os.PathLike):
+        text = os.fspath(value)
+        if isinstance(text, str) and len(text) <= LONGEST_PATH and "\0" not in text:
+            return Path(text)
     raise SettingError(value, "a path")
 
 
@@ -117,7 +121,7 @@ def _either(value: object, options: tuple[Any, ...]) -> Any:  # noqa: ANN401
 
 def _tuple(value: object, inside: tuple[Any, ...]) -> tuple[Any, ...]:
     many = len(inside) == 2 and inside[1] is Ellipsis
-    if many and isinstance(value, str | Path):  # one where several are allowed
+    if many and isinstance(value, str | os.PathLike):  # one where several are allowed
         value = (value,)
     if hasattr(value, "tolist"):
         value = value.tolist()  # a NumPy array
