@@ -36,6 +36,7 @@ lint: env
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python .ci/stub.py --check
 
 format: env
 	$(BIN)/ruff check --fix .

@@ -18,7 +18,6 @@ from twin.config.verbs import VERBS
 STUB = Path(__file__).resolve().parents[1] / "twin" / "__init__.pyi"
 HEAD = """# Written by .ci/stub.py from the settings of the verbs; do not edit.
 from os import PathLike
-from pathlib import Path
 from typing import Any, Literal
 
 from analysis.recording import Recording
