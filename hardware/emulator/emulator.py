@@ -4,7 +4,7 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 
-from hardware.device.device import BYTE_US, Device, Sample
+from hardware.device import BYTE_US, Device, Sample
 from hardware.emulator.bench import Bench, RigParameters, reference_rig
 from hardware.emulator.cable import Cable
 from hardware.emulator.injection import Injection

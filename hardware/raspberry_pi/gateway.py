@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware.device.device import Device, Sample
-from hardware.device.server import Port
+from hardware.device import Device, Port, Sample
 from hardware.protocol import Board, constants
 from hardware.raspberry_pi.pwm import KernelPwm
 from hardware.raspberry_pi.sensors import Bus, Imu, Mcp3008, Sampler

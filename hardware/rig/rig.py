@@ -61,7 +61,7 @@ class Rig:
 
     Parameters
     ----------
-    line : `hardware.link.link.Link` or `LockstepLine`
+    line : `hardware.link.Link` or `LockstepLine`
     calibration : of this rig; the drawings' values when left out
     clock : experiment time [ns], the one the line uses
     wait : lets time pass [ns] while `connect` waits; lockstep advances the device here

@@ -14,12 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.device.server import PtyPort, TcpPort
+from hardware.device import PtyPort, Server, ServerError, TcpPort, serve
 from hardware.emulator import (
     Emulator,
     FaultNameError,
-    Server,
-    ServerError,
     Servo,
     ServoParameters,
     UnpluggedError,
@@ -27,7 +25,6 @@ from hardware.emulator import (
     quiet,
     reference_rig,
     sample_rig,
-    serve,
     valid_names,
 )
 from hardware.emulator.bench import OPEN_WIRE_TIME
@@ -484,7 +481,7 @@ def _serving(port):
 
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
 def test_served_rig_answers_over_a_real_port(kind):
-    from hardware.link.link import Link
+    from hardware.link import Link
 
     port = PtyPort() if kind == "pty" else TcpPort()
     server, thread = _serving(port)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from hardware.calibration import nominal
-from hardware.device.server import PtyPort
-from hardware.emulator import Emulator, Server, parse, sample_rig
+from hardware.device import PtyPort, Server
+from hardware.emulator import Emulator, parse, sample_rig
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import GimbalCommand
 from hardware.protocol import (
@@ -423,7 +423,7 @@ def test_counts_become_si_units_by_the_scales_of_hello():
 
 
 def test_rig_over_a_real_pty_survives_a_pull():
-    from hardware.link.link import Link
+    from hardware.link import Link
 
     device = Emulator(injections=(parse("link:unplug:0.4@1.0"),))
     server = Server(device, PtyPort())
