@@ -7,9 +7,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
+from hardware.device.device import LOOP_US
 from hardware.device.ports import Port, PtyPort, TcpPort
 
-TICK_NS = 1_000_000
+TICK_NS = 1000 * LOOP_US
 LONGEST_LAG_NS = 200_000_000  # a machine that slept must not make the rig race to catch up
 
 
@@ -74,7 +75,7 @@ class Server:
         try:
             if incoming:
                 self.device.write(incoming)
-            self.device.advance_us(TICK_NS // 1000)
+            self.device.advance_us(LOOP_US)
             outgoing = self.device.read()
         except OSError:
             if not self._pulled:

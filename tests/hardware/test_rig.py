@@ -14,6 +14,7 @@ from hardware.device import PtyPort, Server
 from hardware.emulator import Emulator, parse, sample_rig
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import GimbalCommand
+from hardware.parts import GYRO_DELAY_S
 from hardware.protocol import (
     Arm,
     Board,
@@ -119,10 +120,10 @@ def test_another_low_pass_changes_the_delay_the_fusion_reckons_with(skewed):
     rig.connect()
     _advance(rig, device, 20)
     age = 620e-6
-    assert rig.fusion.noise.gyro_delay == pytest.approx(constants.GYRO_DELAY_S[2] + age)
+    assert rig.fusion.noise.gyro_delay == pytest.approx(GYRO_DELAY_S[2] + age)
     rig.configure(replace(default_config(), dlpf=5))
     _advance(rig, device, 20)
-    assert rig.fusion.noise.gyro_delay == pytest.approx(constants.GYRO_DELAY_S[5] + age)
+    assert rig.fusion.noise.gyro_delay == pytest.approx(GYRO_DELAY_S[5] + age)
 
 
 def test_close_drives_to_neutral(skewed):
