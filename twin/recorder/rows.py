@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.control.attitude import interpolate
 from twin.control.authority import thrust_curve
 from twin.loop.clock import Ledger
@@ -182,13 +182,13 @@ def _numeric(model: mujoco.MjModel, name: str) -> Array:
     return np.array(model.numeric(name).data, dtype=np.float64)
 
 
-@njit(cache=True)
+@njit()
 def _copy(row: Array, places: Indices, addresses: Indices) -> None:
     for k in range(places.size):
         row[places[k]] = number(addresses[k], 0)
 
 
-@njit(cache=True)
+@njit()
 def _gaps(out: Array, sites: Array, loops: Indices) -> None:
     for k in range(loops.shape[0]):
         a, b = loops[k]
@@ -198,7 +198,7 @@ def _gaps(out: Array, sites: Array, loops: Indices) -> None:
         out[k] = math.sqrt(gap)
 
 
-@njit(cache=True)
+@njit()
 def _flow(
     out: Array, time: float, position: Array, velocity: Array, attitude: Array,
     rate: Array, centres: Array, mass: Array, members: Indices, nose: Array,
