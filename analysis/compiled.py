@@ -17,6 +17,8 @@ import numpy as np
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_VERSIONED = {"numba", "numpy"}  # their versions stand for their sources
+
 
 def njit(**options: Any) -> Callable[[F], F]:  # noqa: ANN401 - numba's own options
     """`numba.njit(cache=True, **options)` that keeps the type of the function."""
@@ -44,20 +46,19 @@ def fingerprint(function: FunctionType) -> str:
     closure variables they use, and the version of NumPy; numba itself keeps apart its own
     versions, processors and argument types.
     """
-    packages = {function.__module__.partition(".")[0], __name__.partition(".")[0]}
-    parts = sorted(set(_reached(function, packages, set())))
+    parts = sorted(set(_reached(function, set())))
     return hashlib.sha256("\n".join([np.__version__, *parts]).encode()).hexdigest()[:16]
 
 
-def _reached(function: FunctionType, packages: set[str], seen: set[int]) -> Iterator[str]:
-    if id(function) in seen or function.__module__.partition(".")[0] not in packages:
+def _reached(function: FunctionType, seen: set[int]) -> Iterator[str]:
+    if id(function) in seen or function.__module__.partition(".")[0] in _VERSIONED:
         return
     seen.add(id(function))
     yield _file(function.__code__.co_filename)
     for name, value in _variables(function):
         inner = _function(value)
         if inner is not None:
-            yield from _reached(inner, packages, seen)
+            yield from _reached(inner, seen)
         elif isinstance(value, numba.types.Type) or not callable(value):  # types can be called
             yield f"{function.__module__}.{function.__qualname__}.{name} = {_text(value)}"
 

@@ -126,11 +126,11 @@ def test_what_a_cached_function_reaches_is_in_its_key(name):
     function = compiled._function(CACHED[name])
     key = CACHED[name]._cache._impl.filename_base
     if name.startswith("hardware."):  # plain numba: right as long as it reaches one file only
-        reached = list(compiled._reached(function, {"hardware"}, set()))
+        reached = list(compiled._reached(function, set()))
         assert {part for part in reached if " = " not in part} == {
             compiled._file(function.__code__.co_filename)
         }
     else:  # nothing was bound after the function was decorated
         assert compiled.fingerprint(function) in key
-    parts = compiled._reached(function, {"twin", "analysis"}, set())
+    parts = compiled._reached(function, set())
     assert not [part for part in parts if " at 0x" in part]  # an address differs in every process
