@@ -204,6 +204,7 @@ class TestMirror:
     @pytest.mark.parametrize(
         "tcp", [pytest.param(None, id="pty"), pytest.param(0, id="tcp", marks=pytest.mark.slow)]
     )
+    @pytest.mark.realtime
     def test_pulled_and_put_back_three_times_it_goes_on(self, tmp_path, monkeypatch, tcp):
         if tcp is None and os.name != "posix":
             pytest.skip("no pseudo-terminals here")
@@ -337,6 +338,7 @@ def test_old_firmware_is_told_and_what_to_do(capsys, tmp_path, monkeypatch):
     assert "flash the firmware" in err
 
 
+@pytest.mark.realtime
 def test_a_busy_port_is_told(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with served() as (_, url), native.installed(), open_rig(RigOptions(url), None):
