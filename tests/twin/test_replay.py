@@ -366,5 +366,5 @@ def test_an_override_that_changed_nothing_and_is_refused_by_now_spoils_no_old_re
     found = replay(Replay(out))
     assert found.identical, [d for d in found.differences if not d.equal]
     settings["set"] = ["motor_length=1"]
-    with pytest.raises(TwinError, match=r"cannot be flown again as it was: .*motor_length"):
+    with pytest.raises(TwinError, match=r"cannot be repeated unchanged: .*motor_length"):
         replay(Replay(out))

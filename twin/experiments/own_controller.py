@@ -33,13 +33,13 @@ def load(place: str) -> object:
     if not path.is_file() or path.suffix != ".py":
         raise ControllerError(f"--controller {place}: {file} is not a Python file")
     module = _executed(path, place)
-    found = getattr(module, name, None)
-    if found is None:
+    named = getattr(module, name, None)
+    if named is None:
         names = [n for n, v in vars(module).items() if hasattr(v, "update") and n[0] != "_"]
         listed = f"; it has {', '.join(names)}" if names else ""
         raise ControllerError(f"--controller {place}: {file} has no {name!r}{listed}")
     try:
-        return found() if isinstance(found, type) else found
+        return named() if isinstance(named, type) else named
     except Exception as error:
         raise ControllerError(f"--controller {place}: {_where(error, str(path))}") from error
 
