@@ -66,7 +66,7 @@ def fly(config: Fly, tape: "Recording | None" = None) -> FlightResult:
         pilot = _pilot(plant, programme, steps, seen)
         guard = None if rig is None else Guard(pilot, rig.readings, config.on_fault or "end", seen)
         ledger = Ledger() if real_time else None
-        rows = Rows(plant, pilot, seen, ledger, readings=rig.readings if rig else None)
+        rows = Rows(plant, pilot, seen, ledger, guard, readings=rig.readings if rig else None)
         flight = Flight(plant, pilot.error, target)
         recorder = stack.enter_context(
             make_recorder(config, "fly", plant.twin, rows, rig=rig, real_time=real_time, tape=tape)
@@ -136,13 +136,13 @@ def step(config: Step, tape: "Recording | None" = None) -> StepResult:
         plan = asked.plan(steps * plant.dt_ns * 1e-9)
         gimbal, rig = gimbal_seat(live, config, plant, tape)
         ledger = Ledger() if real_time else None
-        rows = Rows(plant, ledger, readings=rig.readings if rig else None)
+        sequence = Sequence(plan.times, plan.angles)
+        guard = None if rig is None else Guard(sequence, rig.readings, config.on_fault or "end")
+        rows = Rows(plant, ledger, guard, readings=rig.readings if rig else None)
         recorder = stack.enter_context(
             make_recorder(config, "step", plant.twin, rows, real_time=real_time, tape=tape)
         )
         rows.bind(recorder)
-        sequence = Sequence(plan.times, plan.angles)
-        guard = None if rig is None else Guard(sequence, rig.readings, config.on_fault or "end")
         if real_time:
             warm_up(plant, gimbal, rows, sequence, steps)
         clock = live.enter_context(make_clock(real_time=real_time))

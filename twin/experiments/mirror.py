@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hardware.events import RigBack, RigLost
 from hardware.protocol import Board
 from twin.config import Mirror
 from twin.errors import TwinError
@@ -105,10 +106,10 @@ class _Witness:
     def look(self, time_ns: int) -> None:
         r = self._readings
         self.frames += sum(f.time_ns >= 0 for f in r.frames)
-        for level, text in r.news:
-            if level == "WARN" and text.startswith("rig lost"):
+        for event in r.events:
+            if isinstance(event, RigLost):
                 self._since = time_ns
-            elif self._since is not None and text.startswith("rig back"):
+            elif self._since is not None and isinstance(event, RigBack):
                 self.gaps.append((time_ns - self._since) * 1e-9)
                 self._since = None
         self._seen_ns = time_ns
@@ -164,7 +165,7 @@ def mirror(config: Mirror) -> MirrorResult:
         clock = stack.enter_context(make_clock(real_time=config.real_time))
 
         def write(time_ns: int) -> None:
-            if readings.frames or readings.news or time_ns % ROW_NS == 0:
+            if readings.frames or readings.events or time_ns % ROW_NS == 0:
                 rows.write(time_ns)
 
         def over() -> str | None:

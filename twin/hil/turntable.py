@@ -7,10 +7,13 @@ does about its other axes nobody plays, and the controller sees it as it is simu
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.events import Event, Level
 from hardware.frames import GimbalCommand, HardwareError, Pair, SensorFrame, Triple
 from hardware.fusion import BaseAttitude, BaseMap
 from hardware.fusion.base import tilt
@@ -95,6 +98,26 @@ def _turn(frames: Sequence[SensorFrame], bias: float) -> float:
     return float(turned[last].mean() - turned[first].mean())
 
 
+@dataclass(frozen=True)
+class TurntableLimit(Event):
+    """The vehicle has turned further than the turntable reaches.
+
+    Attributes
+    ----------
+    turn, reach : turn of the vehicle, and the largest of the turntable [rad]
+    """
+
+    level: ClassVar[Level] = "WARN"
+    turn: float
+    reach: float
+
+    @property
+    def text(self) -> str:
+        """Both angles in degrees."""
+        turn, reach = math.degrees(self.turn), math.degrees(self.reach)
+        return f"{turn:.0f}° requested of the turntable, which reaches {reach:.0f}°"
+
+
 class Turntable:
     """The attitude seat of a rig on a turntable; `update` is called once a tick after the poll.
 
@@ -116,6 +139,7 @@ class Turntable:
     signals : these three, by their names in `analysis.schema`
     reach : turn that the servo's pulses reach either way [rad]
     fault : what is wrong with base or servo, in words; None while all is well
+    events : since the last update
     counting : whether the difference counts in `rms`; a vehicle that nothing steers any more turns
         further than any servo
     """
@@ -143,6 +167,7 @@ class Turntable:
         ends = (abs(low - base.centre), abs(high - base.centre))
         self.reach = min(ends) * abs(base.travel)
         self.fault: str | None = None
+        self.events: list[Event] = []
         self.counting = True
         self._beyond = self._stopped = False
         self._last_turn = self._unwound = 0.0
@@ -157,6 +182,7 @@ class Turntable:
 
     def update(self) -> None:
         """Take in the frames of this tick, tell the servo where to go, renew what is seen."""
+        self.events.clear()
         self._deaf += self._period
         for frame in self._seat.readings.frames:
             self._filter.update(frame)
@@ -210,8 +236,7 @@ class Turntable:
             return
         beyond = abs(turn) > self.reach
         if beyond and not self._beyond:
-            told = f"{math.degrees(turn):.0f}° asked of the turntable, which reaches"
-            self._seat.readings.news.append(("WARN", f"{told} {math.degrees(self.reach):.0f}°"))
+            self.events.append(TurntableLimit(turn, self.reach))
         self._beyond = beyond
         self._seat.turntable = self._base.pulse(min(max(turn, -self.reach), self.reach))
 
