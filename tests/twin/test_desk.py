@@ -17,7 +17,8 @@ import pytest
 from analysis.recording.reader import read
 from hardware.calibration import CalibrationError, CalibrationRig
 from hardware.calibration import read as read_calibration
-from hardware.emulator import parse, serve
+from hardware.device import serve
+from hardware.emulator import parse
 from hardware.emulator.cable import Cable
 from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import PROTOCOL, Board, Encoder, default_config, hello
