@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.config import Fly
-from twin.control import PROGRAMMES, Setpoint, fixed_point, launch_of, steer_to
+from twin.control import PROGRAMMES, Setpoint
 from twin.errors import TwinError
 from twin.experiments.summary import FlightResult
 from twin.loop.loop import Outcome
+from twin.plant.authority import fixed_point, launch_of, steer_to
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]

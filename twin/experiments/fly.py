@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from hardware.frames import GimbalCommand, GimbalState
 from twin.config import Fly, Step
-from twin.control import AttitudeController, Setpoint, control_config
+from twin.control import AttitudeController, Setpoint
 from twin.errors import TwinError
 from twin.experiments.flight import Flight, setpoint
 from twin.experiments.session import (
@@ -26,6 +26,7 @@ from twin.hil.failsafe import Guard
 from twin.loop.clock import Clock, Ledger, Wall
 from twin.loop.loop import Controller, Gimbal, Seats, run
 from twin.loop.seats import Attitude, Pilot, Sequence, SimulatedGimbal
+from twin.plant.authority import control_config
 from twin.plant.compiled import compiled
 from twin.plant.plant import Plant
 from twin.recorder import Sink

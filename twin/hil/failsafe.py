@@ -8,13 +8,12 @@ from hardware.faults import SENSORS
 from hardware.faults.states import GYRO
 from hardware.frames import GimbalState, Pair
 from twin.config import OnFault
+from twin.hil.gimbal import SILENT_S
 from twin.loop.loop import Controller
 from twin.loop.readings import Readings
 
 if TYPE_CHECKING:
     from twin.hil.turntable import Turntable
-
-SILENT_S = 0.1  # without a reading; fifty frames, and as long as the rig itself waits for a command
 
 
 @dataclass(frozen=True)

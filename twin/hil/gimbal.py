@@ -30,6 +30,7 @@ LONGEST_SETTLE_NS = 3_000_000_000
 # A servo looks at its pulse every 20 ms; more commands than the rig sends frames tell it nothing.
 COMMAND_NS = 2_000_000
 # The rig's own timeout sends its servos to neutral when nothing comes any more; they take 0.1 s.
+SILENT_S = 0.1  # without a reading: fifty frames, and the time the rig waits for a command
 NEUTRAL_NS = TIMEOUT_MS * 1_000_000 + 100_000_000
 _STEP_NS = 1_000_000
 # Frames come every 2 ms and spend 2 ms on the line; a backlog of a second is worked off in 0.1 s.

@@ -17,8 +17,8 @@ from hardware.events import Event, Level
 from hardware.frames import GimbalCommand, HardwareError, Pair, SensorFrame, Triple
 from hardware.fusion import BaseAttitude, BaseMap
 from hardware.fusion.base import tilt
-from hardware.protocol import Flags
-from twin.hil.gimbal import COMMAND_NS, RigGimbal
+from hardware.protocol import Flags, constants
+from twin.hil.gimbal import COMMAND_NS, SILENT_S, RigGimbal
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
@@ -26,8 +26,7 @@ Array = NDArray[np.float64]
 SWING_S = 200e-6  # s of pulse either way, 19° of a hobby servo
 STOPS = (0.0, SWING_S, -SWING_S, 0.0)
 HOLD_NS, LOOK_NS = 800_000_000, 300_000_000  # at a stop, and how long of it is looked at
-NEUTRAL_S = 1.5e-3
-DEAF_S = 0.1  # without a reading of the base's IMU
+NEUTRAL_S = constants.PULSE_NEUTRAL * constants.TICK
 FROZEN = 25  # equal gyro readings in a row: its noise moves the last digit every time
 ASTRAY, ASTRAY_S = math.radians(10.0), 0.3  # from where it was sent, for how long
 LEAST_TURN = 0.4  # of what the pulses ask of a usual servo
@@ -221,8 +220,8 @@ class Turntable:
         sent = min(max(self._unwound, -self.reach), self.reach)
         astray = not self._stopped and abs(float(self.measured[0]) - sent) > ASTRAY
         self._astray = self._astray + self._period if astray else 0.0
-        if self._deaf > DEAF_S:
-            self.fault = f"no reading of the base IMU for {DEAF_S:g} s"
+        if self._deaf > SILENT_S:
+            self.fault = f"no reading of the base IMU for {SILENT_S:g} s"
         elif self._equal >= FROZEN:
             self.fault = "base IMU frozen"
         elif self._astray > ASTRAY_S:
