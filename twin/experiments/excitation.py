@@ -18,9 +18,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.frames import AXES
+from hardware.protocol import constants
 from twin.config import Signal
 from twin.errors import TwinError
-from twin.plant.model import AXES
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ LONGEST = 3600.0  # s of one test
 CLEAN = 0.443  # a held random level's power is halved at 0.443 of its clock rate (sinc² = 1/2)
 REGISTER = (3, 16)  # stages of the shift register; SciPy has primitive polynomials for 2 to 32
 FINER = 1.0 / math.sqrt(2.0)  # ratio of neighbouring steps of a staircase
-FRAME = 0.02  # s; between two pulses of a hobby servo, `hardware.protocol` PWM_PERIOD_US
+FRAME = constants.PWM_PERIOD  # s; between two pulses of a hobby servo
 
 
 @dataclass(frozen=True)

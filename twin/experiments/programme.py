@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 
 from twin.config import Fly
-from twin.control import PROGRAMMES, Setpoint, fixed_point, launch_of, steer_to
+from twin.control import PROGRAMMES, Setpoint
 from twin.errors import TwinError
+from twin.plant.authority import fixed_point, launch_of, steer_to
 
 Vector = tuple[float, float, float]
 

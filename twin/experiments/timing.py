@@ -21,13 +21,14 @@ from hardware.protocol import BAUD, Encoder, Ping, Pong
 from twin.config import Fly, Run, with_model
 from twin.config.recorded import configuration_of
 from twin.config.seats import is_rig
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.errors import DivergenceError, TwinError
 from twin.experiments.assembly import make_plant, steps_per_tick
 from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Gimbal, Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.plant.authority import control_config
 
 Array = NDArray[np.float64]
 SAMPLE_S = 0.1  # between the instants compared

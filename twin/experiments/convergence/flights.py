@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from analysis.convergence import Flight, Trajectory
 from twin.config import Converge, Fly
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.errors import DivergenceError, TwinError
 from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.plant.authority import control_config
 from twin.plant.compose import MJCF
 from twin.plant.integrators import AdamsBashforth
 from twin.plant.model import ModelConfig, TwinModel, load
