@@ -16,7 +16,7 @@ from twin.config import Step
 from twin.config.seats import check_seat, is_port, is_rig
 from twin.errors import TwinError
 from twin.experiments.step import step
-from twin.hil import BenchPlant, RigOptions, drawing, open_rig
+from twin.hil import BenchPlant, RigOptions, open_rig
 from twin.physics import native
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
@@ -141,11 +141,6 @@ class TestRigGimbal:
             off = np.degrees(np.array(bench.angles()) - wanted)
         # backlash (±0.1° at the gimbal), dead band (±0.11°) and friction; lines alone are 0.7° off
         assert abs(off).max() < 0.4, off
-
-    def test_straightening_is_undone_by_bending(self, bench_twin):
-        plan = drawing(bench_twin.mj)
-        for angle in ((0.1, -0.05), (-0.13, 0.13), (0.0, 0.0)):
-            np.testing.assert_allclose(plan.bent(plan.straightened(angle)), angle, atol=1e-9)
 
     def test_a_pulled_cable_is_a_gap_and_not_the_end(self):
         told, pulses, healthy = [], [], []

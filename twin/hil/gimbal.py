@@ -19,7 +19,6 @@ from hardware.fusion import BaseMap, Fusion
 from hardware.protocol import Hello
 from hardware.rig import Phase, RigError, RigStatistics
 from hardware.rig.rig import TIMEOUT_MS
-from twin.hil.correction import Drawing
 from twin.loop.readings import Readings
 from twin.plant.plant import Plant
 
@@ -112,7 +111,6 @@ class RigGimbal:
     lockstep : the device lives on the plant's time
     watch : send nothing; the rig must not be armed then
     live : its estimates need time to settle; those of a recording have had it
-    drawing : exact kinematics behind the straight lines of a calibration; None trusts the lines
 
     Attributes
     ----------
@@ -132,13 +130,12 @@ class RigGimbal:
         lockstep: bool,
         watch: bool = False,
         live: bool = True,
-        drawing: Drawing | None = None,
     ) -> None:
         self.rig = rig
         self.readings = Readings()
         self.wait = wait
         self._plant, self._clock = plant, clock
-        self._lockstep, self._watch, self._drawing = lockstep, watch, drawing
+        self._lockstep, self._watch = lockstep, watch
         self._live = live
         self.turntable = 0.0
         self.base: BaseMap | None = None
@@ -181,8 +178,6 @@ class RigGimbal:
             self.rig.poll()
             self.wait(_STEP_NS)
         self._ready = True
-        if self._drawing is not None:
-            self._drawing.straightened((0.0, 0.0))  # its first time takes milliseconds
 
     def catch_up(self) -> None:
         """Take in what has come while the run was being set up; its states count, no row does."""
@@ -215,14 +210,11 @@ class RigGimbal:
         if self._watch or command.time_ns < self._next_command:
             return
         self._next_command = command.time_ns + COMMAND_NS
-        if self._drawing is not None:
-            command = replace(command, angle=self._drawing.straightened(command.angle))
         self.rig.send(command, self.turntable)
 
     def asked(self, frame: SensorFrame) -> Pair:
         """Gimbal angle that the pulses in force ask for [rad]."""
-        angle = self.rig.calibration.angles(frame.pulse[:2])
-        return angle if self._drawing is None else self._drawing.bent(angle)
+        return self.rig.calibration.angles(frame.pulse[:2])
 
     def poll(self) -> GimbalState:
         """The latest estimate, in experiment time; frames and states are in `readings`."""
