@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import asin, degrees, radians, sqrt
 
 from hardware.frames import HardwareError, SensorFrame, Triple
-from hardware.fusion.axis import LONGEST_STEP_US
+from hardware.fusion.kalman import LONGEST_STEP_US
 from hardware.parts import GYRO_BIAS_WALK, GYRO_NOISE, SERVO_TRAVEL, STANDARD_GRAVITY
 from hardware.protocol import Flags, constants
 

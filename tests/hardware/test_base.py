@@ -118,7 +118,8 @@ def test_a_turning_base_is_taken_out_of_the_holders_gyro():
     """Rates by rotation matrices, the filter's gimbal standing at an angle while all turns."""
     fusion = Fusion(nominal(), base=BaseMap())
     x, y = 0.1, -0.15
-    fusion.x[0, 0], fusion.x[1, 0] = x, y
+    for axis, angle in enumerate((x, y)):
+        fusion.filter.set_axis(axis, np.array([angle, 0, 0, 0]), np.eye(4))
     base, gimbal = np.array([0.4, -0.2, 0.3]), (0.7, -0.5)
     ring = rotation(0, y).T @ [gimbal[0], 0, 0]
     seen = rotation(x, y).T @ base + ring + [0, gimbal[1], 0]
