@@ -268,6 +268,7 @@ def test_a_model_in_the_rigs_place_flies_nearly_the_same(rig_flight, tmp_path):
     assert 0.0 < position.largest < 3.0
 
 
+@pytest.mark.realtime
 def test_a_flight_in_real_time_over_a_line_repeats_itself_without_either(tmp_path, monkeypatch):
     out = tmp_path / "live.rrd"
     with served(tcp=0) as (_, url):

@@ -154,9 +154,9 @@ def _real_time() -> Iterator[Finding]:
 
 
 def _ports() -> Iterator[Finding]:
-    from hardware.link import link
+    from hardware.link import available
 
-    ports = link.available()
+    ports = available()
     if not ports:
         yield Finding("serial ports", "note", "none", "plug a Nano in, or use `--gimbal linkage`")
     for device, description in ports.items():
