@@ -24,12 +24,14 @@ PAGES = (
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     ROOT / "CHANGELOG.md",
+    ROOT / "hardware" / "simavr" / "NOTICE.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 )
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)[^)]*\)")
 FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.DOTALL | re.MULTILINE)
 INDENTED = re.compile(r"(?:^|(?<=\n\n))((?:    .*\n)+)")
 CODE = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
+EXAMPLES = re.compile(r"<!-- examples: (.*) -->")  # names of a page that need not exist
 HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 COMMAND = re.compile(r"^\s*(?:\$ )?(?:\.venv/bin/)?(twin [a-z]+[^#|>\n]*)", re.MULTILINE)
 TARGET = re.compile(r"\bmake ((?:[a-z-]+ ?)+)")
@@ -38,8 +40,17 @@ OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*(?:\(.*\))?$")
 SHELL = ("sh", "bash", "console")
 # flags of other programs that the documentation names
-FOREIGN = {"--help", "--mjcf", "--version", "--unordered", "--ignore-timeline", "--check", "--bind"}
-FOREIGN_NAMES = {"Batch", "analogWrite", "cyclictest", "multiprocessing", "tone"}
+FOREIGN = {
+    "--flag",
+    "--help",
+    "--mjcf",
+    "--version",
+    "--unordered",
+    "--ignore-timeline",
+    "--check",
+    "--bind",
+}
+FOREIGN_NAMES = {"Batch", "analogWrite", "cyclictest", "eval", "multiprocessing", "tone"}
 SIGNAL_ROOTS = {name.partition("/")[0] for name in SIGNALS}
 FILE_SUFFIXES = {".rrd", ".json", ".html", ".eng", ".xml", ".csv", ".py", ".stl", ".partial"}
 
@@ -52,13 +63,26 @@ def main() -> int:
         if page.exists()
         for fault in dict.fromkeys(faults(page))
     ]
+    page = ROOT / "docs" / "architecture.md"
+    wrong += [f"docs/architecture.md does not list {name}" for name in unlisted(page.read_text())]
     print("\n".join(wrong) or f"{len(PAGES)} pages: links, commands, files and names exist")
     return int(bool(wrong))
+
+
+def unlisted(architecture: str) -> list[str]:
+    """Folders of the packages that the page on the architecture does not list."""
+    packages = (ROOT / name for name in ("twin", "hardware", "analysis"))
+    folders = (f.parent for package in packages for f in package.glob("*/__init__.py"))
+    names = (str(f.relative_to(ROOT)) + "/" for f in folders)
+    return sorted(name for name in names if f"`{name}`" not in architecture)
 
 
 def faults(page: Path) -> Iterator[str]:
     """What a page names that does not exist."""
     text = page.read_text(encoding="utf-8")
+    for examples in EXAMPLES.findall(text):
+        for name in examples.split(", "):
+            text = text.replace(f"`{name}`", "")
     yield from dead_links(page, text)
     yield from wrong_commands(text)
     if page.name == "CHANGELOG.md":  # it may name what has gone

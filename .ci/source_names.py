@@ -17,12 +17,13 @@ Tree = ast.Module | ast.ClassDef
 
 @functools.cache
 def words() -> frozenset[str]:
-    """Every identifier of the product's sources, and the names of all files."""
+    """Every identifier of the product's sources, definitions of the tests, names of all files."""
     files = [f for folder in FOLDERS for f in (ROOT / folder).rglob("*") if f.suffix in SOURCES]
     found = {part for f in files for part in re.findall(r"\w+", str(f.relative_to(ROOT)))}
     for file in (*files, ROOT / "pyproject.toml", ROOT / "Makefile"):
-        if file.relative_to(ROOT).parts[0] != "tests":
-            found.update(re.findall(r"\w+", file.read_text(encoding="utf-8")))
+        tests = file.relative_to(ROOT).parts[0] == "tests"
+        pattern = r"\b(?:def|class) (\w+)" if tests else r"\w+"
+        found.update(re.findall(pattern, file.read_text(encoding="utf-8")))
     return frozenset(found)
 
 

@@ -33,11 +33,13 @@ WRONG = {
     "    twin fly --programme gone\n": "'twin fly --programme gone': --programme gone: must",
 }
 RIGHT = """# A heading
+<!-- examples: twin weigh, sensors/none -->
 
 [timing](timing.md#the-verdict) and [above](#a-heading), `twin/loop/loop.py`, `twin/loop/*.py`,
 `twin.fly`, `twin.plant.plant.Plant(model).advance(1)`, `hardware.frames.GimbalState.sigma`,
 `sensors/gyro`, `/gimbal/measured`, `GimbalCommand`, `--gimbal`, `make lint test`,
-`python -m tests.benchmarks desk`, `RUN.rrd`, `twin fly --repeat 10`, `mj_step`.
+`python -m tests.benchmarks desk`, `RUN.rrd`, `twin weigh`, `sensors/none`, `mj_step`,
+`twin fly --repeat 10`.
 
 ```python
 import twin
@@ -68,6 +70,12 @@ def test_what_does_not_exist_is_reported(page, text):
 def test_what_exists_is_accepted(page):
     page.write_text(RIGHT, encoding="utf-8")
     assert list(docs_check.faults(page)) == []
+
+
+def test_a_room_that_is_not_described_is_reported():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert docs_check.unlisted(page) == []
+    assert docs_check.unlisted(page.replace("`twin/loop/`", "")) == ["twin/loop/"]
 
 
 def test_names_that_can_be_imported_exist():
