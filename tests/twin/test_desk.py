@@ -183,7 +183,7 @@ class TestMirror:
     def test_a_tape_is_followed_without_the_rig(self, tmp_path):
         live = tmp_path / "live.rrd"
         step(Step(gimbal="emulator", repeats=1, hold_s=0.3, axis="x", out=live))
-        result = mirror(Mirror(tape=live, out=tmp_path / "again.rrd"))
+        result = mirror(Mirror(playback=live, out=tmp_path / "again.rrd"))
         a, b = read(live), read(tmp_path / "again.rrd")
         assert result.frames == len(a["gimbal/measured"].time)
         # the tape is cut into ticks of 0.5 ms, a frame belongs to the tick after its stamp
@@ -249,7 +249,7 @@ class TestSteering:
 
 
 MISTAKES = [
-    ("mirror --gimbal linkage", "follows a rig"),
+    ("mirror --gimbal linkage", "needs a rig"),
     ("mirror --gimbal /dev/nosuchport", "there is no port"),
     ("mirror --gimbal socket://127.0.0.1:9", "nothing listens"),
     ("mirror --gimbal socket://127.0.0.1:99999", "1 to 65535"),
@@ -259,17 +259,17 @@ MISTAKES = [
     ("mirror --gimbal emulator --calibration {file}", "not JSON"),
     ("mirror --gimbal emulator --calibration {calibration}", "is of rig"),
     ("mirror --gimbal emulator --steer keys", "terminal"),
-    ("mirror --tape {file}", "{file}"),
-    ("mirror --tape {file} --steer keys", "cannot be steered"),
-    ("mirror --duration-s -1", "greater than zero"),
+    ("mirror --playback {file}", "{file}"),
+    ("mirror --playback {file} --steer keys", "cannot be steered"),
+    ("mirror --duration-s -1", "from 0.001"),
     ("step --gimbal /dev/ttyUSB9 --clock lockstep", "real time"),
     ("step --gimbal emulater", "emulator"),
-    ("step --gimbal linkage --fault gyro:bias", "about a rig"),
-    ("step --gimbal linkage --calibration {file}", "about a rig"),
+    ("step --gimbal linkage --fault gyro:bias", "needs a rig"),
+    ("step --gimbal linkage --calibration {file}", "needs a rig"),
     ("step --gimbal socket://127.0.0.1:9 --unit 3", "simulated rigs"),
     ("calibrate --out /proc/nowhere/c.json", "cannot write"),
     ("calibrate --switch-deg 9 9 9 9", "+x, -x, +y, -y"),
-    ("calibrate --repeats 0", "at least 1"),
+    ("calibrate --repeats 0", "from 1 to 100"),
     ("calibrate --gimbal linkage", "is no rig"),
     ("rig --kind arduino", "emulator"),
     ("rig --fault supply:sag:2", "0…0.9"),

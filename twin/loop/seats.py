@@ -1,7 +1,7 @@
 """Who can sit in the gimbal seat and in the controller seat when everything is simulated."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -10,47 +10,24 @@ from numpy.typing import NDArray
 
 from hardware.frames import GimbalCommand, GimbalState, Pair
 from twin.control import AttitudeController, Setpoint
-from twin.physics.mechanism import Kinematics
-from twin.plant.model import AXES
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
 
 
 class SimulatedGimbal:
-    """The plant's own gimbal: servos and rods, or an identified model, whichever it was built with.
-
-    Servos are commanded through the mechanism's exact kinematic solution, as a calibrated rig is.
-    """
+    """The gimbal of the plant itself: servos and rods, or an identified model."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
-        names = {"linkage": "gimbal_servo_{}", "transfer-function": "gimbal_{}"}
-        pattern = names.get(plant.twin.gimbal)
-        ids = [plant.model.actuator(pattern.format(a)).id for a in AXES] if pattern else []
-        self._ctrl = plant.data.ctrl
-        self._ids = ids
-        self._map: Callable[[float, float], Pair] | None = None
-        if plant.twin.gimbal == "linkage":
-            self._map = Kinematics(plant.model).servo_from_gimbal_fast
 
     def send(self, command: GimbalCommand) -> None:
         """Set the actuators; a fixed motor has none."""
-        if not self._ids:
-            return
-        x, y = command.angle
-        if self._map is not None:
-            x, y = self._map(x, y)
-        self._ctrl[self._ids[0]] = x
-        self._ctrl[self._ids[1]] = y
+        self._plant.drive(command.angle)
 
     def poll(self) -> GimbalState:
         """Exact joint angles and rates of this instant."""
-        plant = self._plant
-        angle, rate = plant.gimbal_angle, plant.gimbal_rate
-        return GimbalState(
-            plant.time_ns, (float(angle[0]), float(angle[1])), (float(rate[0]), float(rate[1]))
-        )
+        return self._plant.gimbal()
 
 
 class Attitude(Protocol):

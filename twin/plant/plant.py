@@ -9,9 +9,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.frames import GimbalState, Pair
 from twin.errors import DivergenceError, TwinError
 from twin.physics.motor import Depletion
 from twin.plant import integrators
+from twin.plant.actuation import Actuation
 from twin.plant.flow import Flow
 from twin.plant.model import AXES, TwinModel
 from twin.plant.rods import Rods
@@ -72,6 +74,7 @@ class Plant:
         self._stepper = integrators.make(integrator)
         self._propellant = Depletion(self.model)
         self._renewal = max(1, self.renewal_ns // self.dt_ns)
+        self._actuation = Actuation(twin, self.data)
         self._view()
         self.signals = self._offer()
         self._stops = self._read_stops()
@@ -147,6 +150,32 @@ class Plant:
         self._stepper = self._stepper.fresh()
         self.steps = 0
         mujoco.mj_forward(self.model, self.data)
+
+    def drive(self, angle: Pair) -> None:
+        """Command a gimbal angle about x and y [rad]; a fixed motor ignores it."""
+        self._actuation.drive(angle)
+
+    @property
+    def follows(self) -> bool:
+        """Whether the gimbal joints take measured angles, from `follow`."""
+        return self.twin.gimbal == "follow"
+
+    def follow(self, angle: Pair) -> None:
+        """Have the gimbal joints take a measured angle [rad]; they reach it one step later.
+
+        Raises
+        ------
+        TwinError : the model moves its gimbal itself
+        """
+        if not self.follows:
+            raise TwinError(f"a gimbal of kind {self.twin.gimbal!r} cannot follow measured angles")
+        self._actuation.drive(angle)
+
+    def gimbal(self) -> GimbalState:
+        """Exact angles and rates of the gimbal joints at `time_ns`."""
+        x, y = self.gimbal_angle.tolist()
+        u, v = self.gimbal_rate.tolist()
+        return GimbalState(self.time_ns, (x, y), (u, v))
 
     @property
     def time_ns(self) -> int:
