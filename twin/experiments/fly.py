@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from twin.config import Fly
+from twin.config import OBJECT, Fly
 from twin.control import AttitudeController, Setpoint
 from twin.errors import TwinError
 from twin.experiments.flight import Flight, FlightResult
@@ -40,7 +40,7 @@ def fly(
     """
     began = time.perf_counter()
     if controller is not None:
-        config = replace(config, controller=f"object:{type(controller).__name__}")
+        config = replace(config, controller=f"{OBJECT}{type(controller).__name__}")
     elif config.controller is not None:
         controller = load(config.controller)
     with Session(config, "fly", config.control_hz, motor=config.motor, playback=playback) as s:

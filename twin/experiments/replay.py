@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.recording.reader import Recording, read
-from twin.config import Fly, Replay, Run, Step, added, with_model, without_ineffective
+from twin.config import OBJECT, Fly, Replay, Run, Step, added, with_model, without_ineffective
 from twin.config.recorded import configuration_of
 from twin.config.result import Result, Rows
 from twin.config.seats import MODELS, is_port, is_rig
@@ -20,7 +20,6 @@ from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
 from twin.experiments.flight import FlightResult
 from twin.experiments.fly import fly
-from twin.experiments.own_controller import load
 from twin.experiments.provenance import VERSIONS
 from twin.experiments.step import StepResult, step
 from twin.plant.compiled import compiled
@@ -115,8 +114,12 @@ class ReplayResult(Result):
         return [*rows, ("recording", self.replayed)]
 
 
-def replay(config: Replay) -> ReplayResult:
+def replay(config: Replay, controller: object | None = None) -> ReplayResult:
     """Repeat a recorded run and compare the two.
+
+    Parameters
+    ----------
+    controller : own controller object in place of `config.controller`
 
     Raises
     ------
@@ -125,8 +128,10 @@ def replay(config: Replay) -> ReplayResult:
     """
     old = read(config.recording)
     recorded = without_ineffective(configuration_of(old))
+    if controller is not None:
+        config = replace(config, controller=f"{OBJECT}{type(controller).__name__}")
+    _check_controller(recorded, config)
     asked = _changed(recorded, config)
-    own = _controller(recorded, config)
     if not config.force:
         _check(old, recorded, config.recording)
     out = config.out or config.recording.with_suffix(".replay.rrd")
@@ -134,12 +139,12 @@ def replay(config: Replay) -> ReplayResult:
         raise TwinError(f"--out {out}: the replay must not overwrite what it repeats")
     # a rig that is named anew is simulated anew; otherwise its recorded frames stand in for it
     playback = old if is_rig(asked.gimbal) and config.gimbal is None else None
-    result = _flown(replace(asked, out=out), playback, own)
+    result = _flown(replace(asked, out=out), playback, controller)
     new = read(result.recording)
     return ReplayResult(
         recording=str(config.recording),
         replayed=result.recording,
-        changed=_settings(recorded, asked),
+        changed=_settings(recorded, asked) | _edited(old, new),
         differences=differences(old, new),
         missing=tuple(sorted(n for n in set(old.series) ^ set(new.series) if _counts(n))),
         before=_figures(old),
@@ -148,15 +153,27 @@ def replay(config: Replay) -> ReplayResult:
     )
 
 
-def _controller(recorded: Run, config: Replay) -> object | None:
-    """An own controller, only from a file named now: one named in a recording is not executed."""
+def _check_controller(recorded: Run, config: Replay) -> None:
+    """Demand an own controller where there was one: a file named in a recording is not executed."""
     before = getattr(recorded, "controller", None)
     if before is not None and config.controller is None:
         raise TwinError(
             f"{config.recording} was flown with the own controller {before}; a file named in a"
             " recording is not executed, so give --controller FILE.py:NAME"
         )
-    return None if config.controller is None else load(config.controller)
+
+
+def _edited(old: Recording, new: Recording) -> dict[str, tuple[str, str]]:
+    """An own controller whose file is another one than when the run was recorded."""
+    before, after = (_digest(recording, "controller") for recording in (old, new))
+    return {} if before == after else {"controller's SHA-256": (before, after)}
+
+
+def _digest(recording: Recording, file: str) -> str:
+    """First digits of the SHA-256 of a file that a run was given."""
+    files = recording.properties.get("files")
+    kept = files.get(file) if isinstance(files, dict) else None
+    return str(kept.get("sha256"))[:12] if isinstance(kept, dict) and kept else "none"
 
 
 def differences(old: Recording, new: Recording) -> tuple[Difference, ...]:
@@ -219,7 +236,7 @@ def _changed(recorded: Run, config: Replay) -> Run:
     # a port lives in real time, but its recorded frames do not
     clock = None if is_port(recorded.gimbal) else "lockstep"
     changes: dict[str, object] = {"clock": clock, "json": False}
-    for name in ("integrator", "dt", "gimbal", "control_hz", "seed"):
+    for name in ("integrator", "dt", "gimbal", "control_hz", "seed", "controller"):
         value = getattr(config, name)
         if value is None:
             continue
