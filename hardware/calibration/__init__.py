@@ -1,7 +1,8 @@
 """Limit switches to zero, command matrix and sensor maps, each with covariance."""
 
 from hardware.calibration.file import parsed, read, write
-from hardware.calibration.procedure import SWITCHES, CalibrationRig, Procedure
+from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
+from hardware.calibration.procedure import Procedure
 from hardware.calibration.result import (
     Calibration,
     CalibrationError,
@@ -15,7 +16,9 @@ __all__ = [
     "Calibration",
     "CalibrationError",
     "CalibrationRig",
+    "Event",
     "GyroMap",
+    "Log",
     "PotentiometerMap",
     "Procedure",
     "nominal",

@@ -16,7 +16,7 @@ from math import cos, degrees, radians, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.calibration.procedure import SWITCHES, CalibrationRig, Event, Log
+from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
 from hardware.calibration.result import (
     Calibration,
     CalibrationError,

@@ -13,7 +13,9 @@ from hardware.calibration import (
     Calibration,
     CalibrationError,
     CalibrationRig,
+    Event,
     GyroMap,
+    Log,
     PotentiometerMap,
     Procedure,
     nominal,
@@ -21,7 +23,6 @@ from hardware.calibration import (
     write,
 )
 from hardware.calibration.file import LARGEST_FILE, from_dict, to_dict
-from hardware.calibration.procedure import Event, Log
 from hardware.calibration.solve import solve
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration

@@ -481,6 +481,7 @@ def _serving(port):
 
 
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
+@pytest.mark.realtime
 def test_served_rig_answers_over_a_real_port(kind):
     from hardware.link import Link
 

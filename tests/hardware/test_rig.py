@@ -423,6 +423,7 @@ def test_counts_become_si_units_by_the_scales_of_hello():
     assert (frame.time_ns, frame.device_us, frame.flags) == (5, 6, 3)
 
 
+@pytest.mark.realtime
 def test_rig_over_a_real_pty_survives_a_pull():
     from hardware.link import Link
 

@@ -7,8 +7,7 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.calibration import Procedure
-from hardware.calibration.procedure import CalibrationRig
+from hardware.calibration import CalibrationRig, Procedure
 from hardware.calibration.result import Calibration
 from hardware.emulator.bench import RigParameters
 from hardware.emulator.emulator import Emulator

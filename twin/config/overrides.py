@@ -1,8 +1,8 @@
-"""Model parameters given as `NAME=VALUE` texts and JSON files: parsing only."""
+"""Values of named model parameters, from `NAME=VALUE` texts, a mapping or a JSON file."""
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from twin.errors import TwinError
@@ -10,20 +10,43 @@ from twin.errors import TwinError
 LARGEST_FILE = 1_000_000  # bytes
 
 
-def parse(items: Iterable[str], file: Path | None = None) -> dict[str, float]:
-    """Values by name from a JSON file `{"name": number}` and `NAME=VALUE` texts; the texts win.
+def parse(
+    given: Mapping[str, float] | Sequence[str | tuple[str, float]], file: Path | None = None
+) -> dict[str, float]:
+    """Return overrides by name.
+
+    Parameters
+    ----------
+    given : `NAME=VALUE` texts, pairs, or a mapping; they take precedence over the file
+    file : JSON object of `{"name": number}`
 
     Raises
     ------
-    TwinError : a text without `=`, a value that is not a finite number, or a file of another form
+    TwinError : a text without `=`, a value that is not a finite number, a file that is not such
+        JSON
     """
     values = _from_file(file) if file else {}
-    for item in items:
-        name, equals, text = item.partition("=")
-        if not equals:
-            raise TwinError(f"--set {item!r}: must be NAME=VALUE, for example wind_speed=3")
-        values[name.strip()] = _number(text, f"--set {item!r}")
+    for name, value in _pairs(given):
+        values[name.strip()] = number(value, f"--set {name}={value}")
     return values
+
+
+def _pairs(
+    given: Mapping[str, float] | Sequence[str | tuple[str, float]],
+) -> Iterable[tuple[str, object]]:
+    if isinstance(given, Mapping):
+        yield from given.items()
+        return
+    if isinstance(given, str):
+        raise TwinError(f"--set {given!r}: must be a list of NAME=VALUE, or a mapping")
+    for item in given:
+        if isinstance(item, list | tuple) and len(item) == 2 and isinstance(item[0], str):
+            yield item[0], item[1]
+            continue
+        name, equals, text = item.partition("=") if isinstance(item, str) else ("", "", "")
+        if not equals:
+            raise TwinError(f"--set {str(item)[:60]!r}: must be NAME=VALUE, such as wind_speed=3")
+        yield name, text
 
 
 def _from_file(file: Path) -> dict[str, float]:
@@ -38,17 +61,23 @@ def _from_file(file: Path) -> dict[str, float]:
             raise
         raise TwinError(f"{file} is not JSON: {error}") from error
     if not isinstance(content, dict):
-        raise TwinError(f'{file}: must be one JSON object, {{"name": number, …}}')
-    return {str(name): _number(value, f"{file}: {name}") for name, value in content.items()}
+        raise TwinError(f'{file}: overrides are one JSON object, {{"name": number, …}}')
+    return {str(name): number(value, f"{file}: {name}") for name, value in content.items()}
 
 
-def _number(value: object, where: str) -> float:
+def number(value: object, where: str) -> float:
+    """Return a finite number.
+
+    Raises
+    ------
+    TwinError : it is not one, beginning with `where`
+    """
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
-        number = float(value)
+        result = float(value)
     except (ValueError, OverflowError):
         raise TwinError(f"{where}: {str(value)[:40]!r} is not a number") from None
-    if not math.isfinite(number):
+    if not math.isfinite(result):
         raise TwinError(f"{where}: {value} is not finite")
-    return number
+    return result

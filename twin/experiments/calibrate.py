@@ -12,6 +12,7 @@ from hardware.calibration import Calibration, CalibrationError, CalibrationRig, 
 from hardware.calibration.file import to_dict
 from hardware.protocol import constants
 from twin.config import Calibrate
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.hil import RigGimbal, RigOptions, open_rig, switch_angles
 from twin.plant.compiled import compiled
@@ -25,7 +26,7 @@ FIGURE = 1.96  # standard deviations of a 95 % interval
 
 
 @dataclass(frozen=True)
-class CalibrationResult:
+class CalibrationResult(Result):
     """A calibration and where it was written.
 
     Attributes
@@ -43,8 +44,8 @@ class CalibrationResult:
         """The file's content, and where it is."""
         return {"file": self.file, "duration_s": self.duration_s, **to_dict(self.calibration)}
 
-    def text(self) -> str:
-        """One screen, with 95 % intervals."""
+    def rows(self) -> Rows:
+        """The calibration as a table, with 95 % intervals."""
         c = self.calibration
         rows = [("rig", f"{c.rig:08x}, calibrated in {self.duration_s:.0f} s")]
         for k, axis in enumerate("xy"):
@@ -65,8 +66,7 @@ class CalibrationResult:
             rows.append((f"potentiometer {name}", line))
         bias = ", ".join(f"{degrees(b):.2f}" for b in c.gyro.bias)
         rows.append(("gyro bias", f"{bias} °/s"))
-        rows += [("calibration", self.file), ("", f"twin mirror --calibration {self.file} …")]
-        return "\n".join(f"{name:<20}{value}" for name, value in rows)
+        return [*rows, ("calibration", self.file), ("", f"twin mirror --calibration {self.file}")]
 
 
 def calibrate(config: Calibrate) -> CalibrationResult:
@@ -94,8 +94,6 @@ def calibrate(config: Calibrate) -> CalibrationResult:
 
 
 def _rig(config: Calibrate) -> CalibrationRig:
-    if config.repeats < 1:
-        raise TwinError(f"--repeats {config.repeats}: must be at least 1")
     if config.switch_deg is None:
         angles = switch_angles(load(ModelConfig(scene="bench")).mj)
     else:

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.control.attitude import interpolate
 from twin.physics.aerodynamics import wind as wind_at
 from twin.physics.native.layout import number
@@ -72,7 +72,7 @@ def _wind(model: mujoco.MjModel) -> tuple[Array, Array]:
     return np.array([v[0] for v in values if v is not None]), modes
 
 
-@njit(cache=True)
+@njit()
 def _derive(
     out: Array, time: float, addresses: Integers, members: Integers,
     wind: Array, modes: Array, curve_time: Array, curve_thrust: Array,

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from hardware.events import Event
 from twin.loop.readings import Readings
 from twin.physics.native.layout import number
@@ -119,7 +119,7 @@ class Rows:
         recorder.commit_pose(time_ns, self._plant.data)
 
 
-@njit(cache=True)
+@njit()
 def _copy(row: Array, places: Integers, addresses: Integers) -> None:
     for k in range(places.size):
         row[places[k]] = number(addresses[k], 0)

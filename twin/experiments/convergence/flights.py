@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.convergence import Flight, Trajectory
-from twin.config import Converge, Fly, overrides
+from twin.config import Converge, Fly
 from twin.control import AttitudeController
 from twin.errors import DivergenceError, TwinError
-from twin.experiments.flight import setpoint
+from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
@@ -212,7 +212,7 @@ def _load(config: Converge, dt: float) -> TwinModel:
             vehicle=config.vehicle,
             mechanism=config.mechanism,
             motor=config.motor,
-            overrides=overrides.parse(config.set, config.set_from),
+            overrides=config.overrides,
             dt=dt,
             seed=config.seed,
         )
