@@ -32,8 +32,8 @@ def table() -> Iterator[str]:
 
         seats = {
             "built-in": pilot(),
-            "empty": OwnController(_Empty(), plant, pilot(), 0.004),
-            "example": OwnController(load(f"{EXAMPLE}:AttitudeLoop"), plant, pilot(), 0.004),
+            "empty": OwnController(_Empty(), plant.model, pilot(), 0.004),
+            "example": OwnController(load(f"{EXAMPLE}:AttitudeLoop"), plant.model, pilot(), 0.004),
         }
         gimbal = SimulatedGimbal(plant)
         spent: dict[str, list[int]] = {name: [] for name in seats}

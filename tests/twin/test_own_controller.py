@@ -102,13 +102,13 @@ BODIES = {
 
 @pytest.fixture(scope="module")
 def seat():
-    """Plant and pilot of a flight, for adapters without a whole run."""
+    """Model and pilot of a flight, for adapters without a whole run."""
     config = Fly(gimbal="transfer-function")
     with compiled():
         plant = make_plant(config)
         programme, _ = setpoint(config, plant.model)
         loop = AttitudeController(control_config(plant.model))
-        yield plant, Pilot(plant, loop, programme, 0.004)
+        yield plant.model, Pilot(plant, loop, programme, 0.004)
 
 
 @pytest.mark.parametrize(("body", "line", "says"), BODIES.values(), ids=BODIES)
