@@ -140,7 +140,7 @@ def test_a_flight_of_one_tick_towards_a_point_has_a_distance(capsys, here):
     assert json.loads(out)["closest_approach_m"] == pytest.approx(461, abs=1)  # hypot(300, 350)
 
 
-@pytest.mark.parametrize("clock", ["lockstep", "wall"])
+@pytest.mark.parametrize("clock", ["lockstep", pytest.param("wall", marks=pytest.mark.realtime)])
 def test_an_interrupted_run_says_where_it_is_kept(capsys, here, monkeypatch, clock):
     def pressed(self, time_ns):
         if time_ns >= 200_000_000:

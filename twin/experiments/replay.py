@@ -1,8 +1,7 @@
-"""`twin replay`: fly a recorded run again, bit for bit, or with something changed.
+"""`twin replay`: repeat a recorded run, bit for bit or with changed settings.
 
-The recording's properties are the configuration. Where a rig had the gimbal seat, its recorded
-frames take its place, fused again; nothing else is taken from the file but the arrays that the new
-run is compared with.
+The recording's properties are the settings. Its recorded frames take the place of a rig and are
+fused again; the only other data used are the arrays that the new run is compared with.
 """
 
 from collections.abc import Mapping
@@ -49,7 +48,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class ReplayResult(Result):
-    """A run flown again, compared with what was recorded.
+    """A repeated run, compared with the recorded one.
 
     Attributes
     ----------
@@ -124,7 +123,7 @@ def replay(config: Replay, controller: object | None = None) -> ReplayResult:
 
     Raises
     ------
-    TwinError : the recording cannot be flown again here, or not without `--force`
+    TwinError : the recording cannot be repeated, or not without `--force`
     AnalysisError : it is not a valid recording
     """
     old = read(config.recording)
@@ -178,7 +177,7 @@ def _digest(recording: Recording, file: str) -> str:
 
 
 def differences(old: Recording, new: Recording) -> tuple[Difference, ...]:
-    """Compare every signal that both hold and the wall clock does not decide."""
+    """Compare every signal of both that does not depend on the wall clock."""
     return tuple(
         _difference(name, old, new)
         for name in sorted(set(old.series) & set(new.series))
@@ -207,7 +206,7 @@ def _counts(name: str) -> bool:
 
 
 def _check(old: Recording, recorded: Run, path: Path) -> None:
-    """Refuse what would not be the same run: other libraries, or another model."""
+    """Refuse a run with other versions of libraries, or another model."""
     versions = old.properties.get("versions")
     versions = versions if isinstance(versions, dict) else {}
     other = [
@@ -223,10 +222,10 @@ def _check(old: Recording, recorded: Run, path: Path) -> None:
         with compiled():
             digest = make_plant(recorded, getattr(recorded, "motor", None)).twin.sha256
     except TwinError as error:
-        raise TwinError(f"{path} cannot be flown again as it was: {error}") from None
+        raise TwinError(f"{path} cannot be repeated unchanged: {error}") from None
     if digest != old.properties.get("model_sha256"):
         raise TwinError(
-            f"{path} was flown with another model than its files make today (SHA-256"
+            f"{path} was flown with a model that differs from that of its files (SHA-256"
             f" {str(old.properties.get('model_sha256'))[:12]}…, here {digest[:12]}…);"
             " --force replays it nevertheless"
         )
@@ -242,7 +241,7 @@ def _changed(recorded: Run, config: Replay) -> Run:
         if value is None:
             continue
         if name not in {f.name for f in fields(recorded)}:
-            raise TwinError(f"--{name.replace('_', '-')}: this recording has no such setting")
+            raise TwinError(f"--{name.replace('_', '-')}: the recorded run has no such setting")
         changes[name] = value
     if config.gimbal in MODELS:
         changed = with_model(recorded, **changes)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ import math
 import time
 from dataclasses import asdict
 
-from hardware.emulator import serve
+from hardware.device import serve
 from twin.config import Rig
 from twin.experiments.signals import until_signal
 from twin.hil import RigOptions, device

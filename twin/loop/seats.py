@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from hardware.frames import GimbalCommand, GimbalState, Pair
 from twin.control import AttitudeController, Setpoint
 from twin.plant.plant import Plant, VehicleState
@@ -112,7 +112,7 @@ class Pilot:
         _steering(self._values, self.direction, self.error, self._plant.thrust)
 
 
-@njit(cache=True)
+@njit()
 def _steering(out: Array, nose: Array, error: Array, thrust: Array) -> None:
     if thrust[0] > 0.0:
         out[0], out[1] = math.atan2(-nose[1], nose[2]), math.atan2(nose[0], nose[2])

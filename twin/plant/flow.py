@@ -5,13 +5,13 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.control.attitude import interpolate
-from twin.control.authority import numeric, thrust_curve
 from twin.physics.aerodynamics import wind as wind_at
 from twin.physics.native.layout import number
+from twin.plant.authority import numeric, thrust_curve
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -72,7 +72,7 @@ def _wind(model: mujoco.MjModel) -> tuple[Array, Array]:
     return np.array([v[0] for v in values if v is not None]), modes
 
 
-@njit(cache=True)
+@njit()
 def _derive(
     out: Array, time: float, addresses: Integers, members: Integers,
     wind: Array, modes: Array, curve_time: Array, curve_thrust: Array,

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from twin.plant.model import AXES
+from analysis.compiled import njit
+from hardware.frames import AXES
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -49,7 +49,7 @@ def _loops(model: mujoco.MjModel) -> Indices:
     return pairs.astype(np.int64) if (pairs >= 0).all() else np.empty((0, 2), np.int64)
 
 
-@njit(cache=True)
+@njit()
 def _gaps(out: Array, sites: Array, loops: Indices) -> None:
     for k in range(loops.shape[0]):
         a, b = loops[k]
