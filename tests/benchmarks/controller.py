@@ -8,12 +8,13 @@ import numpy as np
 
 from tests.benchmarks.timing import row
 from twin.config import Fly
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.experiments.assembly import make_plant
 from twin.experiments.own_controller import OwnController, load
 from twin.experiments.programme import setpoint
 from twin.loop.loop import Controller
 from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.plant.authority import control_config
 from twin.plant.compiled import compiled
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "own_controller.py"

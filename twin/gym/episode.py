@@ -6,7 +6,7 @@ import numpy as np
 
 from hardware.frames import GimbalState, Pair
 from twin.config import Fly
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.errors import DivergenceError, TwinError
 from twin.experiments.flight import Flight
 from twin.experiments.programme import setpoint
@@ -15,6 +15,7 @@ from twin.gym.observation import Observation, Observer
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Controller, Outcome, Seats, ticks
 from twin.loop.seats import Pilot
+from twin.plant.authority import control_config
 
 
 class _Held:

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hardware.frames import GimbalState
-from twin.control import control_config
 from twin.control.attitude import interpolate, missing_rotation
-from twin.control.authority import thrust_curve
 from twin.errors import TwinError
+from twin.plant.authority import control_config, thrust_curve
 from twin.plant.plant import VehicleState
 
 Array = NDArray[np.float64]
