@@ -37,6 +37,8 @@ lint: env
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/stub.py --check
+	@bash .ci/test-tools cppcheck
+	@bash .ci/cppcheck
 
 format: env
 	$(BIN)/ruff check --fix .
