@@ -465,8 +465,9 @@ def test_pong_stamps_the_arrival_and_departure_of_its_bytes(desk):
         # 25 µs: a byte of 20 µs may be on the wire when ours begins, and interrupts take turns.
         assert pong.message.received_us - arrived == pytest.approx(offset, abs=25)
         departed = desk.nano.time_us - len(encode(pong.message, 0)) * 20
-        # −200…30 µs: PONG is dated before it is packed, and the UART's own two bytes are a guess.
-        assert pong.message.sent_us - departed == pytest.approx(offset - 85, abs=115)
+        # −208…9 µs over 400 phases: PONG is dated before it is packed, and a round over the bus may
+        # come between; the UART's own two bytes are a guess.
+        assert pong.message.sent_us - departed == pytest.approx(offset - 100, abs=130)
 
 
 def test_two_nanos_run_side_by_side_without_disturbing_each_other():
