@@ -22,11 +22,11 @@ test-tools:
 	@bash .ci/test-tools
 
 test: env test-tools
-	$(BIN)/python -m pytest tests --durations=8
+	@PYTHON=$(BIN)/python bash .ci/tests
 
 # The long forms as well: whole minutes of simulated telemetry, hundreds of seeds.
 test-long: env test-tools
-	$(BIN)/python -m pytest tests -m "slow or not slow" --durations=8
+	@PYTHON=$(BIN)/python bash .ci/tests "slow or not slow"
 
 bench: env
 	$(BIN)/python -m tests.benchmarks
@@ -36,6 +36,7 @@ lint: env
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python .ci/stub.py --check
 
 format: env
 	$(BIN)/ruff check --fix .
@@ -54,3 +55,4 @@ lock:
 
 clean:
 	rm -rf $(VENV) build dist
+	find analysis hardware twin -name '*.nb[ic]' -delete  # compiled functions

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from hardware.frames import Pair, Triple
+from hardware.frames import POTENTIOMETER_NAMES, Pair, Triple
 
-POTENTIOMETERS = 4
+POTENTIOMETERS = len(POTENTIOMETER_NAMES)
 Quad = tuple[float, float, float, float]
 
 

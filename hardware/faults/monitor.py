@@ -25,7 +25,7 @@ from hardware.faults.states import (
     State,
     Track,
 )
-from hardware.frames import Pair, Triple
+from hardware.frames import AXES, Pair, Triple
 
 GATE = 4.5  # σ; two Gaussian outliers of one sensor meet within 100 ms once in 60 hours
 CERTAIN = 9.0  # σ; one is enough
@@ -96,7 +96,7 @@ class Monitor:
         parts = [f"{f.sensor} {f.kind}" for f in self.faults]
         parts += [
             f"potentiometers of {name} disagree"
-            for name, axis in zip("xy", self._axes, strict=True)
+            for name, axis in zip(AXES, self._axes, strict=True)
             if axis.doubtful >= DOUBTFUL and not parts
         ]
         return ", ".join(parts) or "ok"

@@ -9,12 +9,15 @@ the same filter in filterpy, and a test holds the two equal to 1e-12.
 """
 
 from dataclasses import dataclass
-from math import exp, radians, sqrt
+from math import exp, sqrt
 from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from hardware.parts import GYRO_BIAS_WALK, GYRO_DELAY_S, GYRO_NOISE
+from hardware.protocol import constants
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -40,9 +43,9 @@ class Noise:
 
     potentiometer: float = 6.5e-4  # 0.6 LSB of noise and 1/√12 LSB of quantisation, of 1024
     supply: float = 5e-4
-    gyro: float = radians(0.005) / sqrt(2.0)
-    gyro_delay: float = 2.8e-3 + 0.6e-3
-    bias: float = radians(0.02)
+    gyro: float = GYRO_NOISE / sqrt(2.0)
+    gyro_delay: float = GYRO_DELAY_S[constants.DLPF] + 0.6e-3
+    bias: float = GYRO_BIAS_WALK
     acceleration: float = 30.0
 
 

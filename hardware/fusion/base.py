@@ -5,6 +5,7 @@ from math import asin, degrees, radians, sqrt
 
 from hardware.frames import HardwareError, SensorFrame, Triple
 from hardware.fusion.axis import LONGEST_STEP_US
+from hardware.parts import GYRO_BIAS_WALK, GYRO_NOISE, SERVO_TRAVEL, STANDARD_GRAVITY
 from hardware.protocol import Flags, constants
 
 TRAVELS = 300.0, 10_000.0  # rad/s of pulse: a hobby servo turns 97° per ms, 1700
@@ -34,8 +35,8 @@ class BaseMap:
     gyro_bias: Triple = (0.0, 0.0, 0.0)
     gyro_scale: float = 1.0
     tilt_scale: float = 1.0
-    centre: float = 1.5e-3
-    travel: float = radians(1.0) / 10.3e-6
+    centre: float = constants.PULSE_NEUTRAL * constants.TICK
+    travel: float = SERVO_TRAVEL
 
     def __post_init__(self) -> None:
         """Refuse what would make an attitude out of nonsense."""
@@ -78,7 +79,7 @@ def tilt(accelerometer: Triple) -> float:
 
     By y alone: z adds little near the vertical, but its offset and scale would bend the slope.
     """
-    return asin(min(max(-accelerometer[1] / constants.STANDARD_GRAVITY, -1.0), 1.0))
+    return asin(min(max(-accelerometer[1] / STANDARD_GRAVITY, -1.0), 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +97,10 @@ class BaseNoise:
         speed within 30 ms, 0.056/(0.03·9.81)
     """
 
-    gyro: float = radians(0.005) / sqrt(2.0)
+    gyro: float = GYRO_NOISE / sqrt(2.0)
     scale: float = 0.01
     move: float = 0.1
-    bias: float = radians(0.02)
+    bias: float = GYRO_BIAS_WALK
     bias_sigma: float = radians(0.2)
     tilt: float = radians(0.4)
     lever: float = 0.2

@@ -303,6 +303,6 @@ def test_the_shipped_reference_is_a_plausible_nine_gram_servo():
 
 
 def test_discretising_a_model_is_quick():
-    begun = time.perf_counter()
+    begun = time.process_time()
     coupled().discretise(1e-3)
-    assert time.perf_counter() - begun < 0.5
+    assert time.process_time() - begun < 0.5

@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.benchmarks.timing import paired, ratio, row
 from twin.control import AttitudeController, Hold, control_config, launch_direction
-from twin.experiments.session import DRAIN_LOCKSTEP_NS
+from twin.experiments.provenance import DRAIN_LOCKSTEP_NS
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal

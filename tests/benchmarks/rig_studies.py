@@ -17,8 +17,8 @@ import numpy as np
 from scipy import stats
 
 from hardware.emulator import parse, sample_rig
-from hardware.emulator.trial import calibrate, random_steps, run
 from hardware.emulator.truth import exact_calibration
+from tests.hardware.trial import calibrate, random_steps, run
 
 WORKERS = 2
 SETTLED = 2.0  # s after which the gyro's bias is known

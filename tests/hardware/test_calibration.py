@@ -18,9 +18,9 @@ from hardware.calibration import (
 )
 from hardware.calibration.solve import solve
 from hardware.emulator import parse, sample_rig
-from hardware.emulator.trial import calibrate
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import SensorFrame
+from tests.hardware.trial import calibrate
 
 RIG = CalibrationRig()
 QUICK = CalibrationRig(repeats=1, offsets=(80e-6, -80e-6))

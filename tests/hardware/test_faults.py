@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hardware.emulator import Emulator, parse, sample_rig
-from hardware.emulator.trial import random_steps, run
 from hardware.emulator.truth import exact_calibration
 from hardware.faults import SENSORS, TRANSITIONS, Monitor, Prediction, Reading, Sign, State
 from hardware.faults.states import NAMED
 from hardware.frames import GimbalCommand
 from hardware.protocol import Flags, default_config
 from hardware.rig import in_process
+from tests.hardware.trial import random_steps, run
 
 SEED, ONSET, END = 21, 3.0, 5.0
 

@@ -10,12 +10,12 @@ from scipy.stats import chi2
 
 from hardware.calibration import nominal
 from hardware.emulator import Emulator, sample_rig
-from hardware.emulator.trial import random_steps, run
 from hardware.emulator.truth import exact_calibration
 from hardware.fusion import Fusion, Noise
 from hardware.fusion.axis import predict, process_noise, reference, transition, update
 from hardware.rig import in_process
 from tests.hardware.matched import run_matched
+from tests.hardware.trial import random_steps, run
 
 
 def _random_covariance(rng, n):

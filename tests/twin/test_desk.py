@@ -18,7 +18,8 @@ from analysis.recording.reader import read
 from hardware.calibration import CalibrationError, CalibrationRig, nominal
 from hardware.calibration import read as read_calibration
 from hardware.calibration.file import to_dict
-from hardware.emulator import parse, serve
+from hardware.device import serve
+from hardware.emulator import parse
 from hardware.emulator.cable import Cable
 from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import PROTOCOL, Board, Encoder, default_config, hello
@@ -27,8 +28,8 @@ from tests.twin.test_cli import run as command
 from twin.config import Calibrate, Mirror, Step
 from twin.experiments import calibrate as calibrating
 from twin.experiments.calibrate import calibrate
-from twin.experiments.fly import step
 from twin.experiments.mirror import mirror
+from twin.experiments.step import step
 from twin.hil import RigOptions, device, open_rig
 from twin.hil.teleop import Keys, Stick
 from twin.loop import loop
@@ -228,7 +229,7 @@ class TestMirror:
     def test_a_tape_is_followed_without_the_rig(self, tmp_path):
         live = tmp_path / "live.rrd"
         step(Step(gimbal="emulator", repeats=1, hold_s=0.3, axis="x", out=live))
-        result = mirror(Mirror(tape=live, out=tmp_path / "again.rrd"))
+        result = mirror(Mirror(playback=live, out=tmp_path / "again.rrd"))
         a, b = read(live), read(tmp_path / "again.rrd")
         assert result.frames == len(a["gimbal/measured"].time)
         # the tape is cut into ticks of 0.5 ms, a frame belongs to the tick after its stamp
@@ -248,6 +249,7 @@ class TestMirror:
     @pytest.mark.parametrize(
         "tcp", [pytest.param(None, id="pty"), pytest.param(0, id="tcp", marks=pytest.mark.slow)]
     )
+    @pytest.mark.realtime
     def test_pulled_and_put_back_three_times_it_goes_on(self, tmp_path, monkeypatch, tcp):
         if tcp is None and os.name != "posix":
             pytest.skip("no pseudo-terminals here")
@@ -294,7 +296,7 @@ class TestSteering:
 
 
 MISTAKES = [
-    ("mirror --gimbal linkage", "follows a rig"),
+    ("mirror --gimbal linkage", "needs a rig"),
     ("mirror --gimbal /dev/nosuchport", "there is no port"),
     ("mirror --gimbal socket://127.0.0.1:9", "nothing listens"),
     ("mirror --gimbal socket://127.0.0.1:99999", "1 to 65535"),
@@ -304,17 +306,17 @@ MISTAKES = [
     ("mirror --gimbal emulator --calibration {file}", "not JSON"),
     ("mirror --gimbal emulator --calibration {calibration}", "is of rig"),
     ("mirror --gimbal emulator --steer keys", "terminal"),
-    ("mirror --tape {file}", "{file}"),
-    ("mirror --tape {file} --steer keys", "cannot be steered"),
-    ("mirror --duration-s -1", "greater than zero"),
+    ("mirror --playback {file}", "{file}"),
+    ("mirror --playback {file} --steer keys", "cannot be steered"),
+    ("mirror --duration-s -1", "from 0.001"),
     ("step --gimbal /dev/ttyUSB9 --clock lockstep", "real time"),
     ("step --gimbal emulater", "emulator"),
-    ("step --gimbal linkage --fault gyro:bias", "about a rig"),
-    ("step --gimbal linkage --calibration {file}", "about a rig"),
+    ("step --gimbal linkage --fault gyro:bias", "needs a rig"),
+    ("step --gimbal linkage --calibration {file}", "needs a rig"),
     ("step --gimbal socket://127.0.0.1:9 --unit 3", "simulated rigs"),
     ("calibrate --out /proc/nowhere/c.json", "cannot write"),
     ("calibrate --switch-deg 9 9 9 9", "+x, -x, +y, -y"),
-    ("calibrate --repeats 0", "at least 1"),
+    ("calibrate --repeats 0", "from 1 to 100"),
     ("calibrate --gimbal linkage", "is no rig"),
     ("rig --kind arduino", "emulator"),
     ("rig --fault supply:sag:2", "0…0.9"),
@@ -381,6 +383,7 @@ def test_old_firmware_is_told_and_what_to_do(capsys, tmp_path, monkeypatch):
     assert "flash the firmware" in err
 
 
+@pytest.mark.realtime
 def test_a_busy_port_is_told(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with served() as (_, url), native.installed(), open_rig(RigOptions(url), None):

@@ -14,7 +14,7 @@ from hardware.simavr.nano import missing
 from twin.config import Step
 from twin.config.seats import check_seat, is_port, is_rig
 from twin.errors import TwinError
-from twin.experiments.fly import step
+from twin.experiments.step import step
 from twin.hil import BenchPlant, RigOptions, open_rig
 from twin.physics import native
 from twin.plant.model import ModelConfig, load

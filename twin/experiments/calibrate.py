@@ -12,9 +12,10 @@ from hardware.calibration import Calibration, CalibrationError, CalibrationRig, 
 from hardware.calibration.file import to_dict
 from hardware.protocol import constants
 from twin.config import Calibrate
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
-from twin.experiments.session import compiled
 from twin.hil import RigGimbal, RigOptions, mechanism_map, open_rig, switch_angles
+from twin.plant.compiled import compiled
 from twin.plant.model import ModelConfig, load
 
 COMMAND_NS = 10_000_000
@@ -26,7 +27,7 @@ REPORTED = (0.0, radians(8.0))  # angles at which the map's uncertainty is given
 
 
 @dataclass(frozen=True)
-class CalibrationResult:
+class CalibrationResult(Result):
     """A calibration and where it was written.
 
     Attributes
@@ -50,8 +51,8 @@ class CalibrationResult:
             **to_dict(self.calibration),
         }
 
-    def text(self) -> str:
-        """One screen, with 95 % intervals."""
+    def rows(self) -> Rows:
+        """The calibration as a table, with 95 % intervals."""
         c = self.calibration
         rows = [("rig", f"{c.rig:08x}, calibrated in {self.duration_s:.0f} s")]
         for k, axis in enumerate("xy"):
@@ -76,8 +77,7 @@ class CalibrationResult:
         rows.append(("gyro bias", f"{bias} °/s"))
         if c.note:
             rows.append(("note", c.note))
-        rows += [("calibration", self.file), ("", f"twin mirror --calibration {self.file} …")]
-        return "\n".join(f"{name:<20}{value}" for name, value in rows)
+        return [*rows, ("calibration", self.file), ("", f"twin mirror --calibration {self.file}")]
 
     def _uncertainty(self, axis: int) -> str:
         sigmas = (FIGURE * degrees(self.calibration.sigma((a, a))[axis]) for a in REPORTED)
@@ -111,8 +111,6 @@ def calibrate(config: Calibrate) -> CalibrationResult:
 
 
 def _rig(config: Calibrate) -> CalibrationRig:
-    if config.repeats < 1:
-        raise TwinError(f"--repeats {config.repeats}: must be at least 1")
     bench = load(ModelConfig(scene="bench")).mj
     if config.switch_deg is None:
         angles = switch_angles(bench)

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.convergence import Trajectory
+from analysis.delays import Delays
 from analysis.recording.reader import Recording
-from analysis.timing import Delays, Limits, Rerun, Verdict, assess
+from analysis.timing import Limits, Rerun, Verdict, assess
 from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import BAUD, Encoder, Ping, Pong
 from twin.config import Fly, Run, with_model
@@ -22,8 +23,8 @@ from twin.config.recorded import configuration_of
 from twin.config.seats import is_rig
 from twin.control import AttitudeController, control_config
 from twin.errors import DivergenceError, TwinError
-from twin.experiments.flight import setpoint
-from twin.experiments.session import make_plant, steps_per_tick
+from twin.experiments.assembly import make_plant, steps_per_tick
+from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Gimbal, Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
@@ -117,9 +118,11 @@ def verdict(
     AnalysisError : the recording says nothing about timing
     """
     config = configuration_of(recording)
-    rerun = rerun_of(recording) if isinstance(config, Fly) else None
+    # an own controller is not executed again
+    again = isinstance(config, Fly) and config.controller is None
+    rerun = rerun_of(recording) if again else None
     if limits is None:
-        limits = Limits() if rerun else UNANSWERED
+        limits = Limits() if isinstance(config, Fly) else UNANSWERED
     rig = is_rig(config.gimbal)
     return assess(
         recording,

@@ -13,7 +13,7 @@ from hardware.calibration import read as read_calibration
 from hardware.emulator import parse
 from hardware.frames import Pair, SensorFrame
 from hardware.fusion import Fusion
-from hardware.link.link import Link
+from hardware.link import Link
 from hardware.rig import Rig, in_process
 from twin.config.seats import SIMULATED, check_seat, is_rig
 from twin.errors import TwinError

@@ -12,7 +12,6 @@ from hardware.protocol import Hello
 from hardware.rig import Phase, RigError, RigStatistics
 from hardware.rig.rig import TIMEOUT_MS
 from twin.loop.readings import Readings
-from twin.plant.model import AXES
 from twin.plant.plant import Plant
 
 # The filters find the gyro's bias sooner, but the estimate of a device's clock errs by up to 1 ms
@@ -139,9 +138,7 @@ class RigGimbal:
         self._ready = False
         self._lost_ns = 0
         self._stale = GimbalState(0, (0.0, 0.0), healthy=False)
-        self._ids: list[int] = []
-        if plant is not None and plant.twin.gimbal == "follow":
-            self._ids = [int(plant.model.actuator(f"gimbal_{a}").id) for a in AXES]
+        self._follower = plant if plant is not None and plant.follows else None
 
     def start(self) -> None:
         """Connect and let the estimate settle; blocks.
@@ -227,9 +224,8 @@ class RigGimbal:
         if self._plant is not None and not self._watch:
             state = self._neutral_unless_fresh(state, self._plant.time_ns)
         self._stale = state
-        if self._plant is not None and self._ids:
-            ctrl = self._plant.data.ctrl
-            ctrl[self._ids[0]], ctrl[self._ids[1]] = state.angle
+        if self._follower is not None:
+            self._follower.follow(state.angle)
         return state
 
     def _neutral_unless_fresh(self, state: GimbalState, now_ns: int) -> GimbalState:

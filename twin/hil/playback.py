@@ -10,7 +10,6 @@ from analysis.recording.reader import Recording
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from twin.errors import TwinError
 from twin.loop.readings import Readings
-from twin.plant.model import AXES
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
@@ -54,7 +53,6 @@ class Tape:
             held = ", ".join(tape.series) or "nothing"
             raise TwinError(f"{path} holds no measured angles to mirror; it holds {held}")
         self._plant = plant
-        self._ids = [int(plant.model.actuator(f"gimbal_{a}").id) for a in AXES]
         self._times = tape["gimbal/measured"].time_ns
         self._states, self._frames = _states(tape), recorded_frames(tape, self._times)
         self._health = [(round(e.time * 1e9), e.text) for e in tape.health]
@@ -88,8 +86,7 @@ class Tape:
         r.age_ns = now - self._last.time_ns if r.states else None
         while self._health and self._health[0][0] <= now:
             r.health = self._health.pop(0)[1]
-        ctrl = self._plant.data.ctrl
-        ctrl[self._ids[0]], ctrl[self._ids[1]] = self._last.angle
+        self._plant.follow(self._last.angle)
         return self._last
 
 

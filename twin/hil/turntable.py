@@ -6,7 +6,7 @@ does about its other axes nobody plays, and the controller sees it as it is simu
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,6 +113,7 @@ class Turntable:
         axes [rad/s]
     simulated, measured, sigma : (1,) turn about the launch's x axis of the vehicle, of the base as
         its IMU tells it, and the standard deviation of the latter [rad]
+    signals : these three, by their names in `analysis.schema`
     reach : turn that the servo's pulses reach either way [rad]
     fault : what is wrong with base or servo, in words; None while all is well
     counting : whether the difference counts in `rms`; a vehicle that nothing steers any more turns
@@ -132,6 +133,11 @@ class Turntable:
         self.simulated: Array = np.zeros(1)
         self.measured: Array = np.zeros(1)
         self.sigma: Array = np.zeros(1)
+        self.signals: Mapping[str, Array] = {
+            "turntable/simulated": self.simulated,
+            "turntable/measured": self.measured,
+            "turntable/sigma": self.sigma,
+        }
         self._square, self._count = 0.0, 0
         low, high = seat.rig.turntable_limits
         ends = (abs(low - base.centre), abs(high - base.centre))

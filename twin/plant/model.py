@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.transfer_function import Channel, TransferFunctionModel
 from twin.errors import TwinError
-from twin.physics import native
+from twin.physics import motor, native
 from twin.physics.mechanism.frame import check_frame
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
@@ -184,9 +184,7 @@ def _set_backlash(spec: mujoco.MjSpec, overrides: Mapping[str, float]) -> None:
 
 
 def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> None:
-    from twin.physics.motor import Motor, apply_motor
-
-    apply_motor(spec, Motor.from_eng(file))
+    motor.apply_motor(spec, motor.load(file))
 
 
 def _check_meshes(model: mujoco.MjModel) -> None:

@@ -1,44 +1,12 @@
 """A rig's readings into the recorder: one row a sensor frame at its own stamp, and its link."""
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.schema import FRAME, RARE, TICK
 from hardware.frames import GimbalState, SensorFrame
 from twin.loop.readings import Readings
 from twin.recorder import Sink
-
-# One row a frame; the order is that of `_values`, and of `_rare` for what is recorded where it
-# changes: a row of a signal takes 44 bytes besides its values, 500 times a second.
-FRAME: Final = (
-    "gimbal/measured",
-    "gimbal/sigma",
-    "gimbal/rate/measured",
-    "sensors/potentiometer",
-    "sensors/gyro",
-    "sensors/accelerometer",
-    "sensors/base_gyro",
-    "sensors/base_accelerometer",
-    "sensors/pulse",
-    "sensors/device_time",
-    "sensors/taken",
-)
-RARE: Final = (
-    "sensors/switches",
-    "sensors/joystick",
-    "sensors/flags",
-    "sensors/session",
-    "sensors/gyro_delay",
-)
-# One row a tick.
-TICK: Final = (
-    "timing/sensor_age",
-    "timing/round_trip",
-    "link/lost",
-    "link/crc_errors",
-    "link/connected",
-)
 
 
 class RigRows:

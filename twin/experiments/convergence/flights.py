@@ -13,11 +13,10 @@ from analysis.convergence import Flight, Trajectory
 from twin.config import Converge, Fly
 from twin.control import AttitudeController, control_config
 from twin.errors import DivergenceError, TwinError
-from twin.experiments.flight import setpoint
+from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
-from twin.plant import overrides
 from twin.plant.compose import MJCF
 from twin.plant.integrators import AdamsBashforth
 from twin.plant.model import ModelConfig, TwinModel, load
@@ -212,7 +211,7 @@ def _load(config: Converge, dt: float) -> TwinModel:
             vehicle=config.vehicle,
             mechanism=config.mechanism,
             motor=config.motor,
-            overrides=overrides.parse(config.set, config.set_from),
+            overrides=config.overrides,
             dt=dt,
             seed=config.seed,
         )

@@ -10,7 +10,7 @@ from analysis.report.parts import Style
 
 if TYPE_CHECKING:
     from analysis.timing import Verdict
-    from twin.experiments.repeat.repeat import RepeatResult
+    from twin.experiments.repeat.result import RepeatResult
 
 _SHOWN = 30  # flights of a seat drawn; more are a smear
 
