@@ -14,7 +14,7 @@ from math import radians
 import numpy as np
 import pytest
 
-from analysis.recording.reader import read
+from analysis.recording import read
 from hardware.calibration import CalibrationError, CalibrationRig
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse, serve

@@ -5,7 +5,7 @@ from math import radians
 import numpy as np
 import pytest
 
-from analysis.recording.reader import read
+from analysis.recording import read
 from hardware.frames import GimbalState
 from tests.hardware.test_base import STILL
 from tests.twin.test_cli import run as command

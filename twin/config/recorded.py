@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from analysis.recording.reader import Recording
+from analysis.recording import Recording
 from twin.config import Fly, Run, Step
 from twin.errors import TwinError
 

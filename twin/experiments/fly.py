@@ -32,7 +32,7 @@ from twin.recorder import Sink
 from twin.recorder.rows import Rows
 
 if TYPE_CHECKING:
-    from analysis.recording.reader import Recording
+    from analysis.recording import Recording
     from analysis.timing import Verdict
     from twin.hil.turntable import Turntable
 
@@ -205,7 +205,7 @@ def judged(recorder: Sink, clock: Clock, time_ns: int) -> "Verdict | None":
     """
     if not isinstance(clock, Wall):
         return None
-    from analysis.recording.reader import read
+    from analysis.recording import read
     from twin.experiments.timing import verdict
 
     rights = {"SCHED_FIFO": clock.rights.scheduling, "locked memory": clock.rights.memory}

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.recording.reader import Recording, read
+from analysis.recording import Recording, read
 from twin.config import Fly, Replay, Run, Step, heeded, with_model
 from twin.config.recorded import configuration_of
 from twin.config.seats import MODELS, is_port, is_rig

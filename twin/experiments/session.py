@@ -27,7 +27,7 @@ from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.recorder.rows import Rows
 
 if TYPE_CHECKING:
-    from analysis.recording.reader import Recording
+    from analysis.recording import Recording
     from twin.config import Fly
     from twin.hil import RigGimbal, RigOptions
     from twin.hil.turntable import Turntable

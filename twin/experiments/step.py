@@ -38,12 +38,10 @@ def excitation(config: Step) -> Excitation:
 
 def figures(recording: Path) -> "tuple[AxisFigures, ...]":
     """Figures of a recording, per axis and of both; axes that were not commanded are left out."""
-    from analysis.recording import reader as recordings
-    from analysis.recording.run import run_of
+    from analysis.recording import load
     from analysis.report.figures import run_figures
 
-    run = run_of(recordings.read(recording))
-    return tuple(f for f in run_figures(run) if f.kind != "still")
+    return tuple(f for f in run_figures(load(recording)) if f.kind != "still")
 
 
 def lines(figures: "Sequence[AxisFigures]") -> list[tuple[str, str]]:
