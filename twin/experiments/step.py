@@ -139,6 +139,7 @@ def excitation(config: Step) -> Excitation:
 
 def figures(recording: Path) -> "tuple[AxisFigures, ...]":
     """Figures of a recording, per axis and of both; axes without commands are left out."""
+    from analysis.recording import load
     from analysis.report.figures import run_figures
 
     return tuple(f for f in run_figures(load(recording)) if f.kind != "still")
