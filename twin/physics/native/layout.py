@@ -16,7 +16,7 @@ Compiled code takes the address of a struct and an offset::
 import ctypes
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import mujoco
 import numpy as np
@@ -87,8 +87,20 @@ def _struct_extent(fields: Sequence[Any]) -> tuple[int, int]:
     return end + -end % alignment, alignment
 
 
-MODEL: Final[dict[str, int]] = _place(structs.STRUCTS["mjModel"].fields)[0]
-DATA: Final[dict[str, int]] = _place(structs.STRUCTS["mjData"].fields)[0]
+def constant(value: int) -> int:
+    """Integer of which compiled functions take any value: numba compiles anew for each Python int.
+
+    A call `size(m, 48)` with a literal has a type of its own, a NumPy integer has int64.
+    """
+    return cast(int, np.int64(value))
+
+
+def _offsets(struct: str) -> dict[str, int]:
+    return {n: constant(at) for n, at in _place(structs.STRUCTS[struct].fields)[0].items()}
+
+
+MODEL: Final = _offsets("mjModel")
+DATA: Final = _offsets("mjData")
 
 
 def _address(typing_context: Any, pointer: Any) -> Any:
