@@ -150,6 +150,36 @@ _TABLE = (
 SIGNALS: Mapping[str, Signal] = MappingProxyType({signal.name: signal for signal in _TABLE})
 ENTITIES: Mapping[str, Signal] = MappingProxyType({signal.entity: signal for signal in _TABLE})
 
+# Signals of a rig: one row a sensor frame, rare ones only where they change
+# (a row of a signal takes 44 bytes besides its values, 500 times a second), and a row a tick.
+FRAME = (
+    "gimbal/measured",
+    "gimbal/sigma",
+    "gimbal/rate/measured",
+    "sensors/potentiometer",
+    "sensors/gyro",
+    "sensors/accelerometer",
+    "sensors/base_gyro",
+    "sensors/base_accelerometer",
+    "sensors/pulse",
+    "sensors/device_time",
+    "sensors/taken",
+)
+RARE = (
+    "sensors/switches",
+    "sensors/joystick",
+    "sensors/flags",
+    "sensors/session",
+    "sensors/gyro_delay",
+)
+TICK = (
+    "timing/sensor_age",
+    "timing/round_trip",
+    "link/lost",
+    "link/crc_errors",
+    "link/connected",
+)
+
 
 def signal(name: str) -> Signal:
     """Return the signal of that name, or say which names there are.

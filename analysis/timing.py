@@ -14,6 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.convergence import Distance, Trajectory, distance
+from analysis.delays import (
+    Delays,
+    Percentiles,
+    loop_delay,
+    percentiles,
+    recorded_percentiles,
+    recorded_values,
+)
 from analysis.recording.reader import Recording
 from analysis.schema import AnalysisError
 
@@ -23,27 +31,8 @@ GRANTED = "granted"  # the word for a right that a loop had
 REFINED = 4  # times finer than it was flown, for the error of the time step
 
 
-@dataclass(frozen=True, slots=True)
-class Delays:
-    """How much later than without any delay the gimbal answered (n,) [s], at times (n,) [s]."""
-
-    time: Array
-    value: Array
-
-
 # Flies a recorded run again: with delays or on time, and with time steps finer by a whole factor.
 Rerun = Callable[[Delays | None, int], Trajectory]
-
-
-@dataclass(frozen=True, slots=True)
-class Percentiles:
-    """Of `n` values [s]."""
-
-    p50: float
-    p99: float
-    p999: float
-    worst: float
-    n: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,35 +141,6 @@ class Verdict:
         return f"{self.word}: {'; '.join(self.reasons)}" if self.reasons else self.word
 
 
-def percentiles(values: Array) -> Percentiles | None:
-    """Of the values known (n,) [s]; None without any."""
-    known = values[np.isfinite(values)]
-    if not known.size:
-        return None
-    p50, p99, p999 = (float(p) for p in np.percentile(known, (50.0, 99.0, 99.9)))
-    return Percentiles(p50, p99, p999, float(known.max()), int(known.size))
-
-
-def loop_delay(recording: Recording) -> Delays | None:
-    """Delay of the loop over time: age of the newest sample plus half a round trip.
-
-    The age is known through the clock offset, which assumes that both ways of a round trip take
-    the same time. Where they do not, the age is wrong by as much as half a round trip is, the other
-    way: the sum is right either way (D. L. Mills, RFC 5905, § 8). None where neither was recorded.
-    """
-    series = [s for n in ("sensor_age", "round_trip") if (s := _known(recording, f"timing/{n}"))]
-    if not series:
-        return None
-    time = max((s[0] for s in series), key=len)
-    total = np.zeros(len(time))
-    for name in ("sensor_age", "round_trip"):
-        found = _known(recording, f"timing/{name}")
-        if found is not None:
-            weight = 1.0 if name == "sensor_age" else 0.5
-            total += weight * np.interp(time, *found)
-    return Delays(time, total)
-
-
 def assess(
     recording: Recording,
     period: float,
@@ -211,7 +171,7 @@ def assess(
     """
     if not period > 0.0:
         raise AnalysisError(f"a control period of {period} s; it must be greater than zero")
-    late, delays = _known(recording, "timing/lateness"), loop_delay(recording)
+    late, delays = recorded_values(recording, "timing/lateness"), loop_delay(recording)
     if late is None and delays is None:
         raise AnalysisError("the recording holds no timing: it was not flown on the wall clock")
     lateness = None if late is None else late[1]
@@ -225,8 +185,8 @@ def assess(
         period=period,
         overruns=overruns,
         lateness=None if lateness is None else percentiles(lateness),
-        sensor_age=_percentiles(recording, "timing/sensor_age"),
-        round_trip=_percentiles(recording, "timing/round_trip"),
+        sensor_age=recorded_percentiles(recording, "timing/sensor_age"),
+        round_trip=recorded_percentiles(recording, "timing/round_trip"),
         delay=None if delays is None else percentiles(delays.value),
         split=None,
         moved=None if rerun is None else moved(recording, delays, rerun),
@@ -288,20 +248,6 @@ def _judged(v: Verdict, limits: Limits, wire: float, frame: float) -> Verdict:
         split = Split(host, wire, max(0.0, v.round_trip.p50 - wire), frame)
     kept = {name: getattr(v, name) for name in Verdict.__slots__}
     return Verdict(**{**kept, "word": word, "reasons": tuple(reasons), "split": split})
-
-
-def _known(recording: Recording, name: str) -> tuple[Array, Array] | None:
-    series = recording.series.get(name)
-    if series is None:
-        return None
-    values = series.values[:, 0]
-    there = np.isfinite(values)
-    return (series.time[there], values[there]) if there.any() else None
-
-
-def _percentiles(recording: Recording, name: str) -> Percentiles | None:
-    found = _known(recording, name)
-    return None if found is None else percentiles(found[1])
 
 
 def _flown(recording: Recording, time: Array) -> Trajectory | None:

@@ -3,58 +3,17 @@
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.comparison.motion import FEWEST, Motion, bridged, in_gap, unbroken
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
 
 _LONGEST = 0.25  # s of delay searched
-_FEWEST = 16  # common samples
 _SEGMENTS = 6  # of the record, averaged for coherence
-_HOLE = 5.0  # periods without a reading: nothing is drawn straight across
-_COMMON = 0.98  # of the gaps between stamps; rarer ones are holes if they are long
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """One motion of k axes.
-
-    Attributes
-    ----------
-    time : [s] (n,), increasing
-    values : [rad] (n, k), NaN where not measured
-    components : names of the k axes
-    name : how reports call it
-    """
-
-    time: Array
-    values: Array
-    components: tuple[str, ...]
-    name: str = "motion"
-
-    def __post_init__(self) -> None:
-        time = np.array(self.time, dtype=np.float64)
-        values = np.array(self.values, dtype=np.float64)
-        values = values[:, None] if values.ndim == 1 else values
-        if time.ndim != 1 or values.shape != (len(time), len(self.components)):
-            raise AnalysisError(
-                f"{self.name}: values {values.shape} for {len(time)} stamps and "
-                f"{len(self.components)} axes"
-            )
-        if len(time) < _FEWEST:
-            raise AnalysisError(f"{self.name}: {len(time)} samples; {_FEWEST} or more are needed")
-        if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
-            raise AnalysisError(f"{self.name}: stamps must be finite and increase")
-        if np.isinf(values).any():
-            raise AnalysisError(f"{self.name}: infinite values")
-        time.setflags(write=False)
-        values.setflags(write=False)
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "values", values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +162,7 @@ def _axis(
     shared = (t >= s[0]) & (t <= s[-1])
     there = bridged(t, s, x)
     both = np.isfinite(there)
-    if both.sum() < _FEWEST:
+    if both.sum() < FEWEST:
         raise AnalysisError(
             f"axis '{axis}': {int(both.sum())} samples in common; {reference.name} covers "
             f"{t[0]:g} to {t[-1]:g} s, {other.name} {s[0]:g} to {s[-1]:g} s"
@@ -213,7 +172,7 @@ def _axis(
     shifted = bridged(t, s, x, 0.0 if still else delay)
     inside = both & np.isfinite(shifted)
     as_is = errors(y[both], there[both])
-    aligned = errors(y[inside], shifted[inside]) if inside.sum() >= _FEWEST else as_is
+    aligned = errors(y[inside], shifted[inside]) if inside.sum() >= FEWEST else as_is
     t, y, there = t[both], y[both], there[both]
     edges = np.searchsorted(t, np.asarray(repeats, dtype=np.float64))
     parts = [p for p in np.split(np.arange(len(t)), edges) if len(p) > 2] if len(edges) else []
@@ -225,46 +184,11 @@ def _axis(
         as_is,
         aligned,
         tuple(errors(y[p], there[p]) for p in parts),
-        _spectrum(*_unbroken(t, y, there)),
+        _spectrum(*unbroken(t, y, there)),
         len(t),
         1.0 - float(both.sum()) / float(shared.sum()),
         not still,
     )
-
-
-def bridged(time: ArrayLike, stamps: ArrayLike, values: ArrayLike, delay: float = 0.0) -> Array:
-    """Values (m,) at times `delay` after those (n,) asked for; NaN outside, and in holes.
-
-    A hole is longer than five periods of the sparser of the two.
-    """
-    t, s, x = (np.asarray(v, dtype=np.float64) for v in (time, stamps, values))
-    there = np.interp(t + delay, s, x, left=math.nan, right=math.nan)
-    there[_in_hole(t, s, delay)] = math.nan
-    return there
-
-
-def _in_hole(t: Array, s: Array, delay: float = 0.0, margin: float = 0.0) -> NDArray[np.bool_]:
-    """Which of the times (n,), moved by a delay, lie in a hole of the stamps or close to one."""
-    rows = np.flatnonzero(np.diff(s) > _HOLE * max(_period(t), _period(s)))
-    begun = np.searchsorted(s[rows] - margin, t + delay, side="left")
-    ended = np.searchsorted(s[rows + 1] + margin, t + delay, side="right")
-    return np.asarray(begun > ended)
-
-
-def _period(t: Array) -> float:
-    """Mean, or the gap between bursts of stamps where that is longer: such gaps are no holes."""
-    if len(t) < 2:
-        return 0.0
-    common = np.quantile(np.diff(t), _COMMON, method="lower")
-    return max(float(t[-1] - t[0]) / (len(t) - 1), float(common))
-
-
-def _unbroken(t: Array, *values: Array) -> tuple[Array, ...]:
-    """The longest stretch without a hole."""
-    breaks = np.flatnonzero(np.diff(t) > _HOLE * _period(t)) + 1
-    edges = [0, *breaks.tolist(), len(t)]
-    a, b = max(pairwise(edges), key=lambda e: float(t[e[1] - 1] - t[e[0]]))
-    return tuple(v[a:b] for v in (t, *values))
 
 
 def errors(reference: ArrayLike, other: ArrayLike) -> Errors:
@@ -284,7 +208,7 @@ def errors(reference: ArrayLike, other: ArrayLike) -> Errors:
 def _column(motion: Motion, axis: str) -> tuple[Array, Array]:
     values = motion.values[:, motion.components.index(axis)]
     good = np.isfinite(values)
-    if good.sum() < _FEWEST:
+    if good.sum() < FEWEST:
         raise AnalysisError(f"{motion.name}: axis '{axis}' has {int(good.sum())} readings")
     return motion.time[good], values[good]
 
@@ -298,9 +222,9 @@ def _delay(t: Array, y: Array, s: Array, x: Array, longest: float) -> float:
     if longest <= 0.0:
         return 0.0
     period = min(float(np.median(np.diff(t))), float(np.median(np.diff(s))))
-    inside = (t - longest >= s[0]) & (t + longest <= s[-1]) & ~_in_hole(t, s, margin=longest)
-    if inside.sum() < _FEWEST:  # short records: what is beyond the ends stands still
-        inside = ~_in_hole(t, s)
+    inside = (t - longest >= s[0]) & (t + longest <= s[-1]) & ~in_gap(t, s, margin=longest)
+    if inside.sum() < FEWEST:  # short records: what is beyond the ends stands still
+        inside = ~in_gap(t, s)
     t, y = t[inside], y[inside]
     if np.ptp(y) == 0.0 or np.ptp(x) == 0.0:
         return 0.0

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording.reader import Recording
-from analysis.response.steps import StepMetrics, cut_steps, measure
+from analysis.response.metrics import StepMetrics, measure
+from analysis.response.steps import cut_steps
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
@@ -66,6 +67,13 @@ class PathDifference:
     def share(self) -> float:
         """Largest distance over the length flown [1]."""
         return self.path_worst / self.length if self.length > 0.0 else math.nan
+
+    def text(self) -> str:
+        """One line with the figures people compare flights by."""
+        return (
+            f"nose {math.degrees(self.attitude_rms):.2f}° rms apart, path {self.path_worst:.2f} m"
+            f" at most, {100.0 * self.share:.2f} % of {self.length:.0f} m"
+        )
 
     def to_dict(self) -> dict[str, float | None]:
         """JSON values in SI; None for the share of no way at all."""

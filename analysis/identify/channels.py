@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify.basis import denominator
+from analysis.identify.evidence import ChannelFit, Estimate, ServoBounds
 from analysis.identify.fit import AxisFit
-from analysis.identify.model import ChannelFit, Estimate, ServoBounds
 from analysis.identify.servo import ServoFit
 from analysis.identify.uncertainty import propagated
 

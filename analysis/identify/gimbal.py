@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify.channels import nothing
+from analysis.identify.evidence import ChannelFit
 from analysis.identify.identification import identify
-from analysis.identify.model import ChannelFit, IdentifiedModel
-from analysis.identify.servo_response import Structure
+from analysis.identify.model import IdentifiedModel
+from analysis.identify.prediction import predict
 from analysis.recording.record import Record
+from analysis.transfer_function.servo import Structure
 
 Array = NDArray[np.float64]
 Coupling = Literal["auto", "none", "full"]
@@ -78,7 +80,7 @@ def cross_gains(model: IdentifiedModel, records: Sequence[Record]) -> Array:
     size = len(model.outputs)
     parts = []
     for r in records:
-        angle, rate = model.predict(r)
+        angle, rate = predict(model, r)
         for measured, said in ((r.angle, angle), (r.rate, rate)):
             if measured is not None:
                 parts.append((measured - said, said))

@@ -8,25 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify import channels, checks
-from analysis.identify.diagnostics import Saturation, residual_tests, saturation
+from analysis.identify.assemble import assemble
+from analysis.identify.diagnostics import Saturation, saturation
+from analysis.identify.doubts import SPREAD, evidence, stamp_warnings, warnings_of
 from analysis.identify.errors import IdentificationError
-from analysis.identify.fit import AxisFit, search
+from analysis.identify.fit import search
 from analysis.identify.layout import Layout
-from analysis.identify.model import AxisEvidence, ChannelFit, IdentifiedModel
-from analysis.identify.prediction import nrmse_fit
-from analysis.identify.problem import Part, Problem, assemble
+from analysis.identify.model import IdentifiedModel
+from analysis.identify.problem import Problem
 from analysis.identify.segments import step_of_row
-from analysis.identify.servo import ServoFit, search_servo
-from analysis.identify.servo_response import Structure
+from analysis.identify.servo import search_servo
 from analysis.identify.uncertainty import bootstrap, covariance, whole_jacobian
 from analysis.recording.record import Record
+from analysis.transfer_function.servo import Structure
 
 Array = NDArray[np.float64]
 
-_POOR = 80.0  # percent of fit: below, a figure is a guess
-_COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
-_FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
-_SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
 _MOST_POLES = 6
 LONGEST_DELAY = 10.0  # s
 
@@ -145,12 +142,12 @@ def _linear(
         row = channels.linear(fit, cov, first.outputs[i], first.inputs)
         checked = saturation(fit.problem, fit.problem.measured - fit.solution.residual)
         rows.append(row)
-        axes.append(_evidence(fit, first.outputs[i], checked, spread, i))
+        axes.append(evidence(fit, first.outputs[i], checked, spread, i))
         if first.angle is not None or first.rate is not None:
             k = min(i, len(first.inputs) - 1)
             checks.check_gain(row[k].num[-1] / row[k].den[-1], first.inputs[k], first.outputs[i])
-        warnings += _warnings(axes[-1], row, longest, problem.doubt)
-    warnings += _sampled(records)
+        warnings += warnings_of(axes[-1], row, longest, problem.doubt)
+    warnings += stamp_warnings(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), None, tuple(axes), tuple(warnings)
     )
@@ -183,10 +180,10 @@ def _bounded(
         )
         bounds.append(limits)
         none = Saturation(float("nan"), float("nan"), 0, 1.0, None)
-        axes.append(_evidence(fit, first.outputs[i], none, spread))
+        axes.append(evidence(fit, first.outputs[i], none, spread))
         checks.check_gain(fit.gain, first.inputs[i], first.outputs[i])
-        warnings += _warnings(axes[-1], (channel,), longest, problem.doubt)
-    warnings += _sampled(records)
+        warnings += warnings_of(axes[-1], (channel,), longest, problem.doubt)
+    warnings += stamp_warnings(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), tuple(bounds), tuple(axes), tuple(warnings)
     )
@@ -201,115 +198,9 @@ def _covariance(jacobian: Array, weighted: Array, problem: Problem) -> tuple[Arr
     searched = problem.layout.size
     ratio = np.sqrt(np.diag(drawn)[:searched] / np.maximum(np.diag(cov)[:searched], 1e-300))
     spread = float(np.median(ratio[np.isfinite(ratio)])) if np.isfinite(ratio).any() else np.nan
-    return (drawn if spread > _SPREAD else cov), spread
+    return (drawn if spread > SPREAD else cov), spread
 
 
 def _doubt(cov: Array, delays: slice, doubt: float) -> None:
     """Widen the variances of delays by what the commands' own stamps leave open."""
     cov[delays, delays] += doubt**2  # the stamps of all commands are off alike
-
-
-def _sampled(records: Sequence[Record]) -> list[str]:
-    late = max((r for r in records if r.doubt), key=lambda r: r.slack, default=None)
-    if late is None:
-        return []
-    way = "too short" if late.stamps == "shown" else "too short or too long"
-    told = f"{late.name}: commands have no stamps of their own: delays may be "
-    told += (
-        f"{1e3 * late.slack:.3g} ms {way}, which their intervals cover; give stamps (--commands)"
-    )
-    return [told]
-
-
-def _asked(part: Part, own: int) -> bool:
-    """Whether a record moved an axis: where it was to stand still, there is nothing to fit."""
-    command = part.input[:, own] if part.input.shape[1] > own else part.input
-    return part.free or bool(np.any(np.diff(command, axis=0)))
-
-
-def _evidence(
-    fit: AxisFit | ServoFit, name: str, checked: Saturation, spread: float, own: int = 0
-) -> AxisEvidence:
-    """What speaks for a fit; `own` is the column of the axis' own command."""
-    problem = fit.problem
-    residual = fit.residual if isinstance(fit, ServoFit) else fit.solution.residual
-    spikes = 0 if isinstance(fit, ServoFit) else int(fit.spikes.sum())
-    counted = problem.weight > 0.0
-    fits: list[list[float]] = [[], []]
-    for is_rate in (False, True):
-        for index in range(len(problem.parts)):
-            rows = counted & (problem.owner == index) & (problem.is_rate == is_rate)
-            measured = problem.measured[rows]
-            fits[int(is_rate)].append(
-                nrmse_fit(measured, measured - residual[rows])
-                if rows.any() and _asked(problem.parts[index], own)
-                else float("nan")
-            )
-    weighted = residual * problem.weight
-    tests = [
-        residual_tests(problem, weighted, is_rate) if (problem.is_rate == is_rate).any() else None
-        for is_rate in (False, True)
-    ]
-    return AxisEvidence(
-        name, int(counted.sum()), spikes, fit.noise, tuple(fits[0]), tuple(fits[1]),
-        tests[0], tests[1], checked, fit.converged, spread,
-    )  # fmt: skip
-
-
-def _std(channel: ChannelFit, figure: str) -> float:
-    return next((e.std for e in channel.estimates if e.name.endswith(figure)), 0.0)
-
-
-def _warnings(
-    axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float, doubt: float
-) -> list[str]:
-    """One line for everything a reader must know before quoting a figure."""
-    found = []
-    name = f"axis '{axis.name}'"
-    both = {
-        what: [f for f in fits if np.isfinite(f)]
-        for what, fits in (("angle", axis.fit_angle), ("rate", axis.fit_rate))
-    }
-    fit = float(np.median([f for fits in both.values() for f in fits] or [np.nan]))
-    if not axis.converged:
-        found.append(f"{name}: the search did not settle; treat the figures as a guess")
-    if not fit >= _POOR:
-        told = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both.items() if fits)
-        found.append(f"{name}: poor fit ({told}); another order, or something unmodelled")
-    if axis.saturation.saturated:
-        found.append(
-            f"{name}: rate-limited, the speed grows with the amplitude to the power "
-            f"{axis.saturation.exponent:.2f}, not 1; a linear natural frequency means little, "
-            "fit the servo"
-        )
-    elif axis.saturation.saturated is None and axis.saturation.steps >= 4:
-        found.append(f"{name}: steps of one size only; saturation cannot be told from slowness")
-    for what, tests in (("angle", axis.residual_angle), ("rate", axis.residual_rate)):
-        if tests and tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3:
-            found.append(
-                f"{name}: the {what} residual is not white (autocorrelation "
-                f"{tests.autocorrelation:.2f}); there is motion the model lacks"
-            )
-        if tests and tests.cross_correlation > max(tests.bound, _FOLLOWS):
-            found.append(
-                f"{name}: the {what} residual follows the command (correlation "
-                f"{tests.cross_correlation:.2f} with its changes, noise stays below "
-                f"{tests.bound:.2f}); the model lacks an answer to it"
-            )
-    if axis.spread > _SPREAD:
-        found.append(
-            f"{name}: steps disagree {axis.spread:.1f} times more than their noise; "
-            "intervals are from the bootstrap"
-        )
-    if axis.spikes:
-        found.append(f"{name}: {axis.spikes} readings set aside as spikes")
-    for channel in row:
-        if channel.delay > 0.98 * longest:
-            found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")
-        std = _std(channel, "delay")
-        if channel.delay + 1.96 * np.sqrt(max(std**2 - doubt**2, 0.0)) < 0.0:
-            found.append(
-                f"{name}: delay {1e3 * channel.delay:.1f} ms: the command came before the sample "
-                "that first shows it; give commands stamps of their own"
-            )
-    return found

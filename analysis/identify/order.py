@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify import checks
+from analysis.identify.assemble import assemble
 from analysis.identify.errors import IdentificationError
 from analysis.identify.fit import search
 from analysis.identify.identification import check_order, layout_of, longest_delay
 from analysis.identify.prediction import nrmse_fit
-from analysis.identify.problem import Problem, assemble
+from analysis.identify.problem import Problem
 from analysis.identify.segments import Mask, step_folds
 from analysis.recording.record import Record
 

@@ -1,5 +1,7 @@
 """What an identified model says about a record it may never have seen."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +48,16 @@ def predict(model: IdentifiedModel, record: Record) -> tuple[Array, Array]:
     return angle, rate
 
 
-def fit_percent(model: IdentifiedModel, record: Record) -> Array:
+def fit_to(model: IdentifiedModel, records: Sequence[Record]) -> Array:
+    """NRMSE fit [%] of the prediction (records, outputs); NaN where nothing was measured.
+
+    Around each record's own offset, which is the sensor's and not the model's; of the angle where
+    it was measured, otherwise of the rate.
+    """
+    return np.array([_fit_percent(model, r) for r in records])
+
+
+def _fit_percent(model: IdentifiedModel, record: Record) -> Array:
     """NRMSE fit of a record [%] (outputs,); NaN for axes the record lacks."""
     angle, rate = predict(model, record)
     found = np.full(len(model.outputs), np.nan)

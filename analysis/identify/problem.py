@@ -14,34 +14,17 @@ from numpy.typing import NDArray
 
 from analysis.identify.basis import Denominator, denominator
 from analysis.identify.layout import Layout
-from analysis.identify.modal import impulse_response, modal_response
-from analysis.identify.ramps import Bounds, ramps
+from analysis.identify.states import Part, free_states, part_states
 from analysis.identify.weights import (
     channel_weights,
     free_gradient,
     free_weights,
     gradient_weights,
 )
-from analysis.recording.record import Record
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 _ILL = 1e-6  # pivot of unit columns: below, squaring the condition costs too many digits
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """The samples of one record that speak about one axis."""
-
-    time: Array  # (n,)
-    input_time: Array  # (k,)
-    input: Array  # (k, p)
-    angle_rows: Rows
-    rate_rows: Rows
-    free: bool
-    slack: float = 0.0
-    doubt: float = 0.0  # [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +136,7 @@ class Problem:
         states, angle, rate = [], [], []
         for j in range(layout.inputs):
             den = dens[j if layout.own else 0]
-            state = _states(part, den, j, layout.delay(theta, j))
+            state = part_states(part, den, j, layout.delay(theta, j))
             weights_a, weights_r = channel_weights(den, layout)
             columns = state[part.angle_rows] @ weights_a
             columns[:, 0] += part.input[0, j]
@@ -163,7 +146,7 @@ class Problem:
         values = _Values(np.hstack(angle), np.hstack(rate))
         motions: list[Array] = []
         if part.free:
-            motions = [_free_states(part, den) for den in dens]
+            motions = [free_states(part, den) for den in dens]
             pairs = [free_weights(den, layout) for den in dens]
             values.free_angle = np.hstack(
                 [m[part.angle_rows] @ a for m, (a, _) in zip(motions, pairs, strict=True)]
@@ -219,37 +202,6 @@ class _Signals:
     motions: list[Array]
 
 
-def assemble(
-    records: Sequence[Record], axis: int, layout: Layout, *, shared_offset: bool = True
-) -> Problem:
-    """Collect the samples of one axis from all records, every row weighing the same."""
-    parts, angle, rate = [], [], []
-    for r in records:
-        a_rows, r_rows = _measured_rows(r.angle, axis), _measured_rows(r.rate, axis)
-        parts.append(
-            Part(
-                r.time, r.input_time, r.input, a_rows, r_rows, r.initial == "free", r.slack, r.doubt
-            )
-        )
-        angle.append(np.zeros(0) if r.angle is None else r.angle[a_rows, axis])
-        rate.append(np.zeros(0) if r.rate is None else r.rate[r_rows, axis])
-    counts = [len(x) for x in angle + rate]
-    owner = np.repeat(np.tile(np.arange(len(records)), 2), counts)
-    stamps = [p.time[p.angle_rows] for p in parts] + [p.time[p.rate_rows] for p in parts]
-    is_rate = np.repeat([False, True], [sum(map(len, angle)), sum(map(len, rate))])
-    measured = np.concatenate(angle + rate)
-    return Problem(
-        layout,
-        tuple(parts),
-        measured,
-        is_rate,
-        owner,
-        np.concatenate(stamps),
-        np.ones(len(measured)),
-        shared_offset,
-    )
-
-
 def _orthonormal(basis: Array) -> tuple[Array, Array]:
     """Orthonormal columns Q and R of a tall basis of unit columns, or zero ones.
 
@@ -269,43 +221,3 @@ def _orthonormal(basis: Array) -> tuple[Array, Array]:
             return np.linalg.qr(basis)
         q, r = q @ np.linalg.inv(upper), upper @ r
     return q, r
-
-
-def _measured_rows(values: Array | None, axis: int) -> Rows:
-    if values is None:
-        return np.zeros(0, dtype=np.intp)
-    return np.flatnonzero(np.isfinite(values[:, axis]))
-
-
-def _states(part: Part, den: Denominator, column: int, delay: float) -> Array:
-    """Real and imaginary parts of the modes' states, and the delayed input (n, 4·modes + 1)."""
-    times, values = _changes(part.input_time, part.input[:, column])
-    single, double, held = modal_response(part.time, times, values, den.poles, delay)
-    return np.hstack([single.real, -single.imag, double.real, -double.imag, held[:, None]])
-
-
-def held_states(
-    time: Array, input_time: Array, command: Array, den: Denominator, delay: float, bounds: Bounds
-) -> tuple[NDArray[np.complex128], Array]:
-    """States of 1/(s−p) (n, modes) behind a bounded command, and that command (n,), from zero."""
-    times, values = _changes(input_time, command)
-    corners, slopes, reached = ramps(times, values, bounds.rate_limit, bounds.dead_band)
-    single, _, _ = modal_response(time, corners, slopes, den.poles, delay)
-    held = np.zeros(len(time))
-    if len(corners):
-        held = np.interp(time - delay, corners, reached)
-    # a ramp is the integral of its slope: 1/(s−p)·1/s = (1/(s−p) − 1/s)/p
-    return (single - held[:, None]) / den.poles, held
-
-
-def _changes(input_time: Array, command: Array) -> tuple[Array, Array]:
-    """When a command takes a new value, and which, counted from the first."""
-    moved = command - command[0]
-    rows = np.flatnonzero(np.diff(moved, prepend=0.0) != 0.0)
-    return input_time[rows], moved[rows]
-
-
-def _free_states(part: Part, den: Denominator) -> Array:
-    single, double = impulse_response(part.time - part.time[0], den.poles)
-    none = np.zeros((len(part.time), 1))
-    return np.hstack([single.real, -single.imag, double.real, -double.imag, none])

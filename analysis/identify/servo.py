@@ -16,8 +16,9 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.noise import Mask, Pair, weights
 from analysis.identify.problem import Problem
 from analysis.identify.segments import step_folds
-from analysis.identify.servo_response import Structure, servo_response
+from analysis.identify.servo_response import servo_response
 from analysis.identify.servo_starts import grid_of_starts, limits, scales
+from analysis.transfer_function.servo import Structure
 
 Array = NDArray[np.float64]
 

@@ -1,21 +1,21 @@
 """Response of a bounded servo of either structure to a record's commands."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify.basis import denominator, over_single
-from analysis.identify.problem import Part, held_states
 from analysis.identify.ramps import Bounds
 from analysis.identify.servo_motion import play, speed_servo
+from analysis.identify.states import Part, held_states
 from analysis.recording.record import Record
+from analysis.transfer_function.servo import Structure
 
 if TYPE_CHECKING:
-    from analysis.identify.model import ChannelFit, ServoBounds
+    from analysis.identify.evidence import ChannelFit, ServoBounds
 
 Array = NDArray[np.float64]
-Structure = Literal["speed", "command"]
 
 
 def servo_response(

@@ -19,7 +19,8 @@ from analysis.identify.basis import (
     parameters_of,
 )
 from analysis.identify.modal import modal_response
-from analysis.identify.problem import Part, Problem
+from analysis.identify.problem import Problem
+from analysis.identify.states import Part
 
 Array = NDArray[np.float64]
 

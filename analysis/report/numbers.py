@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.comparison.compare import AxisComparison, Comparison, Motion, compare
+from analysis.comparison.compare import AxisComparison, Comparison, compare
+from analysis.comparison.motion import Motion
 from analysis.recording.caveats import caveats
 from analysis.recording.run import AxisRecord, Run
 from analysis.report.figures import AxisFigures, report_figures

@@ -1,6 +1,7 @@
 """The figures a TVC engineer quotes, from raw records and from identified models."""
 
 from analysis.response.figure import Figure, disagreements, over_repeats
+from analysis.response.metrics import Step, StepMetrics, measure, step_metrics
 from analysis.response.model import (
     bandwidth,
     frequency_figures,
@@ -9,6 +10,7 @@ from analysis.response.model import (
     phase_frequency,
     step_response,
 )
+from analysis.response.slew import slew_figures, slew_points
 from analysis.response.static import (
     cosine_loss,
     cross_coupling,
@@ -17,16 +19,7 @@ from analysis.response.static import (
     repeatability,
     staircase_figures,
 )
-from analysis.response.steps import (
-    Step,
-    StepMetrics,
-    cut_steps,
-    measure,
-    slew_figures,
-    slew_points,
-    step_figures,
-    step_metrics,
-)
+from analysis.response.steps import cut_steps, step_figures
 
 __all__ = [
     "Figure",

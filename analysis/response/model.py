@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.response.figure import Figure
-from analysis.response.steps import StepMetrics, step_metrics
+from analysis.response.metrics import StepMetrics, step_metrics
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.response.figure import Figure, fitted_line, over_repeats, student
-from analysis.response.steps import Step
+from analysis.response.metrics import Step
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]

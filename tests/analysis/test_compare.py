@@ -7,7 +7,8 @@ import control
 import numpy as np
 import pytest
 
-from analysis.comparison.compare import Motion, bridged, compare, errors
+from analysis.comparison.compare import compare, errors
+from analysis.comparison.motion import Motion, bridged
 from analysis.schema import AnalysisError
 
 T = np.arange(0.0, 20.0, 0.005)

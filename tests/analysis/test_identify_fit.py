@@ -19,10 +19,10 @@ from analysis.identify import (
     record,
     select_order,
 )
+from analysis.identify.assemble import assemble
 from analysis.identify.basis import denominator, parameters_of
 from analysis.identify.layout import Layout
-from analysis.identify.prediction import nrmse_fit
-from analysis.identify.problem import assemble
+from analysis.identify.prediction import fit_to, nrmse_fit, predict
 from analysis.identify.uncertainty import propagated
 from analysis.transfer_function import TransferFunctionModel
 
@@ -244,13 +244,13 @@ def test_a_two_axis_model_predicts_a_record_of_one_axis():
     model = identify_gimbal([r], coupling="none")
     for k, name in enumerate("xy"):
         (own,) = own_records([r], k)
-        fit = model.fit_to([own])[0]
+        fit = fit_to(model, [own])[0]
         assert fit[k] > 90.0  # noise alone leaves 5 %
         assert np.isnan(fit[1 - k])
         assert own.inputs == (name,)
     single = identify(own_records([r], 0))
     with pytest.raises(IdentificationError, match="the model has x"):
-        single.predict(r)
+        predict(single, r)
 
 
 def test_records_of_one_axis_each_make_a_model_of_both_without_a_word_about_the_resting_one():

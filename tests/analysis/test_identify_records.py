@@ -7,6 +7,7 @@ import pytest
 
 from analysis.identify import IdentificationError, from_recording, identify, record
 from analysis.identify.checks import clipped
+from analysis.recording.record import RecordError
 
 T = np.arange(0.0, 4.0, 0.01)
 STEPS = np.repeat([0.0, 0.1, -0.1, 0.05], 100)
@@ -27,29 +28,29 @@ def noisy(values, sigma=1e-3, seed=0):
 def test_stamps_that_run_backwards_are_named():
     time = T.copy()
     time[50] = time[40]
-    with pytest.raises(IdentificationError, match=r"time runs from 0\.49 s to 0\.4 s at sample 50"):
+    with pytest.raises(RecordError, match=r"time runs from 0\.49 s to 0\.4 s at sample 50"):
         record(time, STEPS, angle=first_order())
 
 
 def test_command_stamps_may_not_stand_still():
-    with pytest.raises(IdentificationError, match="command time runs from"):
+    with pytest.raises(RecordError, match="command time runs from"):
         record(T, [0.0, 1.0, 0.0], command_time=[0.0, 1.0, 1.0], angle=first_order())
 
 
 def test_neither_sensor_is_refused():
-    with pytest.raises(IdentificationError, match="neither angle nor rate"):
+    with pytest.raises(RecordError, match="neither angle nor rate"):
         record(T, STEPS)
 
 
 def test_infinite_readings_are_refused():
     y = first_order()
     y[3] = math.inf
-    with pytest.raises(IdentificationError, match="infinite"):
+    with pytest.raises(RecordError, match="infinite"):
         record(T, STEPS, angle=y)
 
 
 def test_commands_of_another_length_are_refused():
-    with pytest.raises(IdentificationError, match="399 commands but 400 stamps"):
+    with pytest.raises(RecordError, match="399 commands but 400 stamps"):
         record(T, STEPS[:-1], angle=first_order())
 
 
@@ -149,11 +150,11 @@ def test_gyro_delay_is_taken_out_of_the_rate_only():
 def test_commands_that_begin_after_the_samples_need_the_one_before():
     """A list of changes that begins with the first step is no list that begins at rest."""
     changes = {"angle": first_order(), "command_time": [1.0, 2.0, 3.0]}
-    with pytest.raises(IdentificationError, match=r"begin at 1 s, the samples at 0 s.*--before"):
+    with pytest.raises(RecordError, match=r"begin at 1 s, the samples at 0 s.*--before"):
         record(T, [0.1, -0.1, 0.05], **changes)
     r = record(T, [0.1, -0.1, 0.05], **changes, before=[0.0])
     assert (r.held_input(T)[:, 0] == STEPS).all()
-    with pytest.raises(IdentificationError, match="2 commands before the first, not 1"):
+    with pytest.raises(RecordError, match="2 commands before the first, not 1"):
         record(T, [0.1, -0.1, 0.05], **changes, before=[0.0, 0.0])
 
 
@@ -183,7 +184,7 @@ def test_commands_that_were_only_sampled_leave_the_delay_open_and_the_reader_is_
     assert said["exact"] == []
     assert "10 ms too short," in said["shown"][0]
     assert "5 ms too short or too long," in said["sampled"][0]
-    with pytest.raises(IdentificationError, match="stamps of their own"):
+    with pytest.raises(RecordError, match="stamps of their own"):
         record(t, seen, angle=y, command_time=t, stamps="sampled")
 
 

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.linkage.fit import DELAY, Knob, LinkageError, Moves, fit_linkage
+from analysis.linkage.fit import fit_linkage
+from analysis.linkage.problem import DELAY, Knob, LinkageError, Moves
 from analysis.transfer_function import TransferFunctionModel
 
 # 1e-3 kg m² per axis, driven by a spring to the command and damped: a second-order system

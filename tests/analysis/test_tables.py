@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from analysis.identify import IdentificationError
-from analysis.recording.tables import read, to_record
+from analysis.recording.record import RecordError
+from analysis.recording.record_of_table import to_record
+from analysis.recording.tables import read
 from analysis.schema import AnalysisError
 
 GOOD = "t,u,pot,gyro\n0.00,0,0.1,\n0.01,5,0.2,1.5\n0.02,5,,1.0\n0.03,0,0.4,0.5\n"
@@ -73,7 +74,7 @@ def test_semicolons_with_decimal_commas_and_a_byte_order_mark(tmp_path):
 
 def test_backward_stamps_of_a_file_name_the_file(tmp_path):
     text = GOOD.replace("0.02,", "0.005,")
-    with pytest.raises(IdentificationError, match=r"run\.csv: time runs from 0\.01 s to 0\.005 s"):
+    with pytest.raises(RecordError, match=r"run\.csv: time runs from 0\.01 s to 0\.005 s"):
         to_record(table(tmp_path, text), time="t", inputs=["u"], angle=["pot"])
 
 

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.convergence import Trajectory
+from analysis.delays import loop_delay, percentiles
 from analysis.recording.reader import Recording, TimeSeries
 from analysis.schema import AnalysisError
-from analysis.timing import assess, loop_delay, percentiles
+from analysis.timing import assess
 
 PERIOD = 0.004
 TIME = np.arange(1000) * PERIOD

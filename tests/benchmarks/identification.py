@@ -14,8 +14,8 @@ import control
 import numpy as np
 
 from analysis.identify import identify, record
+from analysis.identify.assemble import assemble
 from analysis.identify.identification import layout_of
-from analysis.identify.problem import assemble
 from analysis.identify.uncertainty import cramer_rao
 
 LSB = math.radians(240.0 / 1023.0)  # 10 bits over a potentiometer of 240°

@@ -13,8 +13,9 @@ import pytest
 import serial
 
 from hardware.frames import HardwareError
-from hardware.link import link as link_module
-from hardware.link.link import RETRY_NS, Link, LinkError
+from hardware.link import Link, LinkError
+from hardware.link import port as port_module
+from hardware.link.link import RETRY_NS
 from hardware.protocol import (
     Arm,
     Command,
@@ -244,7 +245,7 @@ def test_a_forbidden_port_is_told_with_the_group_to_join(monkeypatch):
     def refuse(*_args, **_settings):
         raise serial.SerialException(errno.EACCES, "could not open port: Permission denied")
 
-    monkeypatch.setattr(link_module.serial, "serial_for_url", refuse)
+    monkeypatch.setattr(port_module.serial, "serial_for_url", refuse)
     with pytest.raises(LinkError, match="usermod -aG dialout"):
         Link("/dev/ttyUSB0")
 

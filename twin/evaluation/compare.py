@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis import schema
-from analysis.comparison.compare import AxisComparison, Comparison, Motion, bridged
+from analysis.comparison.compare import AxisComparison, Comparison
 from analysis.comparison.compare import compare as side_by_side
 from analysis.comparison.flights import PathDifference, flight_path, holds_flight, path_difference
+from analysis.comparison.motion import Motion, bridged
 from analysis.recording.caveats import caveats
 from analysis.recording.reader import Recording, TimeSeries
 from twin.config import Compare
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import is_table, seen
-from twin.evaluation.words import difference_text, screen
+from twin.evaluation.words import screen
 
 if TYPE_CHECKING:
     from analysis.recording.run import Run
@@ -39,7 +41,7 @@ _FIGURES = (
 
 
 @dataclass(frozen=True)
-class CompareResult:
+class CompareResult(Result):
     """Two motions side by side, and the recording that shows them.
 
     Attributes
@@ -92,7 +94,7 @@ class CompareResult:
         if any(a.left_out for a in c.axes):
             rows.append(("left out, holes", _columns(f"{100 * a.left_out:.1f} %" for a in c.axes)))
         if self.flight is not None:
-            rows.append(("flights, under power", difference_text(self.flight)))
+            rows.append(("flights, under power", self.flight.text()))
         rows += [("fit not counted", f"{axis}: {why}") for axis, why in c.uncounted.items()]
         rows += [("WARNING", w) for w in self.warnings]
         if self.limit is not None:

@@ -14,19 +14,22 @@ from analysis.identify import (
     IdentifiedModel,
     OrderScore,
     Record,
+    fit_to,
     identify_gimbal,
 )
 from twin.config import Identify
+from twin.config.paths import writable
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
-from twin.evaluation.words import quantity, screen, writable
+from twin.evaluation.words import quantity, screen
 
 if TYPE_CHECKING:
     from twin.evaluation.linkage import PhysicsResult
 
 
 @dataclass(frozen=True)
-class IdentifyResult:
+class IdentifyResult(Result):
     """An identified model, the file it went to, and how well it predicts what it was not fitted to.
 
     Attributes
@@ -136,7 +139,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
             coupling=config.coupling,
             max_delay=_longest(config),
         )  # fmt: skip
-        fits = [model.fit_to([r])[0] for r in held_back]
+        fits = [fit_to(model, [r])[0] for r in held_back]
     still = [
         f"{r.name}: its readings stand still where it was commanded; it checks nothing"
         for r, f in zip(held_back, fits, strict=True)

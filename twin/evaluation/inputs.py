@@ -11,6 +11,7 @@ from analysis.identify import Record, from_recording
 from analysis.recording import tables
 from analysis.recording.reader import Recording
 from analysis.recording.record import Initial
+from analysis.recording.record_of_table import to_record
 from analysis.recording.tables import KINDS
 from twin.config import Columns, Identify
 from twin.errors import TwinError
@@ -61,9 +62,9 @@ def _recorded(config: Identify, file: Path) -> Given:
     from analysis.recording import reader as recording
     from analysis.recording.caveats import caveats
 
-    for flag in config.told:
+    for flag in config.given:
         if flag != "--angle":  # names a signal here
-            raise TwinError(f"{flag} is about tables; the recording {file} knows its own")
+            raise TwinError(f"{flag} is only for tables; {file} is a recording")
     run = recording.read(file)
     measured = "gimbal/measured" in run.series
     default = None if config.rate else "gimbal/measured" if measured else "gimbal/simulated"
@@ -108,8 +109,8 @@ def seen(config: Columns, files: Sequence[Path]) -> list[Recording]:
     from analysis.recording.reader import read
     from analysis.recording.run import recording_of
 
-    if config.told and files and not any(is_table(f) for f in files):
-        raise TwinError(f"{config.told[0]} is about tables; the recording {files[0]} knows its own")
+    if config.given and files and not any(is_table(f) for f in files):
+        raise TwinError(f"{config.given[0]} is only for tables; {files[0]} is a recording")
     return [recording_of(_dense(_record_of(config, f))) if is_table(f) else read(f) for f in files]
 
 
@@ -132,7 +133,7 @@ def _record_of(
         )
     if config.commands is not None and config.input_stamps is not None:
         raise TwinError(f"--input-stamps {config.input_stamps}: --commands has stamps of its own")
-    return tables.to_record(
+    return to_record(
         tables.read(file),
         time=config.time,
         inputs=_names(config.input),

@@ -12,19 +12,23 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
+from hardware.frames import AXES
 from twin.config import Identify
+from twin.config.paths import writable
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import given
 from twin.evaluation.linkage_data import moves_of
-from twin.evaluation.words import quantity, screen, writable
-from twin.experiments.session import compiled
+from twin.evaluation.words import quantity, screen
 from twin.physics import native
 from twin.physics.mechanism.servo import apply_servo
 from twin.plant import overrides
-from twin.plant.model import AXES, ModelConfig, load
+from twin.plant.compiled import compiled
+from twin.plant.model import ModelConfig, load
 
 if TYPE_CHECKING:
-    from analysis.linkage.fit import Knob, LinkageFit
+    from analysis.linkage.fit import LinkageFit
+    from analysis.linkage.problem import Knob
 
 # What a knob of one name sets; others set the parameter of their own name.
 BACKLASH, FRICTION = "gimbal_backlash", "friction"
@@ -56,7 +60,7 @@ SHORTEST_DELAY, LONGEST_DELAY = -0.005, 0.06  # s
 
 
 @dataclass(frozen=True)
-class PhysicsResult:
+class PhysicsResult(Result):
     """Fitted parameters of the linkage and the override file they went to.
 
     Attributes
@@ -112,13 +116,14 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     ------
     TwinError, AnalysisError : something the user asked for cannot be done, in one line
     """
-    from analysis.linkage.fit import DELAY, fit_linkage
+    from analysis.linkage.fit import fit_linkage
+    from analysis.linkage.problem import DELAY
 
     began = time.perf_counter()
     out = writable(config.out or Path("runs/set.json"))
     if len(config.sources) != 1:
         raise TwinError(f"--linkage: {len(config.sources)} sources; it takes one recording")
-    known = overrides.parse(config.set, config.set_from)
+    known = config.overrides
     source = given(config, config.sources)
     with compiled():
         bench = _Bench(config, known)
@@ -157,7 +162,7 @@ class _Bench:
 
     def knob(self, name: str) -> "Knob":
         """A parameter by name, from a fifth to five times what the model has."""
-        from analysis.linkage.fit import DELAY, Knob
+        from analysis.linkage.problem import DELAY, Knob
 
         unit = UNITS.get(name, "")
         if name == DELAY:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.recording.reader import Recording, TimeSeries
+from analysis.schema import RARE
 from hardware.calibration import Calibration, parsed
 from hardware.frames import GimbalCommand, GimbalState, HardwareError, Pair, SensorFrame
 from hardware.fusion import BaseMap, Fusion
@@ -16,7 +17,6 @@ from twin.config.recorded import typed
 from twin.errors import TwinError
 from twin.hil.playback import recorded_frames
 from twin.plant.plant import Plant
-from twin.recorder.rig_rows import RARE
 
 Array = NDArray[np.float64]
 NEEDED = (

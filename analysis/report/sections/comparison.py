@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.comparison.compare import AxisComparison, Comparison, bridged
+from analysis.comparison.compare import AxisComparison, Comparison
+from analysis.comparison.motion import bridged
 from analysis.recording.run import Run
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table, thinned

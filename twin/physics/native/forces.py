@@ -135,7 +135,7 @@ def _motor(m: int, d: int, data: Array, index: Array) -> None:
         return
     site = int(index[NOZZLE])
     nsite, nbody = size(m, _NSITE), size(m, _NBODY)
-    body = integers(m, _SITE_BODY, nsite)[site]
+    body = int(np.int64(integers(m, _SITE_BODY, nsite)[site]))  # as `_guide` has it
     nozzle = vector(floats(d, _SITE_XPOS, 3 * nsite), site)
     axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
     up = (axis[2], axis[5], axis[8])

@@ -88,9 +88,9 @@ def _struct_extent(fields: Sequence[Any]) -> tuple[int, int]:
 
 
 def constant(value: int) -> int:
-    """Integer of which compiled functions take any value: numba compiles anew for each Python int.
+    """Integer that numba types as int64; a Python int would be a literal, with its own compilation.
 
-    A call `size(m, 48)` with a literal has a type of its own, a NumPy integer has int64.
+    `size(m, _NBODY)` and `size(m, _NSITE)` then share their machine code.
     """
     return cast(int, np.int64(value))
 
@@ -101,6 +101,7 @@ def _offsets(struct: str) -> dict[str, int]:
 
 MODEL: Final = _offsets("mjModel")
 DATA: Final = _offsets("mjData")
+TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; checked by a test
 
 
 def _address(typing_context: Any, pointer: Any) -> Any:

@@ -1,0 +1,89 @@
+"""Motions of the gimbal's axes, interpolated but not across gaps in the readings."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.schema import AnalysisError
+
+Array = NDArray[np.float64]
+
+FEWEST = 16  # samples of a motion, and in common
+GAP = 5.0  # periods without a reading; nothing is interpolated across
+COMMON = 0.98  # of the intervals between stamps; rarer ones are gaps if they are long
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One motion of k axes.
+
+    Attributes
+    ----------
+    time : [s] (n,), increasing
+    values : [rad] (n, k), NaN where not measured
+    components : names of the k axes
+    name : how reports call it
+    """
+
+    time: Array
+    values: Array
+    components: tuple[str, ...]
+    name: str = "motion"
+
+    def __post_init__(self) -> None:
+        time = np.array(self.time, dtype=np.float64)
+        values = np.array(self.values, dtype=np.float64)
+        values = values[:, None] if values.ndim == 1 else values
+        if time.ndim != 1 or values.shape != (len(time), len(self.components)):
+            raise AnalysisError(
+                f"{self.name}: values {values.shape} for {len(time)} stamps and "
+                f"{len(self.components)} axes"
+            )
+        if len(time) < FEWEST:
+            raise AnalysisError(f"{self.name}: {len(time)} samples; {FEWEST} or more are needed")
+        if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
+            raise AnalysisError(f"{self.name}: stamps must be finite and increase")
+        if np.isinf(values).any():
+            raise AnalysisError(f"{self.name}: infinite values")
+        time.setflags(write=False)
+        values.setflags(write=False)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "values", values)
+
+
+def bridged(time: ArrayLike, stamps: ArrayLike, values: ArrayLike, delay: float = 0.0) -> Array:
+    """Values (m,) at times `delay` after those (n,) asked for; NaN outside, and in holes.
+
+    A hole is longer than five periods of the sparser of the two.
+    """
+    t, s, x = (np.asarray(v, dtype=np.float64) for v in (time, stamps, values))
+    there = np.interp(t + delay, s, x, left=math.nan, right=math.nan)
+    there[in_gap(t, s, delay)] = math.nan
+    return there
+
+
+def in_gap(t: Array, s: Array, delay: float = 0.0, margin: float = 0.0) -> NDArray[np.bool_]:
+    """Which of the times (n,), moved by a delay, lie in a hole of the stamps or close to one."""
+    rows = np.flatnonzero(np.diff(s) > GAP * max(_period(t), _period(s)))
+    begun = np.searchsorted(s[rows] - margin, t + delay, side="left")
+    ended = np.searchsorted(s[rows + 1] + margin, t + delay, side="right")
+    return np.asarray(begun > ended)
+
+
+def _period(t: Array) -> float:
+    """Mean, or the gap between bursts of stamps where that is longer: such gaps are no holes."""
+    if len(t) < 2:
+        return 0.0
+    common = np.quantile(np.diff(t), COMMON, method="lower")
+    return max(float(t[-1] - t[0]) / (len(t) - 1), float(common))
+
+
+def unbroken(t: Array, *values: Array) -> tuple[Array, ...]:
+    """The longest stretch without a hole."""
+    breaks = np.flatnonzero(np.diff(t) > GAP * _period(t)) + 1
+    edges = [0, *breaks.tolist(), len(t)]
+    a, b = max(pairwise(edges), key=lambda e: float(t[e[1] - 1] - t[e[0]]))
+    return tuple(v[a:b] for v in (t, *values))

@@ -1,0 +1,129 @@
+"""Evidence for a fit, and the reasons to doubt its figures."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.diagnostics import Saturation, residual_tests
+from analysis.identify.evidence import AxisEvidence, ChannelFit
+from analysis.identify.fit import AxisFit
+from analysis.identify.prediction import nrmse_fit
+from analysis.identify.servo import ServoFit
+from analysis.identify.states import Part
+from analysis.recording.record import Record
+
+Array = NDArray[np.float64]
+
+
+_POOR = 80.0  # percent of fit: below, a figure is a guess
+_COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
+_FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
+SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
+
+
+def stamp_warnings(records: Sequence[Record]) -> list[str]:
+    """One line if commands were only sampled, since delays are uncertain by that period."""
+    late = max((r for r in records if r.doubt), key=lambda r: r.slack, default=None)
+    if late is None:
+        return []
+    way = "too short" if late.stamps == "shown" else "too short or too long"
+    told = f"{late.name}: commands have no stamps of their own: delays may be "
+    told += (
+        f"{1e3 * late.slack:.3g} ms {way}, which their intervals cover; give stamps (--commands)"
+    )
+    return [told]
+
+
+def commanded(part: Part, own: int) -> bool:
+    """Whether a record moved an axis: where it was to stand still, there is nothing to fit."""
+    command = part.input[:, own] if part.input.shape[1] > own else part.input
+    return part.free or bool(np.any(np.diff(command, axis=0)))
+
+
+def evidence(
+    fit: AxisFit | ServoFit, name: str, checked: Saturation, spread: float, own: int = 0
+) -> AxisEvidence:
+    """What speaks for a fit; `own` is the column of the axis' own command."""
+    problem = fit.problem
+    residual = fit.residual if isinstance(fit, ServoFit) else fit.solution.residual
+    spikes = 0 if isinstance(fit, ServoFit) else int(fit.spikes.sum())
+    counted = problem.weight > 0.0
+    fits: list[list[float]] = [[], []]
+    for is_rate in (False, True):
+        for index in range(len(problem.parts)):
+            rows = counted & (problem.owner == index) & (problem.is_rate == is_rate)
+            measured = problem.measured[rows]
+            fits[int(is_rate)].append(
+                nrmse_fit(measured, measured - residual[rows])
+                if rows.any() and commanded(problem.parts[index], own)
+                else float("nan")
+            )
+    weighted = residual * problem.weight
+    tests = [
+        residual_tests(problem, weighted, is_rate) if (problem.is_rate == is_rate).any() else None
+        for is_rate in (False, True)
+    ]
+    return AxisEvidence(
+        name, int(counted.sum()), spikes, fit.noise, tuple(fits[0]), tuple(fits[1]),
+        tests[0], tests[1], checked, fit.converged, spread,
+    )  # fmt: skip
+
+
+def _std(channel: ChannelFit, figure: str) -> float:
+    return next((e.std for e in channel.estimates if e.name.endswith(figure)), 0.0)
+
+
+def warnings_of(
+    axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float, doubt: float
+) -> list[str]:
+    """One line for everything a reader must know before quoting a figure."""
+    found = []
+    name = f"axis '{axis.name}'"
+    both = {
+        what: [f for f in fits if np.isfinite(f)]
+        for what, fits in (("angle", axis.fit_angle), ("rate", axis.fit_rate))
+    }
+    fit = float(np.median([f for fits in both.values() for f in fits] or [np.nan]))
+    if not axis.converged:
+        found.append(f"{name}: the search did not settle; treat the figures as a guess")
+    if not fit >= _POOR:
+        told = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both.items() if fits)
+        found.append(f"{name}: poor fit ({told}); another order, or something unmodelled")
+    if axis.saturation.saturated:
+        found.append(
+            f"{name}: rate-limited, the speed grows with the amplitude to the power "
+            f"{axis.saturation.exponent:.2f}, not 1; a linear natural frequency means little, "
+            "fit the servo"
+        )
+    elif axis.saturation.saturated is None and axis.saturation.steps >= 4:
+        found.append(f"{name}: steps of one size only; saturation cannot be told from slowness")
+    for what, tests in (("angle", axis.residual_angle), ("rate", axis.residual_rate)):
+        if tests and tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3:
+            found.append(
+                f"{name}: the {what} residual is not white (autocorrelation "
+                f"{tests.autocorrelation:.2f}); there is motion the model lacks"
+            )
+        if tests and tests.cross_correlation > max(tests.bound, _FOLLOWS):
+            found.append(
+                f"{name}: the {what} residual follows the command (correlation "
+                f"{tests.cross_correlation:.2f} with its changes, noise stays below "
+                f"{tests.bound:.2f}); the model lacks an answer to it"
+            )
+    if axis.spread > SPREAD:
+        found.append(
+            f"{name}: steps disagree {axis.spread:.1f} times more than their noise; "
+            "intervals are from the bootstrap"
+        )
+    if axis.spikes:
+        found.append(f"{name}: {axis.spikes} readings set aside as spikes")
+    for channel in row:
+        if channel.delay > 0.98 * longest:
+            found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")
+        std = _std(channel, "delay")
+        if channel.delay + 1.96 * np.sqrt(max(std**2 - doubt**2, 0.0)) < 0.0:
+            found.append(
+                f"{name}: delay {1e3 * channel.delay:.1f} ms: the command came before the sample "
+                "that first shows it; give commands stamps of their own"
+            )
+    return found

@@ -1,0 +1,141 @@
+"""What an identification says of one number, one axis and one channel, with its uncertainty."""
+
+from dataclasses import dataclass, field, fields, is_dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.diagnostics import Residuals, Saturation
+from analysis.transfer_function.servo import Structure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One estimated number.
+
+    Attributes
+    ----------
+    name, unit : e.g. `x/x natural frequency`, `rad/s`; channels are named output/input
+    value : as estimated
+    std : standard deviation, from the Jacobian or, where that is larger by half, the bootstrap
+    interval : of 95 % confidence
+    """
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Interval of 95 % confidence."""
+        return self.value - 1.96 * self.std, self.value + 1.96 * self.std
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON."""
+        low, high = self.interval
+        return {
+            "name": self.name, "value": self.value, "std": self.std, "unit": self.unit,
+            "low": low, "high": high,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class AxisEvidence:
+    """What the readings of one axis say about its model.
+
+    Attributes
+    ----------
+    name : of the axis
+    samples : readings used
+    spikes : readings set aside as spikes
+    noise : of angle [rad] and rate [rad/s] readings as estimated, NaN where not measured
+    fit_angle, fit_rate : NRMSE fit of each record [%], NaN where not measured; around each
+        record's own offset, spikes left out
+    residual_angle, residual_rate : tests of the residual
+    saturation : does the speed grow with the amplitude
+    converged : the search ended at a minimum
+    spread : bootstrap over Jacobian standard deviation, median over the parameters, NaN if unknown
+    """
+
+    name: str
+    samples: int
+    spikes: int
+    noise: tuple[float, float]
+    fit_angle: tuple[float, ...]
+    fit_rate: tuple[float, ...]
+    residual_angle: Residuals | None
+    residual_rate: Residuals | None
+    saturation: Saturation
+    converged: bool
+    spread: float
+
+    @property
+    def fit(self) -> tuple[float, ...]:
+        """NRMSE fit of each record [%], of the angle where any was measured, else of the rate."""
+        return self.fit_angle if np.isfinite(self.fit_angle).any() else self.fit_rate
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain numbers for JSON; NaN becomes None."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+@dataclass(frozen=True, slots=True)
+class ServoBounds:
+    """Bounds of the servo of one axis.
+
+    Attributes
+    ----------
+    structure : `speed`: the servo's own loop saturates; `command`: ramps ahead of the linear part
+    rate_limit : of the output [rad/s]
+    dead_band : half width, on the command [rad]
+    backlash : total width at the output [rad]
+    """
+
+    structure: Structure
+    rate_limit: Estimate
+    dead_band: Estimate
+    backlash: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFit:
+    """One transfer function with the covariance of its parameters.
+
+    Attributes
+    ----------
+    num, den : descending powers of s; radians per radian
+    delay : [s]; below zero if the command was given before the sample that first shows it
+    estimates : gain, poles, zeros and delay in the field's own figures
+    parameters : what `covariance` is of: ln c of the denominator, delay [s], numerator coefficients
+    """
+
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    delay: float
+    estimates: tuple[Estimate, ...]
+    parameters: Array = field(repr=False)
+    covariance: Array = field(repr=False)
+
+    def frequency_response(self, omega: Array) -> NDArray[np.complex128]:
+        """Complex gain at angular frequencies (n,) [rad/s], delay included."""
+        s = 1j * np.asarray(omega, dtype=np.float64)
+        ratio = np.polyval(self.num, s) / np.polyval(self.den, s)
+        return np.asarray(ratio * np.exp(-s * self.delay))
+
+
+def plain(value: object) -> object:
+    """Dataclasses, tuples and NumPy numbers as what JSON holds."""
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, tuple | list):
+        return [plain(v) for v in value]
+    if isinstance(value, dict):
+        return {k: plain(v) for k, v in value.items()}
+    if is_dataclass(value):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.bool_ | np.integer):
+        return value.item()
+    return value

@@ -1,0 +1,299 @@
+"""The residual of a recording against a simulated gimbal, as `mujoco.sysid` takes it."""
+
+import importlib
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.identify.prediction import nrmse_fit
+from analysis.schema import AnalysisError
+
+Array = NDArray[np.float64]
+
+
+Build = Callable[[Mapping[str, float]], mujoco.MjModel]
+DELAY = "delay"
+# Relative. Stick, play and dead band make the loss rough: slopes between near neighbours are of the
+# dents, not of the valley, and promise deviations several times too small. So the search takes its
+# slopes across a wide difference, and ends with planes laid through many places around it.
+_DIFFERENCE = 0.1
+_PLACES = 32
+_WIDTH = 0.35  # standard deviation of their logarithms; servos of one kind differ by half
+_DAMPING = (1e-3, 1e3)  # of a search step, over the slopes' own curvature; a stall costs its ratio
+_THREADS = 2
+HELD_OUT = 3  # every third move
+
+
+class LinkageError(AnalysisError):
+    """A recording or parameter no physics can be fitted with, told in one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """One parameter to fit.
+
+    Attributes
+    ----------
+    name, unit : how reports call it
+    start : where the search begins
+    low, high : bounds, low < start < high
+    """
+
+    name: str
+    start: float
+    low: float
+    high: float
+    unit: str
+
+    def __post_init__(self) -> None:
+        if not (self.low < self.start < self.high and math.isfinite(self.high - self.low)):
+            raise LinkageError(
+                f"{self.name}: starts at {self.start:g}, which is not within {self.low:g} to "
+                f"{self.high:g}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Moves:
+    """What a gimbal was told and what was read of it.
+
+    Attributes
+    ----------
+    control : actuator commands (steps, nu), one a physics step of the model
+    time : of the readings [s] (n,), from 0 where the control begins
+    angle : readings [rad] (n, 2), NaN where there is none
+    changes : when the command changes [s] (k,): each begins a move
+    """
+
+    control: Array
+    time: Array
+    angle: Array
+    changes: Array
+
+    @property
+    def move(self) -> NDArray[np.intp]:
+        """Number of the move each reading belongs to (n,)."""
+        number: NDArray[np.intp] = np.searchsorted(self.changes, self.time, side="right")
+        return number
+
+    @property
+    def held_out(self) -> NDArray[np.bool_]:
+        """Readings of every third move (n,), which the fit does not see."""
+        move = self.move
+        return np.asarray((move % HELD_OUT == 0) & (move > 0))
+
+
+class LinkageProblem:
+    """The residual as `mujoco.sysid` wants it.
+
+    Parameters are logarithms over their start; those that may be zero are in units of their start.
+    """
+
+    def __init__(
+        self, moves: Moves, knobs: tuple[Knob, ...], build: Build, joints: tuple[str, ...]
+    ) -> None:
+        sysid = sysid_module()
+        self.moves, self.knobs, self._build, self.joints = moves, knobs, build, joints
+        self.scale = np.array([abs(k.start) or k.high - k.low for k in knobs])
+        self.positive = np.array([k.low > 0.0 for k in knobs])
+        self.start: Array = self._coordinates([k.start for k in knobs])
+        low = self._coordinates([k.low for k in knobs])
+        high = self._coordinates([k.high for k in knobs])
+        self.parameters = sysid.ParameterDict()
+        for k, at, least, most in zip(knobs, self.start, low, high, strict=True):
+            self.parameters.add(sysid.Parameter(k.name, at, least, most))
+        model = build({k.name: k.start for k in knobs if k.name != DELAY})
+        self._trajectory = self._measured(model)
+        self._address = [self._joint(model, name) for name in joints]
+        self.read = np.isfinite(moves.angle)
+        self.train = ~moves.held_out
+
+    @staticmethod
+    def _joint(model: mujoco.MjModel, name: str) -> int:
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) < 0:
+            raise LinkageError(f"the model has no joint '{name}'")
+        return 1 + int(model.joint(name).qposadr[0])  # the state begins with the time
+
+    def _measured(self, model: mujoco.MjModel) -> Any:  # noqa: ANN401  mujoco.sysid is untyped here
+        sysid = sysid_module()
+        dt = model.opt.timestep
+        u = self.moves.control
+        if u.shape[1] != model.nu:
+            raise LinkageError(f"{u.shape[1]} commands for a model of {model.nu} actuators")
+        times = dt * np.arange(len(u))
+        names = [model.actuator(i).name for i in range(model.nu)]
+        return sysid.SystemTrajectory(
+            model=model,
+            control=sysid.TimeSeries.from_control_names(times, u, model, names),
+            sensordata=sysid.TimeSeries(times, np.zeros((len(u), model.nsensordata))),
+            initial_state=_at_rest(model),
+            state=None,
+        )
+
+    def _coordinates(self, values: Sequence[float]) -> Array:
+        ratio = np.array(values) / self.scale
+        return np.where(self.positive, np.log(np.where(self.positive, ratio, 1.0)), ratio)
+
+    def amounts(self, x: Array) -> Array:
+        """Parameters (knobs,) in their own units."""
+        return np.asarray(self.scale * np.where(self.positive, np.exp(x), x))
+
+    def values(self, x: Array) -> dict[str, float]:
+        """Parameters by name, in their own units."""
+        return {k.name: float(v) for k, v in zip(self.knobs, self.amounts(x), strict=True)}
+
+    def _model(self, parameters: Any) -> mujoco.MjModel:  # noqa: ANN401
+        values = self.values(parameters.as_vector())
+        values.pop(DELAY, None)
+        return self._build(values)
+
+    def residuals(self, x: Array, parameters: Any) -> tuple[list[Array], Any, Any]:  # noqa: ANN401
+        """Readings minus model over the moves fitted (rows,) or (rows, candidates)."""
+        left = self.left(x, parameters)[self.train]  # (n, 2, candidates)
+        left = left[self.read[self.train]]
+        flat = left[:, 0] if x.ndim == 1 else left
+        return [flat], None, None
+
+    def left(self, x: Array, parameters: Any = None) -> Array:  # noqa: ANN401
+        """Model minus reading (n, 2, candidates), the sensors' offsets taken out."""
+        columns = x.reshape(len(self.knobs), -1)
+        parameters = self.parameters.copy() if parameters is None else parameters
+        found, _, _ = sysid_module().model_residual(
+            columns, parameters, self._model, [self._trajectory],
+            modify_residual=self._compare, n_threads=_THREADS, resample_true=False,
+        )  # fmt: skip
+        shaped = np.asarray(found).reshape(len(self.moves.time), len(self.joints), -1)
+        seen = np.where((self.read & self.train[:, None])[:, :, None], shaped, np.nan)
+        return np.asarray(shaped - np.nanmean(seen, axis=0))
+
+    def _compare(
+        self,
+        parameters: Any,  # noqa: ANN401
+        predicted: Any,  # noqa: ANN401, ARG002
+        measured: Any,  # noqa: ANN401
+        model: mujoco.MjModel,  # noqa: ARG002  the hook's signature
+        everything: bool,  # noqa: ARG002
+        *,
+        state: Array,
+    ) -> tuple[Array, Any, Any]:
+        late = self.values(parameters.as_vector()).get(DELAY, 0.0)
+        t = np.concatenate([[0.0], state[:, 0]])
+        columns = []
+        for j, at in enumerate(self._address):
+            y = np.concatenate([state[:1, at], state[:, at]])
+            columns.append(np.interp(self.moves.time - late, t, y) - self.moves.angle[:, j])
+        return np.stack(columns, axis=1), measured, measured
+
+    def _draws(self, seed: int) -> Array:
+        """Evenly spread normal draws (knobs, places), several for each knob."""
+        from scipy.stats import qmc
+
+        size = max(_PLACES, 1 << (4 * len(self.knobs)).bit_length())
+        engine = qmc.MultivariateNormalQMC(np.zeros(len(self.knobs)), seed=seed)
+        return np.asarray(engine.random(size).T)
+
+    def best(self) -> Array:
+        """The best of the start and places around it."""
+        low, high = (b[:, None] for b in self.parameters.get_bounds())
+        places = self.start[:, None] + _WIDTH * self._draws(0)
+        tried = np.clip(np.hstack([self.start[:, None], places]), low, high)
+        left = self.residuals(tried, self.parameters.copy())[0][0]
+        return np.asarray(tried[:, int(np.argmin(np.sum(left**2, axis=0)))])
+
+    def slope(self, x: Array) -> Array:
+        """∂residual/∂x (rows, knobs) across a wide difference, in one batch of rollouts."""
+        low, high = self.parameters.get_bounds()
+        ahead, behind = np.minimum(x + _DIFFERENCE, high), np.maximum(x - _DIFFERENCE, low)
+        both = np.hstack([x[:, None] + np.diag(ahead - x), x[:, None] + np.diag(behind - x)])
+        found = self.residuals(both, self.parameters.copy())[0][0]
+        n = len(x)
+        return np.asarray((found[:, :n] - found[:, n:]) / (ahead - behind))
+
+    def plane(
+        self, x: Array, jacobian: Array, across: tuple[float, float], seed: int
+    ) -> tuple[Array, Array]:
+        """Residual at x (rows,) and slopes (rows, knobs) of the plane through places around it.
+
+        Parameters
+        ----------
+        jacobian : slopes as known so far; they say how far the fit tells each direction
+        across : where the places lie: deviations, and a distance that is added
+        """
+        width, least = across
+        residual = self.residuals(x, self.parameters.copy())[0][0]
+        covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.var(residual)
+        spread = np.linalg.cholesky(width**2 * covariance + least**2 * np.eye(len(x)))
+        low, high = (b[:, None] for b in self.parameters.get_bounds())
+        places = np.clip(x[:, None] + spread @ self._draws(seed), low, high)
+        found = self.residuals(places, self.parameters.copy())[0][0]
+        design = np.vstack([np.ones(places.shape[1]), places - x[:, None]]).T
+        plane = np.linalg.lstsq(design, found.T, rcond=1e-9)[0]
+        return np.asarray(plane[0]), np.asarray(plane[1:].T)
+
+    def lowest(self, x: Array, residual: Array, jacobian: Array) -> Array:
+        """Where a plane says that the loss is least, within the bounds."""
+        from scipy.optimize import lsq_linear
+
+        low, high = self.parameters.get_bounds()
+        tiny = 1e-9 * (high - low)  # SciPy wants room between the bounds and where it starts
+        found = lsq_linear(jacobian, -residual, (low - x - tiny, high - x + tiny))
+        return np.asarray(np.clip(x + found.x, low, high))
+
+    def descended(self, x: Array, most: int) -> Array:
+        """Where `mujoco.sysid` gets from x with wide slopes."""
+        self.parameters.update_from_vector(x)
+        least, largest = _DAMPING
+        _, found = sysid_module().optimize(
+            self.parameters,
+            self.residuals,
+            optimizer="mujoco",
+            verbose=False,
+            output=io.StringIO(),  # of the search's own log, which nothing else silences
+            jacobian=lambda at, _: self.slope(at.ravel()),
+            mu_min=least,
+            mu_max=largest,
+            mu_factor=10.0**0.5,
+            xtol=1e-3,
+            max_iters=most,
+            x_scale="jac",
+        )
+        return np.asarray(found.x, dtype=np.float64).ravel()
+
+    def fits(self, x: Array, rows: NDArray[np.bool_]) -> tuple[float, ...]:
+        """NRMSE fit [%] of each axis over some readings."""
+        left = self.left(x)[:, :, 0]
+        found = []
+        for j in range(left.shape[1]):
+            good = rows & self.read[:, j]
+            y = self.moves.angle[good, j]
+            found.append(nrmse_fit(y, y + left[good, j]) if good.sum() > 2 else math.nan)
+        return tuple(found)
+
+
+def sysid_module() -> Any:  # noqa: ANN401
+    """`mujoco.sysid`, by name: its types would drag in those of mujoco, which has none.
+
+    Raises
+    ------
+    LinkageError
+        if it is not installed.
+    """
+    found = importlib.import_module("mujoco.sysid")
+    if not hasattr(found, "optimize"):
+        raise LinkageError("mujoco.sysid lacks its own needs; install `mujoco[sysid]`")
+    return found
+
+
+def _at_rest(model: mujoco.MjModel) -> Array:
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    state = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, state, kind)
+    return state
