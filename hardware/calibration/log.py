@@ -3,19 +3,21 @@
 from dataclasses import dataclass, field
 from math import radians
 
+from hardware.calibration.linearisation import Linearisation
+from hardware.calibration.result import NEUTRAL
 from hardware.frames import Pair, Triple
+from hardware.parts import SWITCH_ANGLE
 
 SWITCHES = ("+x", "-x", "+y", "-y")
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationRig:
-    """The printed rig with its switches, and how to drive to them.
+    """The printed rig with its switches, the mechanism in it, and how to drive to them.
 
     Attributes
     ----------
-    switch_angle : at which +x, −x, +y, −y close; those of the printed rig, the numeric of the same
-        name in mjcf/bench.xml [rad]
+    switch_angle : at which +x, −x, +y, −y close [rad]
     switch_sigma : standard deviation of these angles [rad]
     neutral : pulse widths to start from [s]
     lowest, highest : pulse widths that are safe [s]
@@ -26,16 +28,17 @@ class CalibrationRig:
     offsets : places at which the other servo is held [s]
     repeats : approaches per switch and place
     seed : of the random start of each approach, which spreads quantisation evenly
+    linearisation : of the mechanism that is calibrated
     """
 
     switch_angle: tuple[float, float, float, float] = (
-        radians(9.0),
-        radians(-9.0),
-        radians(9.0),
-        radians(-9.0),
+        SWITCH_ANGLE,
+        -SWITCH_ANGLE,
+        SWITCH_ANGLE,
+        -SWITCH_ANGLE,
     )
     switch_sigma: float = radians(0.03)
-    neutral: Pair = (1.5e-3, 1.5e-3)
+    neutral: Pair = (NEUTRAL, NEUTRAL)
     lowest: float = 1.0e-3
     highest: float = 2.0e-3
     coarse: float = 10e-6
@@ -46,6 +49,7 @@ class CalibrationRig:
     offsets: tuple[float, ...] = (0.0, 70e-6, -70e-6)  # 3°: the lever for the coupling
     repeats: int = 3
     seed: int = 0
+    linearisation: Linearisation = field(default_factory=Linearisation)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +65,7 @@ class Event:
     potentiometer : mean readings at rest [1]
     time : device time, at rest [s]
     gyro : integral of the holder gyro's reading since the start, bias included, at rest [rad]
+    came : direction in which the other axis moved last, +1 or −1; 0 where that is not recorded
     """
 
     switch: int
@@ -70,6 +75,7 @@ class Event:
     potentiometer: tuple[float, float, float, float]
     time: float
     gyro: Triple
+    came: int = 0
 
 
 @dataclass(slots=True)

@@ -18,10 +18,9 @@ from analysis.comparison.motion import Motion, bridged
 from analysis.recording.caveats import caveats
 from analysis.recording.reader import Recording, TimeSeries
 from twin.config import Compare
-from twin.config.result import Result
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import is_table, seen
-from twin.evaluation.words import screen
 
 if TYPE_CHECKING:
     from analysis.recording.run import Run
@@ -79,8 +78,8 @@ class CompareResult(Result):
             "wall_s": self.wall_s,
         }
 
-    def text(self) -> str:
-        """One screen."""
+    def rows(self) -> Rows:
+        """The result as a table."""
         c = self.comparison
         rows = [("reference", c.reference), ("compared", c.other)]
         if abs(self.shift) > 1e-6:
@@ -102,7 +101,7 @@ class CompareResult(Result):
             fit = f"worst fit {c.fit:.2f} %" if math.isfinite(c.fit) else "no axis counts"
             rows.append((word, f"{fit}, {self.limit:g} % asked for"))
         rows += [("recording", str(self.file)), ("", f"twin view {self.file}")]
-        return screen(rows)
+        return rows
 
 
 @dataclass(frozen=True)

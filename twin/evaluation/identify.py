@@ -19,10 +19,10 @@ from analysis.identify import (
 )
 from twin.config import Identify
 from twin.config.paths import writable
-from twin.config.result import Result
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
-from twin.evaluation.words import quantity, screen
+from twin.evaluation.words import quantity
 
 if TYPE_CHECKING:
     from twin.evaluation.linkage import PhysicsResult
@@ -61,8 +61,8 @@ class IdentifyResult(Result):
             "wall_s": self.wall_s,
         }
 
-    def text(self) -> str:
-        """One screen."""
+    def rows(self) -> Rows:
+        """The result as a table."""
         rows = [("identified from", ", ".join(self.sources))]
         rows += [
             (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
@@ -83,7 +83,7 @@ class IdentifyResult(Result):
         rows.append(("model", str(self.file)))
         if len(self.model.inputs) == 2:
             rows.append(("", f"twin fly --gimbal transfer-function --model {self.file}"))
-        return screen(rows)
+        return rows
 
     def _check(self, fits: tuple[float, ...]) -> str:
         told = [
