@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 import twin
 import twin.gym
-from analysis.recording.reader import read
+from analysis.recording import read
 from twin.errors import DivergenceError, TwinError
 from twin.gym import COMPONENTS, GimbalEnv, Policy
 from twin.gym.observation import HIGH, LOW

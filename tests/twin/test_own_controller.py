@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import twin
-from analysis.recording.reader import read
+from analysis.recording import read
 from hardware.frames import GimbalState
 from tests.twin.test_cli import run as command
 from twin.config import Fly

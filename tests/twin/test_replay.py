@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.recording.reader import Recording, TimeSeries, read
+from analysis.recording import Recording, TimeSeries, read
 from hardware.calibration import CalibrationError
 from hardware.calibration import write as write_calibration
 from hardware.frames import HardwareError

@@ -128,9 +128,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     with compiled():
         bench = _Bench(config, known)
         knobs = [bench.knob(name) for name in _names(config, simulated=source.simulated)]
-        fit = fit_linkage(
-            moves_of(source.records[0], config.sources[0], bench.model), knobs, bench.built
-        )
+        fit = fit_linkage(moves_of(source.runs[0], bench.model), knobs, bench.built)
     values = {e.name: e.value for e in fit.estimates}
     late = values.pop(DELAY, 0.0)
     warnings = [*fit.warnings, *source.doubts]
@@ -139,7 +137,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     written = {**known, **{t: v for n, v in values.items() for t in TARGETS.get(n, (n,))}}
     _write(out, written)
     return PhysicsResult(
-        fit, written, out, tuple(r.name for r in source.records), tuple(warnings),
+        fit, written, out, tuple(r.name for r in source.runs), tuple(warnings),
         time.perf_counter() - began,
     )  # fmt: skip
 

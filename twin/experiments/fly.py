@@ -19,7 +19,7 @@ from twin.plant.authority import control_config
 from twin.plant.plant import Plant
 
 if TYPE_CHECKING:
-    from analysis.recording.reader import Recording
+    from analysis.recording import Recording
     from twin.hil.turntable import Turntable
 
 
