@@ -6,13 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import hardware.fusion.axis
 import pytest
 
 import analysis.identify.modal
 import analysis.identify.ramps
 import analysis.identify.servo_motion
 import analysis.transfer_function.speed
-import hardware.fusion.axis
 import twin.control.attitude
 import twin.control.guidance
 import twin.control.pid

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from analysis.recording.reader import Recording
+from analysis.recording import Recording
 from hardware.calibration import Calibration
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse
@@ -15,16 +15,17 @@ from hardware.frames import Pair, SensorFrame
 from hardware.fusion import Fusion
 from hardware.link import Link
 from hardware.rig import Rig, in_process
+from twin.config import TURNTABLE
 from twin.config.seats import SIMULATED, check_seat, is_rig
 from twin.errors import TwinError
-from twin.hil.bench import TURNTABLE, BenchPlant
+from twin.hil.bench import BenchPlant
 from twin.hil.gimbal import RigGimbal
 from twin.hil.simulated import Device, make_device, nominal_calibration, parameters
 from twin.hil.turntable import find_base
 from twin.plant.model import ModelConfig, TwinModel, load
 from twin.plant.plant import Plant
 
-OF_THE_RIG = ("gimbal_", TURNTABLE)
+RIG_PARAMETERS = ("gimbal_", TURNTABLE)  # first parts of their names; the second on a turntable
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def device(options: RigOptions) -> Device:
 
 def _model(options: RigOptions, scene: str) -> TwinModel:
     """A scene with the rig's mechanism; the bench is the one that knows the limit switches."""
-    names = OF_THE_RIG if scene == TURNTABLE else OF_THE_RIG[:1]
+    names = RIG_PARAMETERS if scene == TURNTABLE else RIG_PARAMETERS[:1]
     ours = {k: v for k, v in options.overrides.items() if k.startswith(names)}
     return load(ModelConfig(scene=scene, mechanism=options.mechanism, overrides=ours))
 

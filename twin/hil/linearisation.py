@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.calibration import Linearisation
+from hardware.frames import AXES
 from twin.errors import TwinError
 from twin.physics.mechanism import Kinematics
-from twin.plant.model import AXES
 
 Array = NDArray[np.float64]
 

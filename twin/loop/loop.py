@@ -1,6 +1,6 @@
 """The loop: controller → command → gimbal → state → vehicle, one row a tick. There is no other."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -12,6 +12,7 @@ from twin.loop.clock import Clock, Ledger
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
+TIME_UP = "time"  # why a loop ended that nothing else ended
 
 
 class Gimbal(Protocol):
@@ -76,12 +77,35 @@ def run(
     stop: Callable[[], str | None] = lambda: None,
     ledger: Ledger | None = None,
 ) -> Outcome:
+    """Run the loop to its end; parameters and errors are those of `ticks`."""
+    tick = ticks(
+        seats, steps_per_tick=steps_per_tick, duration_ns=duration_ns, command=command,
+        each_tick=each_tick, stop=stop, ledger=ledger,
+    )  # fmt: skip
+    while not isinstance(outcome := next(tick), Outcome):
+        pass
+    return outcome
+
+
+def ticks(
+    seats: Seats,
+    *,
+    steps_per_tick: int,
+    duration_ns: int,
+    command: Array,
+    each_tick: Sequence[Callable[[int], None]] = (),
+    stop: Callable[[], str | None] = lambda: None,
+    ledger: Ledger | None = None,
+) -> Iterator[GimbalState | Outcome]:
     """Run the seats until `duration_ns` of experiment time or until `stop` gives a reason.
+
+    Yields the gimbal's state in every tick, before the controller is asked for its command, and
+    the outcome after the last tick.
 
     Parameters
     ----------
     steps_per_tick : physics steps between two commands
-    command : (2,) array that holds the latest command, for whoever records it [rad]
+    command : (2,) array that holds the latest command, for the recorder [rad]
     each_tick : called with the tick's time [ns] after the command is sent and before the plant
         moves on, so that what they read belongs to one instant
 
@@ -90,7 +114,7 @@ def run(
     DivergenceError : the plant left the finite numbers
     """
     plant, gimbal, controller, clock = seats.plant, seats.gimbal, seats.controller, seats.clock
-    ticks = 0
+    count = 0
     time_ns = plant.time_ns
     listen = None
     if isinstance(gimbal, Listening):
@@ -100,15 +124,18 @@ def run(
         late = clock.wait(time_ns, listen)
         if ledger is not None:
             ledger.enter(late)
-        angle = controller.update(time_ns * 1e-9, gimbal.poll())
+        state = gimbal.poll()
+        yield state
+        angle = controller.update(time_ns * 1e-9, state)
         command[0], command[1] = angle
         gimbal.send(GimbalCommand(time_ns, angle))
         for act in each_tick:
             act(time_ns)
-        ticks += 1
+        count += 1
         plant.advance(steps_per_tick)
         time_ns = plant.time_ns
         reason = stop()
         if reason is not None:
-            return Outcome(ticks, reason)
-    return Outcome(ticks, "time")
+            yield Outcome(count, reason)
+            return
+    yield Outcome(count, TIME_UP)
