@@ -1,6 +1,6 @@
 """The numerics a model carries for the compiled forces: name, size, unit, meaning, default.
 
-docs/aerodynamics.md shows this table, as `table` prints it; `bind` checks a model against it.
+docs/aerodynamics.md shows the same table; `bind` checks a model against it.
 """
 
 from dataclasses import dataclass
@@ -66,10 +66,3 @@ SITES: Final = ("gimbal_nozzle",)
 INDEX: Final = "native_index"
 
 SLOT: Final = {numeric.name: k for k, numeric in enumerate(NUMERICS)}
-
-
-def table() -> str:
-    """The numerics as a Markdown table."""
-    head = "| numeric | size | unit | meaning | default |\n|---|---|---|---|---|\n"
-    rows = (f"| `{n.name}` | {n.size} | {n.unit} | {n.meaning} | {n.default} |" for n in NUMERICS)
-    return head + "\n".join(rows)
