@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long test-tools bench lint format meshes docs-check lock clean
+.PHONY: env run test test-long test-tools bench lint format meshes docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -39,6 +39,8 @@ lint: env
 	$(BIN)/python .ci/stub.py --check
 	@bash .ci/test-tools cppcheck
 	@bash .ci/cppcheck
+	$(BIN)/python .ci/states.py --check
+	$(BIN)/python .ci/docs_check.py
 
 format: env
 	$(BIN)/ruff check --fix .
@@ -48,7 +50,13 @@ meshes: env
 	$(BIN)/python -m meshes.generate
 
 docs-check: env
+	$(BIN)/python .ci/states.py --check
 	$(BIN)/python .ci/docs_check.py
+
+# Writes what is generated: the typed signatures and the state diagrams.
+generated: env
+	$(BIN)/python .ci/stub.py
+	$(BIN)/python .ci/states.py
 
 # Renews the pinned lock; needs uv. The lock carries no registry address.
 lock:

@@ -75,7 +75,7 @@ def _function(name: str, verb: Any, returns: str) -> str:  # noqa: ANN401  twin.
         kind = _type(p.annotation)
         if p.name == "set":
             kind = "dict[str, float] | tuple[str, ...]"
-        if p.name == "controller" and name == "fly":
+        if p.name == "controller":
             kind = "object"
         if p.kind is not p.KEYWORD_ONLY:
             many = kind.startswith("tuple")

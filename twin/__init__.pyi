@@ -165,7 +165,7 @@ def replay(
     dt: float | None = ...,
     control_hz: float | None = ...,
     seed: int | None = ...,
-    controller: str | None = ...,
+    controller: object = ...,
     force: bool = ...,
 ) -> ReplayResult: ...
 def report(

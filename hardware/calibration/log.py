@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from math import radians
 
+from hardware.calibration.linearisation import Linearisation
 from hardware.frames import Pair, Triple
 
 SWITCHES = ("+x", "-x", "+y", "-y")
@@ -10,7 +11,7 @@ SWITCHES = ("+x", "-x", "+y", "-y")
 
 @dataclass(frozen=True, slots=True)
 class CalibrationRig:
-    """The printed rig with its switches, and how to drive to them.
+    """The printed rig with its switches, the mechanism in it, and how to drive to them.
 
     Attributes
     ----------
@@ -26,6 +27,7 @@ class CalibrationRig:
     offsets : places at which the other servo is held [s]
     repeats : approaches per switch and place
     seed : of the random start of each approach, which spreads quantisation evenly
+    linearisation : of the mechanism that is calibrated
     """
 
     switch_angle: tuple[float, float, float, float] = (
@@ -46,6 +48,7 @@ class CalibrationRig:
     offsets: tuple[float, ...] = (0.0, 70e-6, -70e-6)  # 3°: the lever for the coupling
     repeats: int = 3
     seed: int = 0
+    linearisation: Linearisation = field(default_factory=Linearisation)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +64,7 @@ class Event:
     potentiometer : mean readings at rest [1]
     time : device time, at rest [s]
     gyro : integral of the holder gyro's reading since the start, bias included, at rest [rad]
+    came : direction in which the other axis moved last, +1 or −1; 0 where that is not recorded
     """
 
     switch: int
@@ -70,6 +74,7 @@ class Event:
     potentiometer: tuple[float, float, float, float]
     time: float
     gyro: Triple
+    came: int = 0
 
 
 @dataclass(slots=True)

@@ -9,8 +9,9 @@ from collections.abc import Generator
 
 import numpy as np
 
+from hardware.calibration.errors import CalibrationError
 from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
-from hardware.calibration.result import Calibration, CalibrationError
+from hardware.calibration.result import Calibration
 from hardware.calibration.solve import solve
 from hardware.frames import Pair, SensorFrame
 
@@ -36,6 +37,7 @@ class Procedure:
         self._pulses = list(self.rig.neutral)
         self._direction = [1, 1]  # which way each servo moves its own axis
         self._found = [0.0] * 4  # pulse width at which each switch closed last
+        self._came = 0  # direction in which the held axis moved last
         self._random = np.random.default_rng(self.rig.seed)
         self._steps = self._run()
         self._total = 8 + 4 * len(self.rig.offsets) * self.rig.repeats * 2
@@ -180,6 +182,7 @@ class Procedure:
         held = self.rig.neutral[other] + offset
         # From a random side, so that the held servo's own play is not always on the same side.
         side = 30e-6 if self._random.random() < 0.5 else -30e-6
+        self._came = -self._direction[other] if side > 0 else self._direction[other]
         yield from self._move(other, held + side)
         yield from self._move(other, held)
         start = self._found[switch] - outwards * (self.rig.backoff + self._random.random() * 4e-6)
@@ -239,5 +242,6 @@ class Procedure:
                 potentiometer=(a, b, c, d),
                 time=frame.device_us * 1e-6,
                 gyro=(x, y, z),
+                came=self._came,
             )
         )

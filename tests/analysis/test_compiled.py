@@ -12,7 +12,6 @@ import analysis.identify.modal
 import analysis.identify.ramps
 import analysis.identify.servo_motion
 import analysis.transfer_function.speed
-import hardware.fusion.axis
 import twin.control.attitude
 import twin.control.guidance
 import twin.control.pid
@@ -29,7 +28,6 @@ MODULES = [
     analysis.identify.ramps,
     analysis.identify.servo_motion,
     analysis.transfer_function.speed,
-    hardware.fusion.axis,
     twin.control.attitude,
     twin.control.guidance,
     twin.control.pid,

@@ -291,7 +291,7 @@ def test_the_shipped_reference_is_a_plausible_nine_gram_servo():
     assert model.inputs == model.outputs == ("x", "y")
     for axis in "xy":
         c = model.channel(axis, axis)
-        # nozzle up on the bench the motor's weight pushes outwards: docs/desk.md
+        # nozzle up on the bench the motor's weight pushes outwards: docs/mirror.md
         assert 1.0 < c.frequency_response([0.0])[0].real < 1.08
         # field notes: 9 g servo, delay of the 20 ms class; −90° well above the attitude loop
         assert 0.005 <= c.delay <= 0.03

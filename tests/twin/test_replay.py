@@ -22,7 +22,7 @@ from twin.errors import TwinError
 from twin.experiments.fly import fly
 from twin.experiments.replay import differences, replay
 from twin.experiments.step import step
-from twin.hil import drawn, parameters
+from twin.hil import nominal_calibration, parameters
 from twin.loop.loop import run
 from twin.physics import native
 from twin.plant.model import ModelConfig, load
@@ -161,7 +161,7 @@ def rig_flight(tmp_path_factory):
     calibration = folder / "calibration.json"
     with native.installed():
         bench = load(ModelConfig(scene="bench")).mj
-        known = drawn(bench, parameters(bench, 3))
+        known = nominal_calibration(bench, parameters(bench, 3))
         x, y = known.zero  # 5 µs off, half a degree: not what a replay would make up by itself
         write_calibration(calibration, replace(known, zero=(x + 5e-6, y - 5e-6)))
     out = folder / "hil.rrd"
@@ -366,5 +366,5 @@ def test_an_override_that_changed_nothing_and_is_refused_by_now_spoils_no_old_re
     found = replay(Replay(out))
     assert found.identical, [d for d in found.differences if not d.equal]
     settings["set"] = ["motor_length=1"]
-    with pytest.raises(TwinError, match=r"cannot be flown again as it was: .*motor_length"):
+    with pytest.raises(TwinError, match=r"cannot be repeated unchanged: .*motor_length"):
         replay(Replay(out))

@@ -12,7 +12,7 @@ from analysis.delays import Delays
 from analysis.recording.reader import Recording, TimeSeries
 from hardware.frames import GimbalCommand, GimbalState
 from twin.config import Fly, Step
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.experiments.assembly import make_plant
 from twin.experiments.programme import setpoint
 from twin.experiments.timing import DelayedGimbal, rerun_of, verdict
@@ -20,6 +20,7 @@ from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
 from twin.physics import native
+from twin.plant.authority import control_config
 
 TICK_NS = 2_000_000  # so that 10, 20 and 40 ms are whole ticks of a plain queue
 END_NS = 5_000_000_000

@@ -91,7 +91,7 @@ def _parsed(kind: type, description: str | None, name: str, arguments: list[str]
 
 
 def _grouped(kind: type[Settings]) -> type:
-    """A dataclass of dataclasses, one a group: tyro prints each under a heading of its own."""
+    """A dataclass of dataclasses, one a group: tyro prints each under its own heading."""
     groups: dict[str, list[tuple[str, Any, Any]]] = {}
     for f in fields(kind):
         group, help_text = described(kind, f.name)
@@ -146,13 +146,13 @@ def _texts(owner: type) -> dict[str, str]:
         return {}
     body = ast.parse(textwrap.dedent(inspect.getsource(owner))).body[0]
     assert isinstance(body, ast.ClassDef)
-    found = {}
+    texts = {}
     for entry, after in zip(body.body, body.body[1:], strict=False):
         if isinstance(entry, ast.AnnAssign) and isinstance(entry.target, ast.Name):
             value = after.value if isinstance(after, ast.Expr) else None
             if isinstance(value, ast.Constant) and isinstance(value.value, str):
-                found[entry.target.id] = " ".join(value.value.split())
-    return found
+                texts[entry.target.id] = " ".join(value.value.split())
+    return texts
 
 
 def _advice(box: str) -> str:

@@ -1,4 +1,4 @@
-"""`twin doctor`: what this machine has of what the twin can use, and what to do about the rest."""
+"""`twin doctor`: what this machine provides, what is missing, and what to do about it."""
 
 import os
 import platform
@@ -23,19 +23,19 @@ ROOT_USER = 0
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at.
+    """One item examined.
 
     Attributes
     ----------
-    topic : what was looked at
+    topic : item
     level : `ok`, `note` (works, could be better) or `missing` (something will not run)
-    found : what is there
+    state : what is present
     remedy : what to do about it; empty where nothing is to be done
     """
 
     topic: str
     level: Level
-    found: str
+    state: str
     remedy: str = ""
 
 
@@ -61,7 +61,7 @@ class DoctorResult(Result):
         """One row a finding, and one for what to do about it."""
         rows: Rows = []
         for f in self.findings:
-            rows.append((f.level, f"{f.topic:<18} {f.found}"))
+            rows.append((f.level, f"{f.topic:<18} {f.state}"))
             if f.remedy:
                 rows.append(("", f"{'':<18} → {f.remedy}"))
         return rows
@@ -96,7 +96,7 @@ def _native() -> Iterator[Finding]:
 
 
 def _rendering() -> Iterator[Finding]:
-    """Try each GL backend in a process of its own: the choice is made once, at import."""
+    """Try each GL backend in a separate process: the choice is made once, at import."""
     program = (
         "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco/>');"
         "r = mujoco.Renderer(m, 32, 32); r.update_scene(mujoco.MjData(m)); r.render()"

@@ -23,8 +23,8 @@ SCREEN_ONLY = ("json",)  # settings about printing, without meaning here
 def function(name: str) -> Callable[..., Any]:
     """Return a verb as a function.
 
-    Its positional arguments are the verb's files; its keyword arguments are the settings. A flight
-    takes `controller=` also as an object with `update(time, gimbal, vehicle)`.
+    Its positional arguments are the verb's files; its keyword arguments are the settings. Where
+    there is a setting `controller`, it may also be an object with `update(time, gimbal, vehicle)`.
     """
     verb = BY_NAME[name]
     place = next((n for n, h in hints(verb.settings).items() if _is_positional(h)), None)
@@ -41,11 +41,9 @@ def function(name: str) -> Callable[..., Any]:
         elif place is not None and place not in settings:
             raise TwinError(f"twin.{name}: needs {place}")
         controller = settings.get("controller")
-        if name == "fly" and controller is not None and not isinstance(controller, str):
-            settings = {k: v for k, v in settings.items() if k != "controller"}
-            from twin.experiments.flights import fly
-
-            return fly(verb.settings.of(settings), controller)  # type: ignore[arg-type]
+        if controller is not None and not isinstance(controller, str):
+            given = verb.settings.of({**settings, "controller": None})
+            return verb.function(given, controller)
         return verb.function(verb.settings.of(settings))
 
     call.__name__ = call.__qualname__ = name

@@ -8,11 +8,21 @@ from twin.config.base import Settings
 from twin.config.evaluation import Columns, Compare, Doctor, Identify, Report, View
 from twin.config.options import Run
 from twin.config.rig import Calibrate, Mirror, Rig
-from twin.config.runs import Converge, Fly, Replay, Step, added, with_model, without_ineffective
+from twin.config.runs import (
+    OBJECT,
+    Converge,
+    Fly,
+    Replay,
+    Step,
+    added,
+    with_model,
+    without_ineffective,
+)
 from twin.config.types import LARGEST_DT, TURNTABLE, Integrator, OnFault, Programme, Signal
 
 __all__ = [
     "LARGEST_DT",
+    "OBJECT",
     "TURNTABLE",
     "Calibrate",
     "Columns",

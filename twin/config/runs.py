@@ -28,6 +28,7 @@ from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
+OBJECT = "object:"  # how a recording names a controller that was given as a Python object
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +94,13 @@ class Fly(FaultResponse, Run):
             raise TwinError(
                 f"--controller {self.controller}: must be FILE.py:NAME, for example own.py:Loop"
             )
+
+    @property
+    def controller_file(self) -> Path | None:
+        """File of an own controller; None for the attitude loop and for a Python object."""
+        if self.controller is None or self.controller.startswith(OBJECT):
+            return None
+        return Path(self.controller.rpartition(":")[0])
 
     @property
     def turns_about(self) -> str:

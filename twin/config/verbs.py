@@ -28,10 +28,10 @@ class Verb:
     place: str
 
     @property
-    def function(self) -> Callable[[Any], Any]:
+    def function(self) -> Callable[..., Any]:
         """The function, with its imports."""
         module, _, name = self.place.partition(":")
-        function: Callable[[Any], Any] = getattr(import_module(module), name)
+        function: Callable[..., Any] = getattr(import_module(module), name)
         return function
 
 

@@ -15,6 +15,7 @@ from twin.control.pid import low_pass, pid
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
+LARGEST_COMMAND = math.radians(8.0)  # either way from zero; the stops of the gimbal are at 10°
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,7 @@ class ControlConfig:
     ki: float = 10.0
     kd: float = 8.0
     cutoff: float = 80.0
-    limit: float = math.radians(8.0)
+    limit: float = LARGEST_COMMAND
     rate_limit: float = 0.0
     error_limit: float = 0.5
     authority_time: tuple[float, ...] = (0.0,)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import njit
+from hardware.parts import STANDARD_GRAVITY as GRAVITY
 from twin.control.attitude import interpolate
 from twin.control.setpoint import UP, Vector, unit
 from twin.errors import TwinError
@@ -21,7 +22,6 @@ from twin.errors import TwinError
 Array = NDArray[np.float64]
 CONE = math.radians(30.0)
 _SLACK = 1e-6  # rad; a point placed at exactly 30° must pass
-GRAVITY = 9.80665  # m/s², standard
 
 
 @dataclass(frozen=True)

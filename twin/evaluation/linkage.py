@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
+from hardware.frames import AXES
 from twin.config import Identify
 from twin.config.paths import writable
 from twin.config.result import Result
@@ -23,7 +24,7 @@ from twin.physics import native
 from twin.physics.mechanism.servo import apply_servo
 from twin.plant import overrides
 from twin.plant.compiled import compiled
-from twin.plant.model import AXES, ModelConfig, load
+from twin.plant.model import ModelConfig, load
 
 if TYPE_CHECKING:
     from analysis.linkage.fit import LinkageFit

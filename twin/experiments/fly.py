@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from twin.config import Fly
-from twin.control import AttitudeController, Setpoint, control_config
+from twin.config import OBJECT, Fly
+from twin.control import AttitudeController, Setpoint
 from twin.errors import TwinError
 from twin.experiments.flight import Flight, FlightResult
 from twin.experiments.own_controller import OwnController, load
@@ -15,6 +15,7 @@ from twin.experiments.programme import setpoint
 from twin.experiments.session import Session
 from twin.loop.loop import Controller
 from twin.loop.seats import Attitude, Pilot
+from twin.plant.authority import control_config
 from twin.plant.plant import Plant
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def fly(
     """
     began = time.perf_counter()
     if controller is not None:
-        config = replace(config, controller=f"object:{type(controller).__name__}")
+        config = replace(config, controller=f"{OBJECT}{type(controller).__name__}")
     elif config.controller is not None:
         controller = load(config.controller)
     with Session(config, "fly", config.control_hz, motor=config.motor, playback=playback) as s:
@@ -54,7 +55,7 @@ def fly(
         if controller is not None:
             commanding = OwnController(controller, plant, pilot, s.tick_ns * 1e-9)
         guard = s.guard(commanding, config.on_fault, turntable)
-        recorder = s.record(pilot, turntable)
+        recorder = s.record(pilot, turntable, guard)
         flight = Flight(plant, pilot.error, target)
         flight.announce = recorder.event
         s.rehearse(_pilot(plant, programme, s.tick_ns))

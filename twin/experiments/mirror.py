@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from hardware.events import RigBack, RigLost
 from hardware.protocol import Board
 from twin.config import Mirror
 from twin.config.result import Result, Rows
@@ -90,10 +91,10 @@ class _Witness:
     def look(self, time_ns: int) -> None:
         r = self.readings
         self.frames += sum(f.time_ns >= 0 for f in r.frames)
-        for level, text in r.news:
-            if level == "WARN" and text.startswith("rig lost"):
+        for event in r.events:
+            if isinstance(event, RigLost):
                 self._since = time_ns
-            elif self._since is not None and text.startswith("rig back"):
+            elif self._since is not None and isinstance(event, RigBack):
                 self.gaps.append((time_ns - self._since) * 1e-9)
                 self._since = None
         self._seen_ns = time_ns
@@ -145,7 +146,7 @@ def mirror(config: Mirror) -> MirrorResult:
         readings, rows = witness.readings, s.rows
 
         def write(time_ns: int) -> None:
-            if readings.frames or readings.news or time_ns % ROW_NS == 0:
+            if readings.frames or readings.events or time_ns % ROW_NS == 0:
                 rows.write(time_ns)
 
         def over() -> str | None:

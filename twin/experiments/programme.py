@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 
 from twin.config import Fly
-from twin.control import PROGRAMMES, Setpoint, fixed_point, launch_of, steer_to
+from twin.control import PROGRAMMES, Setpoint
 from twin.errors import TwinError
+from twin.plant.authority import fixed_point, launch_of, steer_to
 
 Vector = tuple[float, float, float]
 
@@ -27,8 +28,8 @@ def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | Non
             return PROGRAMMES["hold"](launch=launch, axis=axis), None
         angle = math.radians(config.amplitude_deg)
         kind = PROGRAMMES[config.programme]
-        found = kind(launch=launch, axis=axis, amplitude=angle, begin=config.at_s)  # type: ignore[call-arg]
-        return found, None
+        programme = kind(launch=launch, axis=axis, amplitude=angle, begin=config.at_s)  # type: ignore[call-arg]
+        return programme, None
     if config.target is not None:
         start = start_of(model)
         x, y, z = (o + t for o, t in zip(start, config.target, strict=True))

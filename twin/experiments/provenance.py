@@ -52,7 +52,7 @@ def make_recorder(
     """
     properties = _properties(config, verb, twin)
     if playback is not None:
-        properties["files"] = playback.properties.get("files", {})
+        properties["files"] = _files_of(playback) | _only(properties["files"], "controller")
     if rig is not None and rig.base is not None:
         properties["base"] = asdict(rig.base)
     if real_time:
@@ -83,12 +83,21 @@ def _properties(config: Run, verb: str, twin: TwinModel) -> dict[str, object]:
     }
 
 
+def _files_of(playback: "Recording") -> dict[str, object]:
+    files = playback.properties.get("files")
+    return dict(files) if isinstance(files, dict) else {}
+
+
+def _only(files: object, name: str) -> dict[str, object]:
+    return {name: files[name]} if isinstance(files, dict) and name in files else {}
+
+
 def _files(config: Run) -> dict[str, Path]:
     """Files that decide what the run does, by the setting that names them."""
     values = {f.name: getattr(config, f.name) for f in fields(config) if f.name not in UNRECORDED}
     named = {name: value for name, value in values.items() if isinstance(value, Path)}
-    if (own := values.get("controller")) is not None:
-        named["controller"] = Path(own.rpartition(":")[0])
+    if (own := getattr(config, "controller_file", None)) is not None:
+        named["controller"] = own
     return named
 
 

@@ -1,8 +1,7 @@
-"""`twin replay`: fly a recorded run again, bit for bit, or with something changed.
+"""`twin replay`: repeat a recorded run, bit for bit or with changed settings.
 
-The recording's properties are the configuration. Where a rig had the gimbal seat, its recorded
-frames take its place, fused again; nothing else is taken from the file but the arrays that the new
-run is compared with.
+The recording's properties are the settings. Its recorded frames take the place of a rig and are
+fused again; the only other data used are the arrays that the new run is compared with.
 """
 
 from collections.abc import Mapping
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.recording.reader import Recording, read
-from twin.config import Fly, Replay, Run, Step, added, with_model, without_ineffective
+from twin.config import OBJECT, Fly, Replay, Run, Step, added, with_model, without_ineffective
 from twin.config.recorded import configuration_of
 from twin.config.result import Result, Rows
 from twin.config.seats import MODELS, is_port, is_rig
@@ -21,7 +20,6 @@ from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
 from twin.experiments.flight import FlightResult
 from twin.experiments.fly import fly
-from twin.experiments.own_controller import load
 from twin.experiments.provenance import VERSIONS
 from twin.experiments.step import StepResult, step
 from twin.plant.compiled import compiled
@@ -50,7 +48,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class ReplayResult(Result):
-    """A run flown again, compared with what was recorded.
+    """A repeated run, compared with the recorded one.
 
     Attributes
     ----------
@@ -116,18 +114,24 @@ class ReplayResult(Result):
         return [*rows, ("recording", self.replayed)]
 
 
-def replay(config: Replay) -> ReplayResult:
+def replay(config: Replay, controller: object | None = None) -> ReplayResult:
     """Repeat a recorded run and compare the two.
+
+    Parameters
+    ----------
+    controller : own controller object in place of `config.controller`
 
     Raises
     ------
-    TwinError : the recording cannot be flown again here, or not without `--force`
+    TwinError : the recording cannot be repeated, or not without `--force`
     AnalysisError : it is not a valid recording
     """
     old = read(config.recording)
     recorded = without_ineffective(configuration_of(old))
+    if controller is not None:
+        config = replace(config, controller=f"{OBJECT}{type(controller).__name__}")
+    _check_controller(recorded, config)
     asked = _changed(recorded, config)
-    own = _controller(recorded, config)
     if not config.force:
         _check(old, recorded, config.recording)
     out = config.out or config.recording.with_suffix(".replay.rrd")
@@ -135,12 +139,12 @@ def replay(config: Replay) -> ReplayResult:
         raise TwinError(f"--out {out}: the replay must not overwrite what it repeats")
     # a rig that is named anew is simulated anew; otherwise its recorded frames stand in for it
     playback = old if is_rig(asked.gimbal) and config.gimbal is None else None
-    result = _flown(replace(asked, out=out), playback, own)
+    result = _flown(replace(asked, out=out), playback, controller)
     new = read(result.recording)
     return ReplayResult(
         recording=str(config.recording),
         replayed=result.recording,
-        changed=_settings(recorded, asked),
+        changed=_settings(recorded, asked) | _edited(old, new),
         differences=differences(old, new),
         missing=tuple(sorted(n for n in set(old.series) ^ set(new.series) if _counts(n))),
         before=_figures(old),
@@ -149,19 +153,31 @@ def replay(config: Replay) -> ReplayResult:
     )
 
 
-def _controller(recorded: Run, config: Replay) -> object | None:
-    """An own controller, only from a file named now: one named in a recording is not executed."""
+def _check_controller(recorded: Run, config: Replay) -> None:
+    """Demand an own controller where there was one: a file named in a recording is not executed."""
     before = getattr(recorded, "controller", None)
     if before is not None and config.controller is None:
         raise TwinError(
             f"{config.recording} was flown with the own controller {before}; a file named in a"
             " recording is not executed, so give --controller FILE.py:NAME"
         )
-    return None if config.controller is None else load(config.controller)
+
+
+def _edited(old: Recording, new: Recording) -> dict[str, tuple[str, str]]:
+    """An own controller whose file is another one than when the run was recorded."""
+    before, after = (_digest(recording, "controller") for recording in (old, new))
+    return {} if before == after else {"controller's SHA-256": (before, after)}
+
+
+def _digest(recording: Recording, file: str) -> str:
+    """First digits of the SHA-256 of a file that a run was given."""
+    files = recording.properties.get("files")
+    kept = files.get(file) if isinstance(files, dict) else None
+    return str(kept.get("sha256"))[:12] if isinstance(kept, dict) and kept else "none"
 
 
 def differences(old: Recording, new: Recording) -> tuple[Difference, ...]:
-    """Compare every signal that both hold and the wall clock does not decide."""
+    """Compare every signal of both that does not depend on the wall clock."""
     return tuple(
         _difference(name, old, new)
         for name in sorted(set(old.series) & set(new.series))
@@ -190,7 +206,7 @@ def _counts(name: str) -> bool:
 
 
 def _check(old: Recording, recorded: Run, path: Path) -> None:
-    """Refuse what would not be the same run: other libraries, or another model."""
+    """Refuse a run with other versions of libraries, or another model."""
     versions = old.properties.get("versions")
     versions = versions if isinstance(versions, dict) else {}
     other = [
@@ -206,10 +222,10 @@ def _check(old: Recording, recorded: Run, path: Path) -> None:
         with compiled():
             digest = make_plant(recorded, getattr(recorded, "motor", None)).twin.sha256
     except TwinError as error:
-        raise TwinError(f"{path} cannot be flown again as it was: {error}") from None
+        raise TwinError(f"{path} cannot be repeated unchanged: {error}") from None
     if digest != old.properties.get("model_sha256"):
         raise TwinError(
-            f"{path} was flown with another model than its files make today (SHA-256"
+            f"{path} was flown with a model that differs from that of its files (SHA-256"
             f" {str(old.properties.get('model_sha256'))[:12]}…, here {digest[:12]}…);"
             " --force replays it nevertheless"
         )
@@ -220,12 +236,12 @@ def _changed(recorded: Run, config: Replay) -> Run:
     # a port lives in real time, but its recorded frames do not
     clock = None if is_port(recorded.gimbal) else "lockstep"
     changes: dict[str, object] = {"clock": clock, "json": False}
-    for name in ("integrator", "dt", "gimbal", "control_hz", "seed"):
+    for name in ("integrator", "dt", "gimbal", "control_hz", "seed", "controller"):
         value = getattr(config, name)
         if value is None:
             continue
         if name not in {f.name for f in fields(recorded)}:
-            raise TwinError(f"--{name.replace('_', '-')}: this recording has no such setting")
+            raise TwinError(f"--{name.replace('_', '-')}: the recorded run has no such setting")
         changes[name] = value
     if config.gimbal in MODELS:
         changed = with_model(recorded, **changes)  # type: ignore[arg-type]

@@ -15,10 +15,10 @@ from twin.hil.failsafe import Guard
 from twin.loop.clock import Clock, Ledger, Lockstep, Wall
 from twin.loop.loop import Controller, Gimbal, Outcome, Seats, run
 from twin.loop.readings import Readings
-from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.loop.seats import SimulatedGimbal
 from twin.plant.compiled import compiled
 from twin.recorder import Sink
-from twin.recorder.rows import Rows
+from twin.recorder.rows import Eventful, Rows, Source
 
 if TYPE_CHECKING:
     from analysis.recording.reader import Recording
@@ -144,19 +144,23 @@ class Session:
 
     def record(
         self,
-        pilot: Pilot | None = None,
-        turntable: "Turntable | None" = None,
-        *,
+        *sources: Source | Eventful | None,
         serve: int | None = None,
         drain_ns: int | None = None,
     ) -> Sink:
         """Open the recording.
 
+        Parameters
+        ----------
+        sources : parts of the run whose signals and events are recorded too; None is skipped
+        serve : port of a live viewer on this machine
+        drain_ns : time between two writes; by the clock if omitted
+
         Raises
         ------
         TwinError : the file cannot be written, or the port is taken
         """
-        self.rows = Rows(self.plant, pilot, turntable, self._ledger, readings=self.readings)
+        self.rows = Rows(self.plant, *sources, self._ledger, readings=self.readings)
         self.recorder = self._stack.enter_context(
             make_recorder(
                 self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,

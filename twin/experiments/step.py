@@ -90,9 +90,9 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
             raise TwinError(f"--scene {config.scene}: has no gimbal to step")
         plan = signal.plan(s.tick_ns * 1e-9)
         s.connect()
-        recorder = s.record()
         commands = Commands(plan.times, plan.angles)
         guard = s.guard(commands, config.on_fault)
+        recorder = s.record(guard)
         s.rehearse(commands)
         s.run(
             guard or commands,

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.recording import reader as recordings
 from analysis.recording.reader import Recording
+from hardware.events import HealthChanged
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from twin.errors import TwinError
 from twin.loop.readings import Readings
@@ -58,7 +59,7 @@ class Tape:
         self._health = [(round(e.time * 1e9), e.text) for e in tape.health]
         self._command = _series(tape, "gimbal/command", 2)
         self._command_time = tape.series["gimbal/command"].time_ns if self._command.size else None
-        self._next = 0
+        self._next, self._begun = 0, False
         self._last = GimbalState(0, (0.0, 0.0), healthy=False)
         self.readings = Readings()
         self.duration_ns = int(self._times[-1]) if len(self._times) else 0
@@ -84,8 +85,12 @@ class Tape:
         if r.states:
             self._last = r.states[-1]
         r.age_ns = now - self._last.time_ns if r.states else None
+        before, r.events = r.health if self._begun else "", []
+        self._begun = True
         while self._health and self._health[0][0] <= now:
             r.health = self._health.pop(0)[1]
+        if r.health != before:
+            r.events.append(HealthChanged(r.health))
         self._plant.follow(self._last.angle)
         return self._last
 

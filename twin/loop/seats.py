@@ -64,6 +64,7 @@ class Pilot:
 
     Attributes
     ----------
+    seen : attitude and rate that it sees
     direction : (3,) wanted nose direction in the world
     error : (2,) rotation still missing about body x and y [rad]
     signals : setpoint, as angles of the nose from the vertical, and error; NaN without thrust,
@@ -80,7 +81,7 @@ class Pilot:
     ) -> None:
         self._plant, self._controller, self._setpoint = plant, controller, setpoint
         self._period = period
-        self._seen = attitude or Truth(plant)
+        self.seen: Attitude = attitude or Truth(plant)
         self.direction: Array = np.zeros(3)
         self.error: Array = controller.error[0]
         self._angle: Array = np.zeros(2)
@@ -92,7 +93,7 @@ class Pilot:
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
         """Gimbal angle that turns the nose towards the setpoint [rad]."""
-        plant, seen = self._plant, self._seen
+        plant, seen = self._plant, self.seen
         seen.update()
         self.direction[:] = self._setpoint.direction(time, plant.position, plant.velocity)
         self._controller.update(

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import mujoco
 
-from hardware.frames import Pair
+from hardware.frames import AXES, Pair
 from twin.physics.mechanism import Kinematics
-from twin.plant.model import AXES, TwinModel
+from twin.plant.model import TwinModel
 
 ACTUATORS = {
     "linkage": "gimbal_servo_{}",

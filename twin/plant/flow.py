@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from analysis.compiled import njit
 from twin.control.attitude import interpolate
-from twin.control.authority import numeric, thrust_curve
 from twin.physics.aerodynamics import wind as wind_at
 from twin.physics.native.layout import number
+from twin.plant.authority import numeric, thrust_curve
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -24,7 +24,7 @@ ATTRIBUTES: Mapping[str, tuple[mujoco.mjtObj, str]] = {
     "ctrlrange": (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator_ctrlrange"),
     "forcerange": (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator_forcerange"),
 }
-AXES = {
+DOFS = {
     mujoco.mjtJoint.mjJNT_FREE: 6,
     mujoco.mjtJoint.mjJNT_BALL: 3,
     mujoco.mjtJoint.mjJNT_SLIDE: 1,
@@ -197,7 +197,7 @@ def _place(
         raise TwinError(f"{name}: no {_word(kind)} {owner!r}; valid: {', '.join(known)}")
     array = getattr(model, field)
     if field.startswith("dof_"):
-        first, axes = int(model.jnt_dofadr[index]), AXES[mujoco.mjtJoint(model.jnt_type[index])]
+        first, axes = int(model.jnt_dofadr[index]), DOFS[mujoco.mjtJoint(model.jnt_type[index])]
         return _indexed(array[first : first + axes], at or "0", name)
     return _indexed(array[index : index + 1] if array.ndim == 1 else array[index], at, name)
 

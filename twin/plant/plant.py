@@ -9,13 +9,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.frames import GimbalState, Pair
+from hardware.frames import AXES, GimbalState, Pair
 from twin.errors import DivergenceError, TwinError
 from twin.physics.motor import Depletion
 from twin.plant import integrators
 from twin.plant.actuation import Actuation
 from twin.plant.flow import Flow
-from twin.plant.model import AXES, TwinModel
+from twin.plant.model import TwinModel
 from twin.plant.rods import Rods
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import njit
-from twin.plant.model import AXES
+from hardware.frames import AXES
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

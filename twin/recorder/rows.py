@@ -1,13 +1,14 @@
 """One row a tick: every signal that the parts of a run offer, into the recorder's row."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import njit
+from hardware.events import Event
 from twin.loop.readings import Readings
 from twin.physics.native.layout import number
 from twin.plant.plant import Plant
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+@runtime_checkable
 class Source(Protocol):
     """A part of a run that offers signals."""
 
@@ -34,13 +36,22 @@ class Derived(Protocol):
         """Compute them from the present state, at `time_ns` of the experiment [ns]."""
 
 
+@runtime_checkable
+class Eventful(Protocol):
+    """A part of a run that reports events."""
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """Those since the last tick."""
+
+
 class Rows:
     """Gathers the signals of a run; `write` is called once a tick.
 
     Parameters
     ----------
     plant : the first source; its body poses are recorded too
-    sources : further parts, derived in this order; None is skipped
+    sources : further parts with signals, events or both; derived in this order, None is skipped
     readings : of a rig, recorded at the time stamps of its frames
 
     Attributes
@@ -50,16 +61,18 @@ class Rows:
     """
 
     def __init__(
-        self, plant: Plant, *sources: Source | None, readings: Readings | None = None
+        self, plant: Plant, *sources: Source | Eventful | None, readings: Readings | None = None
     ) -> None:
         self._plant = plant
         self._rig = None if readings is None else RigRows(readings)
         self.command: Array = np.zeros(2)
-        given = [plant, *(s for s in sources if s is not None)]
+        given: list[object] = [plant, *sources]
         self._derive = [source.derive for source in given if isinstance(source, Derived)]
+        self._eventful = [source for source in given if isinstance(source, Eventful)]
         self._views: dict[str, Array] = {"gimbal/command": self.command}
         for source in given:
-            self._views |= source.signals
+            if isinstance(source, Source):
+                self._views |= source.signals
         self.signals = tuple(self._views) + (self._rig.signals if self._rig else ())
         self._wall_ns = 0
         self._recorder: Sink | None = None
@@ -98,6 +111,9 @@ class Rows:
             return
         if self._rig is not None:
             self._rig.write(time_ns, self._wall_ns)
+        for source in self._eventful:
+            for event in source.events:
+                recorder.event(time_ns, event.text, event.level)
         _copy(recorder.row, self._places, self._addresses)
         recorder.commit(time_ns, self._wall_ns + time_ns)
         recorder.commit_pose(time_ns, self._plant.data)

@@ -22,13 +22,15 @@ from numpy.typing import NDArray
 
 from analysis.compiled import cfunc
 from analysis.transfer_function import TransferFunctionModel
+from hardware.frames import AXES
 from twin.errors import TwinError
 from twin.physics.native.cache import jit
-from twin.physics.native.hold import AXES, BEFORE, MARK, OUTPUT, PHASE, REGISTERS, advance, packed
+from twin.physics.native.hold import BEFORE, MARK, OUTPUT, PHASE, REGISTERS, advance, packed
 from twin.physics.native.inverse import torques
 from twin.physics.native.layout import (
     DATA,
     MODEL,
+    TIMESTEP,
     _place,
     address,
     characters,
@@ -50,7 +52,6 @@ _KEPT: Final = 3  # y[k−1], y[k], y[k+1] for the stages of RK4
 
 _NDYN: Final = int(mujoco.mjNDYN)
 _RK4: Final = int(mujoco.mjtIntegrator.mjINT_RK4)
-_TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; held by test
 _INTEGRATOR: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["integrator"]
 _NACTUATOR, _NU, _NA, _NV = (MODEL[n] for n in ("nactuator", "nu", "na", "nv"))
 _NQ, _NJNT, _NNUMERIC, _NNUMERICDATA = (
@@ -168,7 +169,7 @@ def _act(m: int, d: int, index: int) -> None:
     act = everything[adr : adr + num]
     rates = floats(d, _ACT_DOT, size(m, _NA))[adr : adr + num]
     dt = p[1]
-    if p[0] != MARK or abs(number(m, _TIMESTEP) - dt) > 1e-12:
+    if p[0] != MARK or abs(number(m, TIMESTEP) - dt) > 1e-12:
         rates[:] = np.nan  # matrices of another step: nothing true could come of it
         act[num - 1] = np.nan
         return
