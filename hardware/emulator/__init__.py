@@ -1,4 +1,4 @@
-"""A rig without hardware: the firmware's behaviour and the errors of real sensors, over any plant.
+"""A simulated rig: the firmware's behaviour and the errors of real sensors, over any plant.
 
 >>> from hardware.emulator import Emulator
 >>> rig = Emulator()

@@ -1,4 +1,4 @@
-"""`python -m hardware.firmware`: renew the generated headers, build the ELF, print its size."""
+"""`python -m hardware.firmware`: write the generated headers, build the ELF, print its size."""
 
 import argparse
 import sys
@@ -8,10 +8,12 @@ from hardware.firmware.build import FirmwareError, build_elf, size, write_genera
 
 
 def main() -> int:
-    """Run the command; 2 when the tools are missing or the sources do not compile."""
+    """Run the command; 2 if the tools are missing or the sources do not compile."""
     parser = argparse.ArgumentParser(prog="python -m hardware.firmware", description=__doc__)
-    parser.add_argument("--headers-only", action="store_true", help="only renew the headers")
-    parser.add_argument("--out", type=Path, help="where the ELF goes; default: the user's cache")
+    parser.add_argument(
+        "--headers-only", action="store_true", help="only write the generated headers"
+    )
+    parser.add_argument("--out", type=Path, help="path of the ELF; default: in the user's cache")
     arguments = parser.parse_args()
     for path in write_generated():
         print(f"wrote {path}")

@@ -1,4 +1,4 @@
-"""The rig's wire protocol: bytes in, frozen messages out, no input or output of its own.
+"""The rig's wire protocol: bytes to frozen messages and back, without any I/O.
 
 >>> wire = Encoder().encode(Command(pulse=(3000, 3100, 0), timeout_ms=100, mode=Mode.DRIVE))
 >>> decoder = Decoder()

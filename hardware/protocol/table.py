@@ -1,4 +1,4 @@
-"""The message table written out: its checksum, the firmware's header, the manual's tables."""
+"""Generated from the message table: its checksum, the firmware's header, the manual's tables."""
 
 from hardware.protocol import messages as m
 from hardware.protocol.codec import MAX_ENCODED, MAX_PAYLOAD, crc16
@@ -6,7 +6,7 @@ from hardware.protocol.wire import C_TYPES, Field, Layout, layout
 
 
 def _canonical() -> str:
-    """Names, types and order of everything on the wire; wording and scales do not count."""
+    """Names, types and order of all fields; descriptions and scales are left out."""
     lines = [f"protocol {m.PROTOCOL}"]
     for cls in m.MESSAGES:
         place = layout(cls)
@@ -16,7 +16,7 @@ def _canonical() -> str:
 
 
 LAYOUT = crc16(_canonical().encode())
-"""Checksum of the table; both ends carry it in HELLO, and a mismatch is refused."""
+"""Checksum of the table; HELLO carries it, and the host refuses a mismatch."""
 
 _SCALARS = {
     "PROTOCOL": "uint16_t",

@@ -162,7 +162,7 @@ def _hostile(count: int, seed: int) -> tuple[int, int, int]:
 
 
 def _chance(runs: int) -> float:
-    # A run that is no frame passes CRC-16 with 2^-16; five standard deviations of the Poisson
+    # A run that is not a frame passes CRC-16 with 2^-16; five standard deviations of the Poisson
     # count above its mean, and at least two, so that one run in about 10^6 fails by luck.
     mean = runs / 65536
     return max(2.0, mean + 5 * mean**0.5)
