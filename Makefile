@@ -37,10 +37,10 @@ lint: env
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/stub.py --check
-	@bash .ci/test-tools cppcheck
-	@bash .ci/cppcheck
 	$(BIN)/python .ci/states.py --check
 	$(BIN)/python .ci/docs_check.py
+	@bash .ci/test-tools cppcheck
+	@bash .ci/cppcheck
 
 format: env
 	$(BIN)/ruff check --fix .

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording.reader import Recording
+from analysis.recording.series import Recording
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from analysis.delays import (
     recorded_percentiles,
     recorded_values,
 )
-from analysis.recording.reader import Recording
+from analysis.recording.series import Recording
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]

@@ -18,14 +18,13 @@ from analysis.comparison.flights import (
     path_difference,
     spread,
 )
-from analysis.comparison.motion import Motion, bridged
+from analysis.comparison.motion import bridged
 
 __all__ = [
     "AxisComparison",
     "Comparison",
     "Errors",
     "FlightPath",
-    "Motion",
     "PathDifference",
     "Spectrum",
     "Spread",

@@ -1,13 +1,16 @@
 """Two motions side by side: simulated against measured, rig against model."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.comparison.motion import FEWEST, Motion, bridged, in_gap, unbroken
+from analysis.comparison.motion import FEWEST, bridged, in_gap, unbroken
+from analysis.recording.series import TimeSeries
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
@@ -115,10 +118,10 @@ class Comparison:
 
 
 def compare(
-    reference: Motion,
-    other: Motion,
+    reference: TimeSeries,
+    other: TimeSeries,
     *,
-    repeats: Sequence[float] = (),
+    repeats: Mapping[str, Sequence[float]] = MappingProxyType({}),
     longest_delay: float = _LONGEST,
     still: Collection[str] = (),
 ) -> Comparison:
@@ -130,7 +133,7 @@ def compare(
     ----------
     reference : usually what was measured
     other : usually what was simulated
-    repeats : times [s] at which repeats begin; each lasts until the next
+    repeats : of an axis, the times [s] at which its repeats begin, and at which the last one ends
     longest_delay : of either motion behind the other [s]
     still : axes that were not commanded
 
@@ -145,20 +148,21 @@ def compare(
             f"no axis in common: {reference.name} has {', '.join(reference.components)}; "
             f"{other.name} has {', '.join(other.components)}"
         )
-    axes = tuple(_axis(reference, other, c, repeats, longest_delay, c in still) for c in shared)
+    axes = tuple(
+        _axis(reference, other, c, repeats.get(c, ()), longest_delay, c in still) for c in shared
+    )
     return Comparison(reference.name, other.name, axes)
 
 
 def _axis(
-    reference: Motion,
-    other: Motion,
+    reference: TimeSeries,
+    other: TimeSeries,
     axis: str,
     repeats: Sequence[float],
     longest: float,
     still: bool,
 ) -> AxisComparison:
-    t, y = _column(reference, axis)
-    s, x = _column(other, axis)
+    (t, y), (s, x) = _column(reference, axis), _column(other, axis)
     shared = (t >= s[0]) & (t <= s[-1])
     there = bridged(t, s, x)
     both = np.isfinite(there)
@@ -174,16 +178,13 @@ def _axis(
     as_is = errors(y[both], there[both])
     aligned = errors(y[inside], shifted[inside]) if inside.sum() >= FEWEST else as_is
     t, y, there = t[both], y[both], there[both]
-    edges = np.searchsorted(t, np.asarray(repeats, dtype=np.float64))
-    parts = [p for p in np.split(np.arange(len(t)), edges) if len(p) > 2] if len(edges) else []
-    if len(edges) and edges[0] > 0 and parts:
-        parts = parts[1:]  # what comes before the first repeat is none
+    edges = np.searchsorted(t, np.asarray(repeats, dtype=np.float64)).tolist()
     return AxisComparison(
         axis,
         delay,
         as_is,
         aligned,
-        tuple(errors(y[p], there[p]) for p in parts),
+        tuple(errors(y[a:b], there[a:b]) for a, b in pairwise(edges) if b - a > 2),
         _spectrum(*unbroken(t, y, there)),
         len(t),
         1.0 - float(both.sum()) / float(shared.sum()),
@@ -205,12 +206,13 @@ def errors(reference: ArrayLike, other: ArrayLike) -> Errors:
     )
 
 
-def _column(motion: Motion, axis: str) -> tuple[Array, Array]:
-    values = motion.values[:, motion.components.index(axis)]
-    good = np.isfinite(values)
-    if good.sum() < FEWEST:
-        raise AnalysisError(f"{motion.name}: axis '{axis}' has {int(good.sum())} readings")
-    return motion.time[good], values[good]
+def _column(motion: TimeSeries, axis: str) -> tuple[Array, Array]:
+    known = motion.select((axis,)).known()
+    if len(known.time) < FEWEST:
+        raise AnalysisError(
+            f"{motion.name}: axis '{axis}' has {len(known.time)} readings; {FEWEST} are needed"
+        )
+    return known.time, known.value
 
 
 def _delay(t: Array, y: Array, s: Array, x: Array, longest: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording.reader import Recording
+from analysis.recording.series import Recording
 from analysis.response.metrics import StepMetrics, measure
 from analysis.response.steps import cut_steps
 from analysis.schema import AnalysisError

@@ -1,57 +1,16 @@
 """Motions of the gimbal's axes, interpolated but not across gaps in the readings."""
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
 
 FEWEST = 16  # samples of a motion, and in common
 GAP = 5.0  # periods without a reading; nothing is interpolated across
 COMMON = 0.98  # of the intervals between stamps; rarer ones are gaps if they are long
-
-
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """One motion of k axes.
-
-    Attributes
-    ----------
-    time : [s] (n,), increasing
-    values : [rad] (n, k), NaN where not measured
-    components : names of the k axes
-    name : how reports call it
-    """
-
-    time: Array
-    values: Array
-    components: tuple[str, ...]
-    name: str = "motion"
-
-    def __post_init__(self) -> None:
-        time = np.array(self.time, dtype=np.float64)
-        values = np.array(self.values, dtype=np.float64)
-        values = values[:, None] if values.ndim == 1 else values
-        if time.ndim != 1 or values.shape != (len(time), len(self.components)):
-            raise AnalysisError(
-                f"{self.name}: values {values.shape} for {len(time)} stamps and "
-                f"{len(self.components)} axes"
-            )
-        if len(time) < FEWEST:
-            raise AnalysisError(f"{self.name}: {len(time)} samples; {FEWEST} or more are needed")
-        if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
-            raise AnalysisError(f"{self.name}: stamps must be finite and increase")
-        if np.isinf(values).any():
-            raise AnalysisError(f"{self.name}: infinite values")
-        time.setflags(write=False)
-        values.setflags(write=False)
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "values", values)
 
 
 def bridged(time: ArrayLike, stamps: ArrayLike, values: ArrayLike, delay: float = 0.0) -> Array:

@@ -7,8 +7,7 @@ from analysis.identify.identification import identify
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.order import OrderScore, select_order
 from analysis.identify.prediction import fit_to, predict
-from analysis.identify.recordings import from_recording
-from analysis.recording.record import Record, merge_stamps, record
+from analysis.identify.pulses import by_pulses
 
 __all__ = [
     "AxisEvidence",
@@ -17,16 +16,13 @@ __all__ = [
     "IdentificationError",
     "IdentifiedModel",
     "OrderScore",
-    "Record",
     "ServoBounds",
+    "by_pulses",
     "cross_gains",
     "fit_to",
-    "from_recording",
     "identify",
     "identify_gimbal",
-    "merge_stamps",
     "own_records",
     "predict",
-    "record",
     "select_order",
 ]

@@ -8,25 +8,23 @@ from numpy.typing import NDArray
 from analysis.identify.layout import Layout
 from analysis.identify.problem import Problem
 from analysis.identify.states import Part, Rows
-from analysis.recording.record import Record
+from analysis.recording.measurements import Measurement
+from analysis.recording.series import TimeSeries
 
 Array = NDArray[np.float64]
 
 
 def assemble(
-    records: Sequence[Record], axis: int, layout: Layout, *, shared_offset: bool = True
+    records: Sequence[Measurement], axis: int, layout: Layout, *, shared_offset: bool = True
 ) -> Problem:
     """Collect the samples of one axis from all records, every row weighing the same."""
     parts, angle, rate = [], [], []
     for r in records:
-        a_rows, r_rows = _measured_rows(r.angle, axis), _measured_rows(r.rate, axis)
-        parts.append(
-            Part(
-                r.time, r.input_time, r.input, a_rows, r_rows, r.initial == "free", r.slack, r.doubt
-            )
-        )
-        angle.append(np.zeros(0) if r.angle is None else r.angle[a_rows, axis])
-        rate.append(np.zeros(0) if r.rate is None else r.rate[r_rows, axis])
+        (a_rows, a), (r_rows, v) = _readings(r, r.angle, axis), _readings(r, r.rate, axis)
+        u, free = r.command, r.initial == "free"
+        parts.append(Part(r.time, u.time, u.values, a_rows, r_rows, free, r.slack, r.doubt))
+        angle.append(a)
+        rate.append(v)
     counts = [len(x) for x in angle + rate]
     owner = np.repeat(np.tile(np.arange(len(records)), 2), counts)
     stamps = [p.time[p.angle_rows] for p in parts] + [p.time[p.rate_rows] for p in parts]
@@ -44,7 +42,9 @@ def assemble(
     )
 
 
-def _measured_rows(values: Array | None, axis: int) -> Rows:
-    if values is None:
-        return np.zeros(0, dtype=np.intp)
-    return np.flatnonzero(np.isfinite(values[:, axis]))
+def _readings(r: Measurement, series: TimeSeries | None, axis: int) -> tuple[Rows, Array]:
+    """Places of one sensor's readings among the stamps of both, and their values."""
+    if series is None:
+        return np.zeros(0, dtype=np.intp), np.zeros(0)
+    good = np.isfinite(series.values[:, axis])
+    return np.searchsorted(r.time, series.time[good]), series.values[good, axis]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.identify.errors import IdentificationError
 from analysis.identify.noise import resolution
-from analysis.recording.record import Record
+from analysis.recording.measurements import Measurement
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _CLIPPED_RUN = 5
 _REMEMBERED = 1.0  # s after which no gimbal still moves
 
 
-def check_records(records: Sequence[Record]) -> None:
+def check_records(records: Sequence[Measurement]) -> None:
     """Refuse records no model can come from.
 
     Raises
@@ -39,25 +39,24 @@ def check_records(records: Sequence[Record]) -> None:
             )
     _check_commands(records)
     for r in records:
-        for what, values in (("angle", r.angle), ("rate", r.rate)):
-            if values is not None:
-                _check_readings(r, what, values)
-    for axis, name in enumerate(first.outputs):
-        _check_units(records, axis, name)
+        for what, series in r.sensors:
+            _check_readings(r, what, series.values)
+    for name in first.outputs:
+        _check_units(records, name)
 
 
-def _before(records: Sequence[Record], j: int) -> str:
+def _before(records: Sequence[Measurement], j: int) -> str:
     """What helps where every record begins with its step."""
-    if any(len(r.input) and r.input[0, j] != 0.0 for r in records):
+    if any(len(r.command.values) and r.command.values[0, j] != 0.0 for r in records):
         return "; if another command was in force before the first row, give it (--before 0)"
     return ""
 
 
-def _check_commands(records: Sequence[Record]) -> None:
+def _check_commands(records: Sequence[Measurement]) -> None:
     for j, name in enumerate(records[0].inputs):
         count = sum(_felt_changes(r, j) for r in records)
-        if count == 0 and (apart := next((r for r in records if len(r.changes(j))), None)):
-            changed = apart.input_time[apart.changes(j)]
+        if count == 0 and (apart := next((r for r in records if len(r.command.changes(j))), None)):
+            changed = apart.command.time[apart.command.changes(j)]
             raise IdentificationError(
                 f"{apart.name}: command '{name}' changes from {changed[0]:g} s to {changed[-1]:g} "
                 f"s, the samples are from {apart.time[0]:g} s to {apart.time[-1]:g} s; are both "
@@ -72,7 +71,7 @@ def _check_commands(records: Sequence[Record]) -> None:
             raise IdentificationError(
                 f"command '{name}' changes {count} time; {_FEWEST_CHANGES} steps or more are needed"
             )
-    moves = np.concatenate([np.diff(r.input, axis=0) for r in records])
+    moves = np.concatenate([np.diff(r.command.values, axis=0) for r in records])
     lengths = np.linalg.norm(moves, axis=0)
     alike = np.abs(moves.T @ moves) / np.outer(lengths, lengths)
     for i, j in zip(*np.nonzero(np.triu(alike, 1) > 0.98), strict=True):
@@ -82,23 +81,21 @@ def _check_commands(records: Sequence[Record]) -> None:
         )
 
 
-def _felt_changes(r: Record, column: int) -> int:
+def _felt_changes(r: Measurement, column: int) -> int:
     """Changes of a command that some sample comes after, and not long after."""
-    times = r.input_time[r.changes(column)]
+    times = r.command.time[r.command.changes(column)]
     return int(np.sum((times >= r.time[0] - _REMEMBERED) & (times <= r.time[-1])))
 
 
-def _check_readings(r: Record, what: str, values: Array) -> None:
+def _check_readings(r: Measurement, what: str, values: Array) -> None:
     for axis, name in enumerate(r.outputs):
         good = np.isfinite(values[:, axis])
-        other = r.rate if what == "angle" else r.angle
-        # with two sensors on stamps of their own each is silent at the stamps of the other
-        expected = 1.0 if other is None else float((good | np.isfinite(other[:, axis])).mean())
-        beside = 0.0 if other is None else float((~good & np.isfinite(other[:, axis])).mean())
-        if expected - good.mean() - beside > _MOST_MISSING or good.sum() < 10:
+        # with two sensors in one table each is silent at the stamps of the other
+        gaps = len(r.sensors) == 1 and 1.0 - good.mean() > _MOST_MISSING
+        if gaps or good.sum() < 10:
             raise IdentificationError(
-                f"{r.name}: {what} '{name}' has {int(good.sum())} readings in {r.size} samples; "
-                f"{100 * (1 - good.mean()):.0f} % are missing"
+                f"{r.name}: {what} '{name}' has {int(good.sum())} readings in {len(values)} samples"
+                f"; {100 * (1 - good.mean()):.0f} % are missing"
             )
         stuck = clipped(values[good, axis])
         if stuck.any():
@@ -134,16 +131,17 @@ def clipped(values: Array) -> NDArray[np.bool_]:
     return stuck
 
 
-def _check_units(records: Sequence[Record], axis: int, name: str) -> None:
+def _check_units(records: Sequence[Measurement], name: str) -> None:
     """Turned angle of every step against the integral of the rate."""
     turned, integral, lasted = [], [], []
     for r in records:
         if r.angle is None or r.rate is None:
             continue
-        both = np.isfinite(r.angle[:, axis]) & np.isfinite(r.rate[:, axis])
-        if both.sum() < 20:
+        both = [s.select((name,)).known() for s in (r.angle, r.rate)]
+        time, a, b = np.intersect1d(both[0].time, both[1].time, return_indices=True)
+        if len(time) < 20:
             continue
-        time, angle, rate = r.time[both], r.angle[both, axis], r.rate[both, axis]
+        angle, rate = both[0].value[a], both[1].value[b]
         path = np.concatenate([[0.0], np.cumsum(np.diff(time) * (rate[1:] + rate[:-1]) / 2.0)])
         cuts = np.linspace(0, len(time) - 1, min(40, len(time) // 5)).astype(np.intp)
         turned.append(np.diff(angle[cuts]))

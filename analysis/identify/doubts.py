@@ -11,7 +11,7 @@ from analysis.identify.fit import AxisFit
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.servo import ServoFit
 from analysis.identify.states import Part
-from analysis.recording.record import Record
+from analysis.recording.measurements import Measurement
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
 SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
 
 
-def stamp_warnings(records: Sequence[Record]) -> list[str]:
+def stamp_warnings(records: Sequence[Measurement]) -> list[str]:
     """One line if commands were only sampled, since delays are uncertain by that period."""
     late = max((r for r in records if r.doubt), key=lambda r: r.slack, default=None)
     if late is None:

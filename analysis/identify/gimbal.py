@@ -1,7 +1,6 @@
 """A whole gimbal: each axis by its own command, and the cross channels only where there are any."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -12,7 +11,7 @@ from analysis.identify.evidence import ChannelFit
 from analysis.identify.identification import identify
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.prediction import predict
-from analysis.recording.record import Record
+from analysis.recording.measurements import Measurement
 from analysis.transfer_function.servo import Structure
 
 Array = NDArray[np.float64]
@@ -25,7 +24,7 @@ _REST = 1.0  # s kept before and after an axis' own commands
 
 
 def identify_gimbal(
-    records: Sequence[Record],
+    records: Sequence[Measurement],
     poles: int = 2,
     zeros: int = 0,
     delay: Literal["free"] | float = "free",
@@ -72,7 +71,7 @@ def identify_gimbal(
     return model
 
 
-def cross_gains(model: IdentifiedModel, records: Sequence[Record]) -> Array:
+def cross_gains(model: IdentifiedModel, records: Sequence[Measurement]) -> Array:
     """How far each axis (rows) moves with each other command, over that axis' own (q, q).
 
     Least squares of what the model leaves of an axis on the motions of all axes; the diagonal is 0.
@@ -81,10 +80,9 @@ def cross_gains(model: IdentifiedModel, records: Sequence[Record]) -> Array:
     parts = []
     for r in records:
         angle, rate = predict(model, r)
-        for measured, said in ((r.angle, angle), (r.rate, rate)):
-            if measured is not None:
-                parts.append((measured - said, said))
-                break
+        what, measured = r.sensors[0]
+        said = (angle if what == "angle" else rate)[np.searchsorted(r.time, measured.time)]
+        parts.append((measured.values - said, said))
     found = np.zeros((size, size))
     for i in range(size):
         left = np.concatenate([e[:, i] for e, _ in parts])
@@ -96,7 +94,7 @@ def cross_gains(model: IdentifiedModel, records: Sequence[Record]) -> Array:
     return found
 
 
-def own_records(records: Sequence[Record], k: int) -> list[Record]:
+def own_records(records: Sequence[Measurement], k: int) -> list[Measurement]:
     """Each record's axis k with its own command, around the time in which that changes."""
     return [_own(r, k) for r in records]
 
@@ -105,19 +103,11 @@ def _row(channel: ChannelFit, place: int, size: int) -> tuple[ChannelFit, ...]:
     return tuple(channel if j == place else nothing(channel) for j in range(size))
 
 
-def _own(r: Record, k: int) -> Record:
-    rows = r.changes(k)
-    keep = np.ones(r.size, dtype=bool)
-    if len(rows) and r.initial == "rest":
-        low, high = r.input_time[rows[0]] - _REST, r.input_time[rows[-1]] + _REST
-        near = (r.time >= low) & (r.time <= high)
-        keep = near if near.sum() > 2 else keep
-    return replace(
-        r,
-        time=r.time[keep],
-        input=r.input[:, [k]],
-        angle=None if r.angle is None else r.angle[keep][:, [k]],
-        rate=None if r.rate is None else r.rate[keep][:, [k]],
-        inputs=(r.inputs[k],),
-        outputs=(r.outputs[k],),
-    )
+def _own(r: Measurement, k: int) -> Measurement:
+    one = r.select((r.inputs[k],), (r.outputs[k],))
+    rows = one.command.changes()
+    if not len(rows) or r.initial == "free":
+        return one
+    low, high = one.command.time[rows[0]] - _REST, one.command.time[rows[-1]] + _REST
+    near = one.between(low, high)
+    return near if len(near.time) > 2 else one

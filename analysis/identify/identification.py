@@ -19,7 +19,7 @@ from analysis.identify.problem import Problem
 from analysis.identify.segments import step_of_row
 from analysis.identify.servo import search_servo
 from analysis.identify.uncertainty import bootstrap, covariance, whole_jacobian
-from analysis.recording.record import Record
+from analysis.recording.measurements import Measurement
 from analysis.transfer_function.servo import Structure
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ LONGEST_DELAY = 10.0  # s
 
 
 def identify(
-    records: Sequence[Record],
+    records: Sequence[Measurement],
     poles: int = 2,
     zeros: int = 0,
     delay: Literal["free"] | float = "free",
@@ -71,7 +71,7 @@ def identify(
     return _linear(problems, records, longest)
 
 
-def longest_delay(records: Sequence[Record], asked: float | None) -> float:
+def longest_delay(records: Sequence[Measurement], asked: float | None) -> float:
     """The longest delay to search [s]: as asked, or 0.1 s, or ten samples where that is more.
 
     Raises
@@ -89,7 +89,7 @@ def longest_delay(records: Sequence[Record], asked: float | None) -> float:
 
 
 def layout_of(
-    records: Sequence[Record],
+    records: Sequence[Measurement],
     poles: int,
     zeros: int,
     delay: Literal["free"] | float = "free",
@@ -121,7 +121,7 @@ def check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None:
         raise IdentificationError(f"delay is {delay} s; 'free', or 0 to {LONGEST_DELAY:g} s")
 
 
-def _pace(records: Sequence[Record]) -> float:
+def _pace(records: Sequence[Measurement]) -> float:
     """A frequency in the middle of what the records can tell [rad/s]."""
     fast = 1.0 / min(r.period for r in records)
     slow = 4.0 / max(r.duration for r in records)
@@ -129,7 +129,7 @@ def _pace(records: Sequence[Record]) -> float:
 
 
 def _linear(
-    problems: Sequence[Problem], records: Sequence[Record], longest: float
+    problems: Sequence[Problem], records: Sequence[Measurement], longest: float
 ) -> IdentifiedModel:
     first = records[0]
     rows, axes, warnings = [], [], []
@@ -143,9 +143,8 @@ def _linear(
         checked = saturation(fit.problem, fit.problem.measured - fit.solution.residual)
         rows.append(row)
         axes.append(evidence(fit, first.outputs[i], checked, spread, i))
-        if first.angle is not None or first.rate is not None:
-            k = min(i, len(first.inputs) - 1)
-            checks.check_gain(row[k].num[-1] / row[k].den[-1], first.inputs[k], first.outputs[i])
+        k = min(i, len(first.inputs) - 1)
+        checks.check_gain(row[k].num[-1] / row[k].den[-1], first.inputs[k], first.outputs[i])
         warnings += warnings_of(axes[-1], row, longest, problem.doubt)
     warnings += stamp_warnings(records)
     return IdentifiedModel(
@@ -155,7 +154,7 @@ def _linear(
 
 def _bounded(
     problems: Sequence[Problem],
-    records: Sequence[Record],
+    records: Sequence[Measurement],
     longest: float,
     structure: Structure | None,
 ) -> IdentifiedModel:

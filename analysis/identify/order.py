@@ -15,7 +15,7 @@ from analysis.identify.identification import check_order, layout_of, longest_del
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import Problem
 from analysis.identify.segments import Mask, step_folds
-from analysis.recording.record import Record
+from analysis.recording.measurements import Measurement
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class OrderScore:
 
 
 def select_order(
-    records: Sequence[Record],
+    records: Sequence[Measurement],
     candidates: Sequence[tuple[int, int]] = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1)),
     *,
     delay: Literal["free"] | float = "free",

@@ -10,12 +10,12 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.modal import modal_response
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.servo_response import servo_motion_of
-from analysis.recording.record import Record
+from analysis.recording.measurements import Measurement
 
 Array = NDArray[np.float64]
 
 
-def predict(model: IdentifiedModel, record: Record) -> tuple[Array, Array]:
+def predict(model: IdentifiedModel, record: Measurement) -> tuple[Array, Array]:
     """Angle [rad] and rate [rad/s] (n, outputs) under a record's commands, from rest.
 
     A command that the record lacks is taken as never given.
@@ -30,7 +30,7 @@ def predict(model: IdentifiedModel, record: Record) -> tuple[Array, Array]:
             f"{record.name}: commands {', '.join(record.inputs)}; "
             f"the model has {', '.join(model.inputs)}"
         )
-    angle = np.zeros((record.size, len(model.outputs)))
+    angle = np.zeros((len(record.time), len(model.outputs)))
     rate = np.zeros_like(angle)
     for i, row in enumerate(model.channels):
         for j, channel in enumerate(row):
@@ -48,7 +48,7 @@ def predict(model: IdentifiedModel, record: Record) -> tuple[Array, Array]:
     return angle, rate
 
 
-def fit_to(model: IdentifiedModel, records: Sequence[Record]) -> Array:
+def fit_to(model: IdentifiedModel, records: Sequence[Measurement]) -> Array:
     """NRMSE fit [%] of the prediction (records, outputs); NaN where nothing was measured.
 
     Around each record's own offset, which is the sensor's and not the model's; of the angle where
@@ -57,18 +57,19 @@ def fit_to(model: IdentifiedModel, records: Sequence[Record]) -> Array:
     return np.array([_fit_percent(model, r) for r in records])
 
 
-def _fit_percent(model: IdentifiedModel, record: Record) -> Array:
+def _fit_percent(model: IdentifiedModel, record: Measurement) -> Array:
     """NRMSE fit of a record [%] (outputs,); NaN for axes the record lacks."""
     angle, rate = predict(model, record)
     found = np.full(len(model.outputs), np.nan)
     for i, name in enumerate(model.outputs):
         if name not in record.outputs:
             continue
-        column = record.outputs.index(name)
-        for measured, said in ((record.angle, angle), (record.rate, rate)):
-            if measured is not None and np.isfinite(measured[:, column]).sum() > 1:
-                good = np.isfinite(measured[:, column])
-                found[i] = nrmse_fit(measured[good, column], said[good, i])
+        for what, series in record.sensors:
+            measured = series.select((name,)).known()
+            if len(measured.time) > 1:
+                said = angle if what == "angle" else rate
+                at = np.searchsorted(record.time, measured.time)
+                found[i] = nrmse_fit(measured.value, said[at, i])
                 break
     return found
 
@@ -83,12 +84,12 @@ def nrmse_fit(measured: Array, predicted: Array) -> float:
 
 
 def _linear(
-    num: tuple[float, ...], den: tuple[float, ...], delay: float, record: Record, column: int
+    num: tuple[float, ...], den: tuple[float, ...], delay: float, record: Measurement, column: int
 ) -> tuple[Array, Array]:
     d: Denominator = denominator(parameters_of(np.roots(den)))
-    command = record.input[:, column]
+    command = record.command.values[:, column]
     single, _, held = modal_response(
-        record.time, record.input_time, command - command[0], d.poles, delay
+        record.time, record.command.time, command - command[0], d.poles, delay
     )
     both = []
     for numerator in (np.array([num]), np.array([[*num, 0.0]])):

@@ -10,16 +10,14 @@ phase is taken from the readings that first show a new pulse, and is good to hal
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify.errors import IdentificationError
-
-if TYPE_CHECKING:  # reading recordings brings Rerun with it
-    from analysis.recording.reader import Recording
+from analysis.recording.measurements import Measurement
+from analysis.recording.series import Recording, TimeSeries
 
 Array = NDArray[np.float64]
 
@@ -31,6 +29,9 @@ _LATEST = 0.008  # s; a command on its way to the device: wire, loop, interrupt
 _POWERS = 3  # the linkage's bend; beyond, 0.002° on the shipped one
 _TICK = 0.5e-6  # s; of the timer that makes the pulses
 _ROUNDS = 8
+# s; how much earlier than its stamp a pulse may have been in force: half a reading, and what a
+# simulated rig's semi-implicit step is ahead of continuous time
+PULSE_SLACK = 1e-3
 _FAR, _MOST_ASTRAY = 0.1, 0.1  # of the commands' range; of the frames
 
 
@@ -58,8 +59,36 @@ class PulseFrames:
         device = np.interp(time, self._host, self._device)
         return np.asarray(self.offset + self.pace * device)
 
+    def dated(self, series: TimeSeries | None) -> TimeSeries | None:
+        """Readings with the stamps of `stamp`; of equal stamps the first."""
+        if series is None:
+            return None
+        return replace(series, time=np.maximum.accumulate(self.stamp(series.time))).known()
 
-def pulse_frames(recording: "Recording", components: tuple[str, ...], name: str) -> PulseFrames:
+
+def by_pulses(run: Measurement) -> Measurement:
+    """The run with the commands that its pulses carried, dated by when the pulses were in force.
+
+    An identified delay is then that of servo and gimbal alone, without the wait for the rig's next
+    pulse frame.
+
+    Raises
+    ------
+    IdentificationError
+        for a recording without pulses, or with pulses that do not follow the commands.
+    """
+    frames = pulse_frames(run.recording, run.inputs, run.name)
+    values, _ = asked(frames, run.command.held, run.name)
+    return replace(
+        run,
+        command=replace(run.command, time=frames.begin, values=values),
+        angle=frames.dated(run.angle),
+        rate=frames.dated(run.rate),
+        slack=PULSE_SLACK,
+    )
+
+
+def pulse_frames(recording: Recording, components: tuple[str, ...], name: str) -> PulseFrames:
     """Pulse frames of a recording with a rig in it.
 
     Raises

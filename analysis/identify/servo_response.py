@@ -9,7 +9,7 @@ from analysis.identify.basis import denominator, over_single
 from analysis.identify.ramps import Bounds
 from analysis.identify.servo_motion import play, speed_servo
 from analysis.identify.states import Part, held_states
-from analysis.recording.record import Record
+from analysis.recording.measurements import Measurement
 from analysis.transfer_function.servo import Structure
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def servo_response(
 
 
 def servo_motion_of(
-    channel: "ChannelFit", bounds: "ServoBounds", record: Record, column: int
+    channel: "ChannelFit", bounds: "ServoBounds", record: Measurement, column: int
 ) -> tuple[Array, Array]:
     """Angle and rate (n,) of an identified servo under a record's commands."""
     den = np.array(channel.den) / channel.den[0]
@@ -52,7 +52,7 @@ def servo_motion_of(
         ]
     )
     none = np.zeros(0, dtype=np.intp)
-    part = Part(record.time, record.input_time, record.input, none, none, False)
+    part = Part(record.time, record.command.time, record.command.values, none, none, False)
     theta = np.concatenate([np.log(den[1:]), limits])
     angle, rate = servo_response(part, column, bounds.structure, len(den) - 1, theta)
     return gain * angle, gain * rate

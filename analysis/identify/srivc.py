@@ -34,6 +34,8 @@ def candidates(problem: Problem, delays: Array, cutoffs: Array) -> Iterator[Arra
         if not rows.any():
             continue
         signals = list(_per_record(problem, is_rate))
+        if not signals:
+            continue
         for cutoff in cutoffs:
             start = _butterworth(problem.layout.poles, float(cutoff))
             for delay in delays:

@@ -4,23 +4,31 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from analysis.recording.reader import Event as Event
-    from analysis.recording.reader import Recording as Recording
-    from analysis.recording.reader import RecordingError as RecordingError
-    from analysis.recording.reader import TimeSeries as TimeSeries
+    from analysis.recording.arrays import measurement as measurement
+    from analysis.recording.columns import Columns as Columns
+    from analysis.recording.loader import load as load
+    from analysis.recording.loader import measurement_of as measurement_of
+    from analysis.recording.measurements import Measurement as Measurement
+    from analysis.recording.measurements import aligned as aligned
     from analysis.recording.reader import read as read
-    from analysis.recording.record import Record as Record
-    from analysis.recording.record_of_table import to_record as to_record
+    from analysis.recording.series import Event as Event
+    from analysis.recording.series import Recording as Recording
+    from analysis.recording.series import RecordingError as RecordingError
+    from analysis.recording.series import TimeSeries as TimeSeries
 
 # pyarrow costs every command 0.1 s that reads no recording
 _HOMES = {
-    "Event": "reader",
-    "Recording": "reader",
-    "RecordingError": "reader",
-    "TimeSeries": "reader",
+    "Columns": "columns",
+    "Event": "series",
+    "Measurement": "measurements",
+    "Recording": "series",
+    "RecordingError": "series",
+    "TimeSeries": "series",
+    "aligned": "measurements",
+    "load": "loader",
+    "measurement": "arrays",
+    "measurement_of": "loader",
     "read": "reader",
-    "Record": "record",
-    "to_record": "record_of_table",
 }
 
 

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from analysis.recording.reader import Recording
+from analysis.recording.measurements import Measurement
+from analysis.recording.series import Recording
 
 # What a run was told to do; two motions that answer different questions are no test of each other.
 ASKED = (
@@ -13,22 +14,16 @@ KNOWN = ("step", "fly")
 LONGEST, MOST = 200, 5  # characters of one caveat, and caveats of one kind
 
 
-def caveats(
-    recordings: Sequence[Recording], labels: Sequence[str], *, together: bool = True
-) -> tuple[str, ...]:
+def caveats(runs: Sequence[Measurement], *, together: bool = True) -> tuple[str, ...]:
     """One line for each reason to doubt runs, or a comparison of them with the first.
 
     Parameters
     ----------
-    labels : what each recording is called
     together : whether they should have been asked for the same
     """
-    found: list[str] = []
-    for recording, label in zip(recordings, labels, strict=True):
-        found += [_short(f"{label}: {reason}") for reason in _own(recording)]
-    if together:
-        for recording, label in zip(recordings[1:], labels[1:], strict=True):
-            found += [_short(t) for t in _other(recordings[0], labels[0], recording, label)]
+    found = [_short(f"{run.name}: {reason}") for run in runs for reason in _own(run.recording)]
+    for run in runs[1:] if together else ():
+        found += [_short(text) for text in _different(runs[0], run)]
     return tuple(found)
 
 
@@ -42,14 +37,15 @@ def _own(recording: Recording) -> list[str]:
     return found + [f"at {e.time:.3f} s {e.text}" for e in failed[:MOST]]
 
 
-def _other(reference: Recording, name: str, other: Recording, label: str) -> list[str]:
-    commands = [r.properties.get("command") for r in (reference, other)]
+def _different(reference: Measurement, other: Measurement) -> list[str]:
+    name, label = reference.name, other.name
+    commands = [r.recording.properties.get("command") for r in (reference, other)]
     if not all(c in KNOWN for c in commands):
         return []  # a table or a mirror: who knows what it was asked for
     if commands[0] != commands[1]:
         a, b = commands
         return [f"{label} is of {b}, {name} of {a}: they were asked for different motions"]
-    asked = ((k, reference.setting(k), other.setting(k)) for k in ASKED)
+    asked = ((k, reference.recording.setting(k), other.recording.setting(k)) for k in ASKED)
     different = [
         # None stands for whatever that version did, which a replay may spell out
         f"{k} {theirs}, not {ours}"

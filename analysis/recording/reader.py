@@ -1,7 +1,6 @@
 """Recordings as validated time series: the reader of the twin's own files."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import schema
 from analysis.recording import rrd
-from analysis.schema import AnalysisError
+from analysis.recording.series import Event, Recording, RecordingError, TimeSeries
 
 PROPERTIES = f"/__properties/{schema.PROPERTY}"
 TIMING = f"/__properties/{schema.TIMING}"
@@ -20,122 +19,6 @@ TEXTS = (schema.EVENTS, schema.HEALTH, schema.ESTIMATOR)
 WANTED = frozenset([PROPERTIES, TIMING, *TEXTS, *schema.ENTITIES])
 MAX_BYTES = 4 * 2**30  # a day of flight; more is a mistake or an attack
 MAX_PROPERTIES = 16 * 2**20  # characters of JSON
-
-
-class RecordingError(AnalysisError):
-    """A file that is no sound recording, told in one line."""
-
-
-@dataclass(frozen=True, slots=True)
-class TimeSeries:
-    """One vector signal over time, in SI; checked on creation, read-only afterwards.
-
-    Attributes
-    ----------
-    name : name of the signal, as in `analysis.schema.SIGNALS` where it is one of them
-    time : experiment time (n,) [s], never decreasing
-    values : (n, k) [unit]; NaN where nothing was measured, never infinite
-    unit : SI unit of the values
-    components : names of the k columns
-
-    Raises
-    ------
-    RecordingError
-        if shapes do not fit, time runs backwards or is not finite, or a value is infinite.
-    """
-
-    name: str
-    time: NDArray[np.float64]
-    values: NDArray[np.float64]
-    unit: str
-    components: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        """Check once, so that nothing downstream checks again."""
-        time = np.ascontiguousarray(self.time, dtype=np.float64)
-        values = np.ascontiguousarray(self.values, dtype=np.float64)
-        if time.ndim != 1 or values.shape != (len(time), len(self.components)):
-            raise RecordingError(
-                f"{self.name}: {values.shape} values do not fit {time.shape} stamps and "
-                f"{len(self.components)} components"
-            )
-        if not np.isfinite(time).all():
-            raise RecordingError(f"{self.name}: a time stamp is not a finite number")
-        if len(time) and (back := np.diff(time) < 0.0).any():
-            at = int(np.argmax(back))
-            raise RecordingError(
-                f"{self.name}: time runs backwards from {time[at]:.9g} s to {time[at + 1]:.9g} s"
-            )
-        if np.isinf(values).any():
-            raise RecordingError(f"{self.name}: a value is infinite")
-        for name, array in (("time", time), ("values", values)):
-            view = array.view()
-            view.setflags(write=False)
-            object.__setattr__(self, name, view)
-
-    @property
-    def time_ns(self) -> NDArray[np.int64]:
-        """Experiment time (n,) in whole nanoseconds, exact up to 13 days (2⁵⁰ ns)."""
-        return np.rint(self.time * 1e9).astype(np.int64)
-
-    def column(self, component: str) -> NDArray[np.float64]:
-        """Return one component (n,) by name.
-
-        Raises
-        ------
-        RecordingError
-            if there is no such component; the message lists the valid names.
-        """
-        if component not in self.components:
-            raise RecordingError(schema.unknown("component", component, self.components))
-        return self.values[:, self.components.index(component)]
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """A line of text in a recording: experiment time [s], level (INFO, WARN, ERROR), text."""
-
-    time: float
-    level: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """What one run left behind.
-
-    Attributes
-    ----------
-    properties : configuration, versions, model hash, seed; as the run gave them
-    series : signals by name, in SI
-    events, health : text over time
-    estimator : what the rig's estimator remembered when the run began, JSON; "" without a rig
-    timing : the verdict on a run in real time, see `analysis.timing`; empty for others
-    """
-
-    properties: dict[str, object]
-    series: Mapping[str, TimeSeries]
-    events: tuple[Event, ...] = ()
-    health: tuple[Event, ...] = ()
-    estimator: str = ""
-    timing: Mapping[str, object] = field(default_factory=dict)
-
-    def setting(self, name: str) -> object:
-        """Return a value of the run's configuration, None without it."""
-        configuration = self.properties.get("configuration")
-        return configuration.get(name) if isinstance(configuration, Mapping) else None
-
-    def __getitem__(self, name: str) -> TimeSeries:
-        """Return the signal of that name.
-
-        Raises
-        ------
-        RecordingError
-            if it was not recorded; the message lists what was.
-        """
-        if name not in self.series:
-            raise RecordingError(schema.unknown("recorded signal", name, self.series))
-        return self.series[name]
 
 
 def read(path: Path | str, *, growing: bool = False) -> Recording:

@@ -1,6 +1,5 @@
 """One self-contained HTML page per result: sections of plain parts, rendered in one place."""
 
-from analysis.recording.run import ReportError, recording_of
 from analysis.report.build import report
 from analysis.report.numbers import ReportNumbers
 from analysis.report.page import render
@@ -11,11 +10,9 @@ __all__ = [
     "Line",
     "Panel",
     "Plot",
-    "ReportError",
     "ReportNumbers",
     "Section",
     "Table",
-    "recording_of",
     "render",
     "report",
 ]

@@ -1,4 +1,4 @@
-"""From recordings and models to one page and its numbers."""
+"""From measurements and models to one page and its numbers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -7,83 +7,102 @@ from types import MappingProxyType
 
 import numpy as np
 
-from analysis.recording.reader import Recording, TimeSeries
-from analysis.recording.run import ReportError, Run, aligned, run_of, runs_of
+from analysis.recording.measurements import COMMAND, SIMULATED, Measurement, aligned
+from analysis.recording.series import Recording, TimeSeries
 from analysis.report.numbers import ReportNumbers, numbers_of
 from analysis.report.page import render
 from analysis.report.sections import SECTIONS
+from analysis.schema import AnalysisError
 from analysis.transfer_function import TransferFunctionModel
 
 NO_MODELS: Mapping[str, TransferFunctionModel] = MappingProxyType({})
 LARGEST = 2_000_000  # ticks simulated for one model
+LONGEST_LABEL = 60  # characters
 
 
 def report(
-    recordings: Sequence[Recording],
+    runs: Sequence[Measurement],
     out: Path | str,
     *,
     models: Mapping[str, TransferFunctionModel] = NO_MODELS,
     labels: Sequence[str] | None = None,
     title: str = "Gimbal report",
 ) -> ReportNumbers:
-    """Write one self-contained HTML page about recordings of a gimbal, and return its numbers.
+    """Write one self-contained HTML page about runs of a gimbal, and return its numbers.
 
     Parameters
     ----------
-    recordings : the first is the reference, usually the hardware
+    runs : the first is the reference, usually the hardware
     out : the page, `.html`
-    models : identified models by name; each answers the first recording's commands
-    labels : what the recordings are called; their gimbal seats without it
+    models : identified models by name; each is simulated under the first run's commands
+    labels : names of the runs in the report; their gimbal seats without it
 
     Raises
     ------
-    ReportError
-        if a recording holds no gimbal, a model's axes are not the recording's, or the page cannot
-        be written.
+    AnalysisError
+        if a run has no axis with command and readings, a model's axes are not those of the first
+        run, or the page cannot be written.
     """
     out = Path(out)
     if out.suffix.lower() not in (".html", ".htm"):
-        raise ReportError(f"{out}: a report is an .html file")
-    runs = list(runs_of(recordings, labels))
-    whose = [*(None for _ in runs), *models.values()]
-    runs += [simulated(runs[0], name, model) for name, model in models.items()]
-    runs = list(aligned(runs))
+        raise AnalysisError(f"{out}: a report is an .html file")
+    named = labelled(runs, labels)
+    whose = [*(None for _ in named), *models.values()]
+    answers = [simulated(named[0], name, model) for name, model in models.items()]
+    runs = aligned((*named, *answers))
     numbers = replace(numbers_of(runs, title, whose), page=str(out))
     sections = [s for compose in SECTIONS if (s := compose(runs, numbers)) is not None]
     render(sections, title, out, numbers.to_dict())
     return numbers
 
 
-def simulated(reference: Run, name: str, model: TransferFunctionModel) -> Run:
-    """Return what a model does under a run's commands, as a run of its own.
+def labelled(
+    runs: Sequence[Measurement], labels: Sequence[str] | None = None
+) -> tuple[Measurement, ...]:
+    """Name runs by labels, or by their gimbal seats; equal names are numbered.
 
     Raises
     ------
-    ReportError
+    AnalysisError
+        for no run at all, another number of labels, and a run without an axis to report on.
+    """
+    if not runs:
+        raise AnalysisError("no recording to report on")
+    if labels is not None and len(labels) != len(runs):
+        raise AnalysisError(f"{len(labels)} labels for {len(runs)} recordings")
+    asked = list(labels) if labels is not None else [_label(r) for r in runs]
+    for run, name in zip(runs, asked, strict=True):
+        if not run.axes:
+            raise AnalysisError(f"{name} has no axis with command and readings")
+    return tuple(
+        replace(r, name=f"{n} {asked[: k + 1].count(n)}" if asked.count(n) > 1 else n)
+        for k, (r, n) in enumerate(zip(runs, asked, strict=True))
+    )
+
+
+def simulated(reference: Measurement, name: str, model: TransferFunctionModel) -> Measurement:
+    """Simulate a model under a run's commands; the result is a run like any other.
+
+    Raises
+    ------
+    AnalysisError
         if the model lacks an axis of the run, or the run's commands are too long to answer.
     """
-    missing = [a.name for a in reference.axes if a.name not in model.inputs]
-    if missing or set(model.inputs) - {a.name for a in reference.axes}:
-        raise ReportError(
-            f"model {name} moves {', '.join(model.inputs)}; {reference.label} has "
-            f"{', '.join(a.name for a in reference.axes)}"
+    missing = [a.component for a in reference.axes if a.component not in model.inputs]
+    if missing or set(model.inputs) - {a.component for a in reference.axes}:
+        raise AnalysisError(
+            f"model {name} moves {', '.join(model.inputs)}; {reference.name} has "
+            f"{', '.join(a.component for a in reference.axes)}"
         )
-    time = reference.axes[0].time
+    time = reference.command.time
     dt = float(np.median(np.diff(time)))
     ticks = int((time[-1] - time[0]) / dt) + 1 if dt > 0.0 else 0
     if not 16 <= ticks <= LARGEST:
-        raise ReportError(f"{reference.label}: {ticks} ticks; 16 to {LARGEST} can be answered")
+        raise AnalysisError(f"{reference.name}: {ticks} ticks; 16 to {LARGEST} can be simulated")
     t = time[0] + dt * np.arange(ticks)
-    by_name = {a.name: a for a in reference.axes}
-    asked = [by_name[i] for i in model.inputs]
-    u = np.stack(
-        [a.command[np.searchsorted(a.time, t + 1e-9, side="right") - 1] for a in asked], axis=1
-    )
-    y = model.simulate(u, dt)
-    series = {
-        "gimbal/command": TimeSeries("gimbal/command", t, u, "rad", model.inputs),
-        "gimbal/simulated": TimeSeries("gimbal/simulated", t, y, "rad", model.outputs),
-    }
+    u = reference.command.select(model.inputs).held(t + 1e-9)
+    command = TimeSeries(COMMAND, t, u, "rad", model.inputs)
+    angle = TimeSeries(SIMULATED, t, model.simulate(u, dt), "rad", model.outputs)
     properties: dict[str, object] = {
         "command": "report",
         "configuration": {
@@ -92,7 +111,8 @@ def simulated(reference: Run, name: str, model: TransferFunctionModel) -> Run:
         },
         "model": model.to_dict(),
     }
-    return run_of(Recording(properties, series), name)
+    recording = Recording(properties, {COMMAND: command, SIMULATED: angle})
+    return Measurement(command, angle, name=name, recording=recording)
 
 
 def _configuration(recording: Recording) -> dict[str, object]:
@@ -100,3 +120,8 @@ def _configuration(recording: Recording) -> dict[str, object]:
     said = recording.properties.get("configuration")
     kept = ("signal", "rate_limit_deg_s", "amplitude_deg", "repeats")
     return {k: said[k] for k in kept if k in said} if isinstance(said, Mapping) else {}
+
+
+def _label(run: Measurement) -> str:
+    gimbal = run.recording.setting("gimbal")
+    return gimbal[:LONGEST_LABEL] if isinstance(gimbal, str) and gimbal.strip() else run.name

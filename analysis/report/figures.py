@@ -11,7 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording.run import AxisRecord, Run, in_flight
+from analysis.recording.measurements import Measurement
+from analysis.recording.series import TimeSeries
 from analysis.report.spectrum import frequency_response, measured_figures
 from analysis.response import (
     Figure,
@@ -65,28 +66,28 @@ class AxisFigures:
         }
 
 
-def kind_of(run: Run, axis: AxisRecord) -> Kind:
+def kind_of(axis: Measurement) -> Kind:
     """What an axis was told: as the run says itself, otherwise as the command looks."""
-    changes = np.flatnonzero(np.diff(axis.command) != 0.0) + 1
+    u, changes = axis.command, axis.command.changes()
     if len(changes) == 0:
         return "still"
-    if in_flight(run):
+    if axis.in_flight:
         return "closed loop"
-    said = run.recording.setting("signal")
-    if isinstance(said, str) and said in KINDS and not run.recording.setting("rate_limit_deg_s"):
-        return KINDS[said]
-    pauses = np.diff(axis.time[changes])
+    signal = axis.recording.setting("signal")
+    limited = axis.recording.setting("rate_limit_deg_s")
+    if isinstance(signal, str) and signal in KINDS and not limited:
+        return KINDS[signal]
+    pauses, jumps = np.diff(u.time[changes]), np.abs(np.diff(u.value)[changes - 1])
     if len(changes) < 3 or float(np.median(pauses)) >= HELD:
-        sizes = np.abs(np.diff(axis.command)[changes - 1])
-        return "staircase" if len(np.unique(np.round(sizes, 6))) >= SIZES else "steps"
-    slopes = np.abs(np.diff(axis.command)[changes - 1]) / np.maximum(np.append(pauses, 1.0), 1e-9)
+        return "staircase" if len(np.unique(np.round(jumps, 6))) >= SIZES else "steps"
+    slopes = jumps / np.maximum(np.append(pauses, 1.0), 1e-9)
     usual = float(np.median(slopes))
     return "ramps" if np.mean(np.abs(slopes - usual) < 0.05 * usual) > 0.45 else "broadband"
 
 
-def run_figures(run: Run) -> tuple[AxisFigures, ...]:
+def run_figures(run: Measurement) -> tuple[AxisFigures, ...]:
     """Figures of every axis, in the run's order, and then the coupling between them."""
-    found = [axis_figures(run, axis) for axis in run.axes]
+    found = [axis_figures(axis) for axis in run.axes]
     coupled = [
         f
         for driven, told in zip(run.axes, found, strict=True)
@@ -100,7 +101,9 @@ def run_figures(run: Run) -> tuple[AxisFigures, ...]:
     return tuple(found)
 
 
-def report_figures(run: Run, model: TransferFunctionModel | None = None) -> tuple[AxisFigures, ...]:
+def report_figures(
+    run: Measurement, model: TransferFunctionModel | None = None
+) -> tuple[AxisFigures, ...]:
     """`run_figures` with slew rate, repeatability, cosine loss, and a model's own figures.
 
     Parameters
@@ -117,11 +120,13 @@ def report_figures(run: Run, model: TransferFunctionModel | None = None) -> tupl
     return tuple(found.values())
 
 
-def _together(run: Run) -> str:
-    return "/".join(a.name for a in run.axes)
+def _together(run: Measurement) -> str:
+    return "/".join(a.component for a in run.axes)
 
 
-def _with_more(run: Run, told: AxisFigures, model: TransferFunctionModel | None) -> AxisFigures:
+def _with_more(
+    run: Measurement, told: AxisFigures, model: TransferFunctionModel | None
+) -> AxisFigures:
     axis = run.axis(told.axis)
     if axis is None or told.kind in ("still", "closed loop"):
         return told
@@ -135,13 +140,13 @@ def _with_more(run: Run, told: AxisFigures, model: TransferFunctionModel | None)
             figures += _repeatability(axis)
     figures += _loss(axis, told.kind)
     try:
-        figures += _own(axis.name, told.kind, model)
+        figures += _own(axis.component, told.kind, model)
     except AnalysisError as error:
         notes.append(f"model: {error}")
     return replace(told, figures=tuple(figures), notes=tuple(notes))
 
 
-def _slew(axis: AxisRecord) -> tuple[Figure, ...]:
+def _slew(axis: Measurement) -> tuple[Figure, ...]:
     """Nothing where steps of too few sizes tell nothing; without a knee only the speed reached."""
     steps = steps_of(axis)
     sizes = {round(abs(s.command_after - s.command_before), 6) for s in steps}
@@ -154,7 +159,7 @@ def _slew(axis: AxisRecord) -> tuple[Figure, ...]:
     return (rate, knee) if math.isfinite(knee.value) else (replace(rate, name="speed_reached"),)
 
 
-def _repeatability(axis: AxisRecord) -> tuple[Figure, ...]:
+def _repeatability(axis: Measurement) -> tuple[Figure, ...]:
     """AP, RP and vAP (ISO 9283) of every place that was approached often enough from one side."""
     command, angle, way = at_rest(axis)
     place = np.round(command, 6) + 0.0
@@ -167,9 +172,9 @@ def _repeatability(axis: AxisRecord) -> tuple[Figure, ...]:
     return tuple(figures)
 
 
-def _loss(axis: AxisRecord, kind: Kind) -> tuple[Figure, ...]:
+def _loss(axis: Measurement, kind: Kind) -> tuple[Figure, ...]:
     """Axial thrust lost at the largest angle: of plateaus where it was held, or once reached."""
-    stroke = float(np.abs(axis.command).max())
+    stroke = float(np.abs(axis.command.value).max())
     if kind in ("steps", "staircase"):
         command, angle, _ = at_rest(axis)
         stroke = float(np.abs(command).max(initial=0.0))  # the largest that was held
@@ -177,7 +182,7 @@ def _loss(axis: AxisRecord, kind: Kind) -> tuple[Figure, ...]:
         if not len(reached):
             return ()
     else:
-        reached = np.array([np.abs(axis.angle).max()])
+        reached = np.array([np.abs(axis.angles.value).max()])
     return (over_repeats("cosine_loss", [cosine_loss(a).value for a in reached], "%", stroke),)
 
 
@@ -191,9 +196,9 @@ def _own(name: str, kind: Kind, model: TransferFunctionModel | None) -> tuple[Fi
     return (frequency_figures if kind in ("steps", "staircase") else model_figures)(channel)
 
 
-def axis_figures(run: Run, axis: AxisRecord) -> AxisFigures:
+def axis_figures(axis: Measurement) -> AxisFigures:
     """Every figure this axis' command allows; one that fails becomes a note, never a guess."""
-    kind = kind_of(run, axis)
+    kind = kind_of(axis)
     figures: list[Figure] = []
     notes: list[str] = []
     for title, compute in _COMPUTED[kind]:
@@ -208,48 +213,51 @@ def axis_figures(run: Run, axis: AxisRecord) -> AxisFigures:
     ]
     if missing:
         notes.append(f"{', '.join(missing)}: not measurable, {why}")
-    return AxisFigures(axis.name, kind, tuple(figures), tuple(notes))
+    return AxisFigures(axis.component, kind, tuple(figures), tuple(notes))
 
 
-def steps_of(axis: AxisRecord) -> tuple[Step, ...]:
+def steps_of(axis: Measurement) -> tuple[Step, ...]:
     """The axis' record cut at every change of its own command."""
     own = axis.active()
-    return cut_steps(own.angle_time, own.angle, own.time, own.command)
+    return _cut(own.angles, own.command)
 
 
-def at_rest(axis: AxisRecord) -> tuple[Array, Array, Array]:
+def _cut(angle: TimeSeries, command: TimeSeries) -> tuple[Step, ...]:
+    return cut_steps(angle.time, angle.value, command.time, command.value)
+
+
+def at_rest(axis: Measurement) -> tuple[Array, Array, Array]:
     """Commands, plateau angles and approach directions (n,) of the steps."""
     steps = steps_of(axis)
     return *_plateaus(steps), np.array([np.sign(s.command_after - s.command_before) for s in steps])
 
 
-def in_motion(axis: AxisRecord) -> tuple[Array, Array, Array]:
+def in_motion(axis: Measurement) -> tuple[Array, Array, Array]:
     """Commands, angles and directions (n,) while the command moves."""
     own = axis.active()
-    held = np.clip(
-        np.searchsorted(own.time, own.angle_time + 1e-9, side="right") - 1, 0, len(own.time) - 1
-    )
-    way = np.sign(np.gradient(own.command))[held]
-    return own.command[held][way != 0], own.angle[way != 0], way[way != 0]
+    at = own.angles.time + 1e-9
+    pace = replace(own.command, values=np.gradient(own.command.value)[:, None])
+    way = np.sign(pace.held(at)[:, 0])
+    moves = way != 0
+    return own.command.held(at)[moves, 0], own.angles.value[moves], way[moves]
 
 
-def _coupling(driven: AxisRecord, other: AxisRecord) -> tuple[Figure, ...]:
+def _coupling(driven: Measurement, other: Measurement) -> tuple[Figure, ...]:
     """Motion of another axis at rest, of the driven one's own [%]; none if commanded meanwhile."""
-    own = driven.active()
-    during = (other.time >= own.time[0]) & (other.time <= own.time[-1])
-    moved = other.command[during]
+    own = driven.active().command
+    during = (other.command.time >= own.time[0]) & (other.command.time <= own.time[-1])
+    moved = other.command.value[during]
     if moved.size and np.ptp(moved) > 0.0:
         return ()
     try:
         gain = linearity(*at_rest(driven)[:2])[0].value
-        steps = cut_steps(other.angle_time, other.angle, own.time, own.command)
-        slope = linearity(*_plateaus(steps))[0]
+        slope = linearity(*_plateaus(_cut(other.angles, own)))[0]
     except AnalysisError:
         return ()
     if gain == 0.0:
         return ()
     low, high = (100.0 * x / gain for x in slope.interval)
-    name = f"coupling {driven.name}→{other.name}"
+    name = f"coupling {driven.component}→{other.component}"
     value = 100.0 * slope.value / gain
     return (Figure(name, value, "%", slope.amplitude, slope.n, (low, high)),)
 
@@ -260,11 +268,11 @@ def _plateaus(steps: Sequence[Step]) -> tuple[Array, Array]:
     return command, angle
 
 
-def _sweep_gap(axis: AxisRecord) -> tuple[Figure, ...]:
+def _sweep_gap(axis: Measurement) -> tuple[Figure, ...]:
     return (replace(hysteresis(*in_motion(axis)), name="hysteresis with lag"),)
 
 
-def _sweep_line(axis: AxisRecord) -> tuple[Figure, ...]:
+def _sweep_line(axis: Measurement) -> tuple[Figure, ...]:
     return linearity(*_places(*in_motion(axis)))
 
 
@@ -285,7 +293,7 @@ _WHY: dict[Kind, str] = {
     "steps": "the response does not come that far before the next step",
 }
 _LINE = ("linearity", lambda a: linearity(*at_rest(a)[:2]))
-_COMPUTED: dict[Kind, tuple[tuple[str, Callable[[AxisRecord], tuple[Figure, ...]]], ...]] = {
+_COMPUTED: dict[Kind, tuple[tuple[str, Callable[[Measurement], tuple[Figure, ...]]], ...]] = {
     "steps": (
         ("step response", lambda a: step_figures(steps_of(a))),
         ("hysteresis", lambda a: (hysteresis(*at_rest(a)),)),

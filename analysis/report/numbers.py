@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.comparison.compare import AxisComparison, Comparison, compare
-from analysis.comparison.motion import Motion
+from analysis.comparison.compare import Comparison, compare
 from analysis.recording.caveats import caveats
-from analysis.recording.run import AxisRecord, Run
+from analysis.recording.measurements import Measurement
 from analysis.report.figures import AxisFigures, report_figures
 from analysis.report.spectrum import FrequencyResponse, frequency_response
 from analysis.response import disagreements
@@ -95,7 +94,7 @@ class ReportNumbers:
 
 
 def numbers_of(
-    runs: Sequence[Run], title: str, models: Sequence[TransferFunctionModel | None] = ()
+    runs: Sequence[Measurement], title: str, models: Sequence[TransferFunctionModel | None] = ()
 ) -> ReportNumbers:
     """Compute whatever the runs allow; what they do not allow becomes a note.
 
@@ -103,13 +102,13 @@ def numbers_of(
     ----------
     models : of each run the model whose answer it is, or None; nothing if no run is one's
     """
-    notes = list(caveats([r.recording for r in runs], [r.label for r in runs], together=False))
+    notes = list(caveats(runs, together=False))
     models = [*models, *(None for _ in runs[len(models) :])]
     first = report_figures(runs[0], models[0])
     told = []
     for k, run in enumerate(runs):
         figures = first if k == 0 else report_figures(run, models[k])
-        notes += [f"{run.label}, {a.axis}: {note}" for a in figures for note in a.notes]
+        notes += [f"{run.name}, {a.axis}: {note}" for a in figures for note in a.notes]
         disagree = _disagree(first, figures) if k and runs[0].motion == "measured" else ()
         if run.motion != "measured":  # a simulation has no noise to scatter by
             disagree = tuple(d for d in disagree if not d[1].startswith("repeatability"))
@@ -120,35 +119,35 @@ def numbers_of(
             try:
                 comparisons.append(_compared(reference, other))
             except AnalysisError as error:
-                notes.append(f"{reference.label} and {other.label}: {error}")
+                notes.append(f"{reference.name} and {other.name}: {error}")
     return ReportNumbers(title, "", tuple(told), tuple(comparisons), tuple(notes))
 
 
-def same_command(a: AxisRecord, b: AxisRecord) -> bool:
+def same_command(a: Measurement, b: Measurement) -> bool:
     """Whether two records were told the same, but for the edges."""
-    low, high = max(a.time[0], b.time[0]), min(a.time[-1], b.time[-1])
+    low = max(a.command.time[0], b.command.time[0])
+    high = min(a.command.time[-1], b.command.time[-1])
     t = np.linspace(low, high, 4001)[1:-1]
     if not high > low:
         return False
-    told = [r.command[np.searchsorted(r.time, t, side="right") - 1] for r in (a, b)]
-    return float(np.mean(np.abs(told[0] - told[1]) < CLOSE)) > SAME
+    return float(np.mean(np.abs(a.command.held(t) - b.command.held(t)) < CLOSE)) > SAME
 
 
 def _numbers(
-    run: Run, figures: Sequence[AxisFigures], disagree: tuple[tuple[str, str, float], ...]
+    run: Measurement, figures: Sequence[AxisFigures], disagree: tuple[tuple[str, str, float], ...]
 ) -> RunNumbers:
     responses = {}
     kinds = {f.axis: f.kind for f in figures}
     for axis in run.axes:
-        if kinds[axis.name] not in BROADBAND:
+        if kinds[axis.component] not in BROADBAND:
             continue
         try:
-            responses[axis.name] = frequency_response(axis)
+            responses[axis.component] = frequency_response(axis)
         except AnalysisError:
             continue  # the figures' note says it already
-    time = run.axes[0].angle_time
+    time = run.axes[0].angles.time
     return RunNumbers(
-        run.label,
+        run.name,
         run.motion,
         float(time[-1] - time[0]),
         len(time),
@@ -171,44 +170,26 @@ def _disagree(
     return tuple(dict.fromkeys(found))
 
 
-def _compared(reference: Run, other: Run) -> Comparison:
-    pairs = [(a, b) for a in reference.axes if (b := other.axis(a.name)) is not None]
+def _compared(reference: Measurement, other: Measurement) -> Comparison:
+    pairs = [(a, b) for a in reference.axes if (b := other.axis(a.component)) is not None]
     if pairs and not all(same_command(a, b) for a, b in pairs):
         raise AnalysisError("they were commanded differently, so their motions are not compared")
-    axes = [_axis_compared(reference, other, a, b) for a, b in pairs]
-    if not axes:
+    if not pairs:
         raise AnalysisError("they have no axis in common")
-    return Comparison(reference.label, other.label, tuple(axes))
+    motions = (replace(run.angles, name=run.name) for run in (reference, other))
+    still = [a.component for a, _ in pairs if not len(a.command.changes())]
+    return compare(*motions, repeats={a.component: repeats(a) for a, _ in pairs}, still=still)
 
 
-def _axis_compared(reference: Run, other: Run, a: AxisRecord, b: AxisRecord) -> AxisComparison:
-    """One axis over the whole record; repeats only while that axis itself is commanded."""
-    edges = repeats(a)
-    motions = (
-        Motion(*_rising(r.angle_time, r.angle), (r.name,), run.label)
-        for r, run in ((a, reference), (b, other))
-    )
-    still = () if (np.diff(a.command) != 0.0).any() else (a.name,)
-    found = compare(*motions, repeats=edges, still=still).axes[0]
-    # the last edge is the end of the last repeat; what follows it is none
-    return replace(found, repeats=found.repeats[: max(len(edges) - 1, 0)])
-
-
-def _rising(time: Array, angle: Array) -> tuple[Array, Array]:
-    """Without stamps that repeat themselves; the last reading of each is kept."""
-    last = np.append(np.diff(time) > 0.0, True)
-    return time[last], angle[last]
-
-
-def repeats(axis: AxisRecord) -> list[float]:
+def repeats(axis: Measurement) -> list[float]:
     """When repeats of steps begin, departures to the largest angle, and when the last one ends.
 
     Nothing for a command that is no sequence of steps.
     """
-    rows = np.flatnonzero(np.diff(axis.command) != 0.0) + 1
-    top = float(axis.command.max())
+    rows = axis.command.changes()
+    top = float(axis.command.value.max())
     if not 0 < len(rows) <= MOST_STEPS or top <= 0.0:
         return []
-    begins = [float(axis.time[r]) for r in rows if axis.command[r] >= 0.999 * top]
-    end = float(axis.active().time[-1])
+    begins = [float(axis.command.time[r]) for r in rows if axis.command.value[r] >= 0.999 * top]
+    end = float(axis.active().command.time[-1])
     return [*begins, end] if begins and end > begins[-1] else []

@@ -9,8 +9,8 @@ from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 
-from analysis.recording.run import ReportError
 from analysis.report.parts import Cell, Plot, Section, Table
+from analysis.schema import AnalysisError
 
 HERE = Path(__file__).parent
 
@@ -31,7 +31,7 @@ def render(
 
     Raises
     ------
-    ReportError
+    AnalysisError
         if plotly is not installed, or the file cannot be written.
     """
     out = Path(out)
@@ -117,9 +117,9 @@ def _plotly() -> str:
         if file.is_file():
             text = file.read_text(encoding="utf-8")
             if "</script" in text.lower():
-                raise ReportError(f"{file} cannot stand inside a page: it holds '</script'")
+                raise AnalysisError(f"{file} cannot stand inside a page: it holds '</script'")
             return text
-    raise ReportError("plotly is not installed; the report needs it (`pip install plotly`)")
+    raise AnalysisError("plotly is not installed; the report needs it (`pip install plotly`)")
 
 
 def _hash(script: str) -> str:
@@ -136,4 +136,4 @@ def _write(out: Path, text: str) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             beside.unlink()
-        raise ReportError(f"cannot write {out}: {error.strerror or error}") from None
+        raise AnalysisError(f"cannot write {out}: {error.strerror or error}") from None

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording.run import AxisRecord, ReportError
+from analysis.recording.measurements import Measurement
 from analysis.response import Figure
+from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ class FrequencyResponse:
         }
 
 
-def frequency_response(axis: AxisRecord) -> FrequencyResponse:
+def frequency_response(axis: Measurement) -> FrequencyResponse:
     """Welch averages of cross over input power, half-overlapping Hann stretches.
 
     From the command as it is held to the angle: the hold's half period is none of the gimbal's.
@@ -61,7 +62,7 @@ def frequency_response(axis: AxisRecord) -> FrequencyResponse:
 
     Raises
     ------
-    ReportError
+    AnalysisError
         if the record is too short, or its command excites nothing.
     """
     from scipy.signal import csd, welch
@@ -70,7 +71,9 @@ def frequency_response(axis: AxisRecord) -> FrequencyResponse:
     t, u, y = _even(axis)
     count = len(t)
     if count < 256 or np.ptp(u) == 0.0:
-        raise ReportError(f"axis {axis.name}: {count} samples of a command that moves are too few")
+        raise AnalysisError(
+            f"axis {axis.component}: {count} samples of a command that moves are too few"
+        )
     length = count // STRETCHES * 2 if count // STRETCHES >= 64 else 128
     rate = 1.0 / (t[1] - t[0])
     averages = max(1, 2 * count // length - 1)
@@ -88,7 +91,7 @@ def frequency_response(axis: AxisRecord) -> FrequencyResponse:
     slow = (frequency > 0.0) & (frequency <= FASTEST * rate)
     good = slow & (power > EXCITED * power.max()) & (coherence >= COHERENT)
     if good.sum() < 3:
-        raise ReportError(f"axis {axis.name}: the command excites too few frequencies")
+        raise AnalysisError(f"axis {axis.component}: the command excites too few frequencies")
     ratio, coherence = ratio[good], coherence[good]
     error = SURE * np.sqrt((1.0 - coherence) / (2.0 * averages * coherence))
     return FrequencyResponse(
@@ -129,16 +132,16 @@ def measured_figures(found: FrequencyResponse) -> tuple[Figure, ...]:
     )
 
 
-def _even(axis: AxisRecord) -> tuple[Array, Array, Array]:
+def _even(axis: Measurement) -> tuple[Array, Array, Array]:
     """Evenly spaced stamps with the held command and the interpolated angle."""
-    low = max(axis.time[0], axis.angle_time[0])
-    high = min(axis.time[-1], axis.angle_time[-1])
-    period = float(np.median(np.diff(axis.angle_time))) if len(axis.angle_time) > 1 else 0.0
+    low = max(axis.command.time[0], axis.angles.time[0])
+    high = min(axis.command.time[-1], axis.angles.time[-1])
+    period = float(np.median(np.diff(axis.angles.time))) if len(axis.angles.time) > 1 else 0.0
     if not (high > low and period > 0.0 and (high - low) / period < 5e6):
-        raise ReportError(f"axis {axis.name}: command and angle share no usable stretch of time")
+        raise AnalysisError(f"axis {axis.component}: command and angle share no stretch of time")
     t = low + period * np.arange(int((high - low) / period) + 1)
-    held = np.searchsorted(axis.time, t + 1e-9, side="right") - 1
-    return t, axis.command[np.maximum(held, 0)], np.interp(t, axis.angle_time, axis.angle)
+    angle = np.interp(t, axis.angles.time, axis.angles.value)
+    return t, axis.command.held(t + 1e-9)[:, 0], angle
 
 
 def _first(f: Array, value: Array) -> float:

@@ -13,7 +13,7 @@ from hardware.calibration.errors import CalibrationError
 from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
 from hardware.calibration.result import Calibration
 from hardware.calibration.solve import solve
-from hardware.frames import Pair, SensorFrame
+from hardware.frames import AXES, Pair, SensorFrame
 
 Steps = Generator[Pair, SensorFrame, None]
 
@@ -130,7 +130,7 @@ class Procedure:
                 self._direction[axis] = 1 if hit == names[0] else -1
             elif hit != names[(self._direction[axis] == 1)]:
                 raise CalibrationError(
-                    f"switch {SWITCHES[hit]} closes at both ends of servo {'xy'[axis]}'s travel"
+                    f"switch {SWITCHES[hit]} closes at both ends of servo {AXES[axis]}'s travel"
                 )
             self._found[hit] = self._pulses[axis]
         yield from self._move(axis, self.rig.neutral[axis])
@@ -147,7 +147,7 @@ class Procedure:
                 for index, closed in enumerate(frame.switches):
                     if closed and index not in own:
                         raise CalibrationError(
-                            f"switch {SWITCHES[index]} closed while servo {'xy'[axis]} moved; "
+                            f"switch {SWITCHES[index]} closed while servo {AXES[axis]} moved; "
                             "servos or switches are swapped"
                         )
                     if closed:
@@ -161,7 +161,7 @@ class Procedure:
         pulse = self._pulses[axis] + step
         if not self.rig.lowest <= pulse <= self.rig.highest:
             raise CalibrationError(
-                f"switch {SWITCHES[switch]} never closed: servo {'xy'[axis]} reached "
+                f"switch {SWITCHES[switch]} never closed: servo {AXES[axis]} reached "
                 f"{self._pulses[axis] * 1e6:.0f} µs; check the switch's wiring and place, and the "
                 "servo horn"
             )

@@ -1,49 +1,54 @@
-"""What is said of recordings that should not be believed as they are."""
+"""Reasons to doubt recordings."""
 
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.recording import Event, Recording, measurement
 from analysis.recording.caveats import LONGEST, caveats
-from analysis.recording.reader import Event, Recording
+
+T = np.arange(0.0, 1.0, 0.1)
 
 
-def recording(command="step", timing=None, events=(), **settings):
-    return Recording(
+def run(name, command="step", timing=None, events=(), **settings):
+    recording = Recording(
         {"command": command, "configuration": settings}, {}, tuple(events), timing=timing or {}
     )
+    return replace(measurement(T, 0 * T, angle=T, name=name), recording=recording)
 
 
-def test_sound_runs_of_one_kind_have_none():
-    a = recording(signal="steps", gimbal="emulator")
-    b = recording(signal="steps", gimbal="linkage", timing={"verdict": "valid", "reasons": []})
-    assert caveats([a, b], ["a", "b"]) == ()
+def test_valid_runs_of_one_kind_have_none():
+    a = run("a", signal="steps", gimbal="emulator")
+    b = run("b", signal="steps", gimbal="linkage", timing={"verdict": "valid", "reasons": []})
+    assert caveats([a, b]) == ()
 
 
 def test_a_run_that_was_not_on_time_or_failed_is_named_with_the_reason():
-    late = recording(timing={"verdict": "invalid", "reasons": ["61 of 250 ticks overran"]})
-    lost = recording(
-        events=[Event(1.5, "WARN", "rig away"), Event(2.0, "ERROR", "fault: rig lost")]
-    )
-    assert caveats([late, lost], ["a", "b"]) == (
+    late = run("a", timing={"verdict": "invalid", "reasons": ["61 of 250 ticks overran"]})
+    events = [Event(1.5, "WARN", "rig away"), Event(2.0, "ERROR", "fault: rig lost")]
+    assert caveats([late, run("b", events=events)]) == (
         "a: its timing was judged invalid; 61 of 250 ticks overran",
         "b: at 2.000 s fault: rig lost",
     )
 
 
-def test_runs_that_were_asked_for_different_motions_are_told_apart_if_they_stand_together():
-    step, chirp = recording(signal="steps", axis="x"), recording(signal="chirp", axis="x")
-    assert caveats([step, chirp], ["a", "b"]) == ("b was asked for signal chirp, not steps as a",)
-    assert caveats([step, recording("fly")], ["a", "b"])[0].startswith("b is of fly, a of step")
-    assert caveats([step, chirp], ["a", "b"], together=False) == ()
+def test_different_settings_are_named_only_where_runs_are_compared():
+    step, chirp = run("a", signal="steps", axis="x"), run("b", signal="chirp", axis="x")
+    assert caveats([step, chirp]) == ("b was asked for signal chirp, not steps as a",)
+    assert caveats([step, run("b", "fly")])[0].startswith("b is of fly, a of step")
+    assert caveats([step, chirp], together=False) == ()
 
 
-def test_of_what_nobody_said_nothing_is_made():
-    step, table = recording(signal="steps", about=None), recording(command=None)
-    assert caveats([table, step], ["a", "b"]) == caveats([step, table], ["a", "b"]) == ()
-    mirrored, spelt = recording("mirror"), recording(signal="steps", about="level")
-    assert caveats([step, mirrored, spelt], ["a", "b", "c"]) == ()
+def test_unknown_settings_raise_no_doubt():
+    step, table = run("a", signal="steps", about=None), run("b", command=None)
+    assert caveats([table, step]) == caveats([step, table]) == ()
+    mirrored, spelt = run("b", "mirror"), run("c", signal="steps", about="level")
+    assert caveats([step, mirrored, spelt]) == ()
 
 
-def test_what_a_strangers_file_says_is_one_short_line():
+def test_text_of_a_hostile_file_becomes_one_short_line():
     for reasons in ({"a": 1}, [1, None], ["x\n" * 9999]):
-        (told,) = caveats([recording(timing={"verdict": "invalid", "reasons": reasons})], ["a"])
-        assert len(told) <= LONGEST + 1
-        assert "\n" not in told
-    assert caveats([recording(timing={"verdict": ["invalid"]})], ["a"]) == ()
+        (line,) = caveats([run("a", timing={"verdict": "invalid", "reasons": reasons})])
+        assert len(line) <= LONGEST + 1
+        assert "\n" not in line
+    assert caveats([run("a", timing={"verdict": ["invalid"]})]) == ()

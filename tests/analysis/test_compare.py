@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.comparison.compare import compare, errors
-from analysis.comparison.motion import Motion, bridged
+from analysis.comparison.motion import bridged
+from analysis.recording import TimeSeries
 from analysis.schema import AnalysisError
 
 T = np.arange(0.0, 20.0, 0.005)
@@ -22,7 +23,8 @@ def wave(t, rng=None):
 
 
 def motion(values, t=T, components=("x",), name="a"):
-    return Motion(t, values, components, name)
+    values = np.asarray(values)
+    return TimeSeries(name, t, values.reshape(len(values), -1), "rad", components)
 
 
 def test_a_shift_of_a_third_of_a_sample_is_reported_and_taken_out():
@@ -58,7 +60,7 @@ def test_an_axis_that_was_to_stand_still_counts_for_no_fit_and_has_no_delay(orde
 
     def one():
         columns = {"x": wave(T), "y": 1e-3 * rng.normal(size=len(T))}
-        return Motion(T, np.stack([columns[c] for c in order], 1), tuple(order), "a")
+        return motion(np.stack([columns[c] for c in order], 1), T, tuple(order))
 
     found = compare(one(), one(), still="y")
     assert found.fit == pytest.approx(100.0)
@@ -74,7 +76,7 @@ def test_an_axis_that_was_to_stand_still_counts_for_no_fit_and_has_no_delay(orde
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]])
 def test_a_reference_that_stood_still_has_no_fit_in_any_order(order):
     both = np.stack([wave(T), 0.0 * T], 1)[:, order]
-    a, b = (Motion(T, gain * both, ("x", "y"), "a") for gain in (1.0, 0.5))
+    a, b = (motion(gain * both, T, ("x", "y")) for gain in (1.0, 0.5))
     found = compare(a, b)
     assert found.fit == pytest.approx(50.0, abs=1.0)
     assert list(found.uncounted.values()) == ["the reference stood still"]
@@ -84,7 +86,7 @@ def test_a_reference_that_stood_still_has_no_fit_in_any_order(order):
 def test_nothing_is_compared_in_a_hole_of_the_other():
     """6 of 20 s are missing; what is left is the same motion, 12 ms late."""
     there = (T < 5.0) | (T > 11.0)
-    other = Motion(T[there], wave(T - 0.012)[there], ("x",), "b")
+    other = motion(wave(T - 0.012)[there], T[there], name="b")
     found = compare(motion(wave(T)), other).axes[0]
     assert found.left_out == pytest.approx(0.3, abs=1e-3)
     assert found.samples == there.sum()
@@ -100,7 +102,7 @@ def test_single_lost_readings_and_bursts_are_no_holes():
     kept = rng.random(len(T)) > 0.2
     bursts = np.sort(np.concatenate([T[::4] + d for d in (0.0, 1e-4, 2e-4)]))
     for stamps in (T[kept], bursts):
-        other = Motion(stamps, wave(stamps), ("x",), "b")
+        other = motion(wave(stamps), stamps, name="b")
         assert compare(motion(wave(T)), other).axes[0].left_out == 0.0
 
 
@@ -111,11 +113,11 @@ def test_stamps_of_arrival_in_long_bursts_have_no_holes_between_them(count):
     arrived = np.repeat(whole[count - 1 :: count], count) + 1e-4 * np.tile(
         np.arange(count), len(whole[count - 1 :: count])
     )
-    other = Motion(arrived, wave(whole[: len(arrived)]), ("x",), "b")
+    other = motion(wave(whole[: len(arrived)]), arrived, name="b")
     found = compare(motion(wave(whole), whole), other).axes[0]
     assert found.left_out == pytest.approx(0.0, abs=1e-3)
     kept = (arrived < 5.0) | (arrived > 9.0)  # and a hole is one all the same
-    holed = Motion(arrived[kept], other.values[kept], ("x",), "b")
+    holed = motion(other.values[kept], arrived[kept], name="b")
     assert compare(motion(wave(whole), whole), holed).axes[0].left_out > 0.19
 
 
@@ -145,7 +147,7 @@ def test_repeats_are_judged_one_by_one():
     y = wave(T)
     worse = y.copy()
     worse[T >= 10.0] += 0.1
-    found = compare(motion(y), motion(worse), repeats=[0.0, 5.0, 10.0, 15.0]).axes[0]
+    found = compare(motion(y), motion(worse), repeats={"x": [0.0, 5.0, 10.0, 15.0, 20.0]}).axes[0]
     assert [round(r.worst, 6) for r in found.repeats] == [0.0, 0.0, 0.1, 0.1]
 
 
@@ -160,8 +162,8 @@ def test_other_stamps_and_missing_readings_are_bridged():
 
 
 def test_axes_are_matched_by_name():
-    a = Motion(T, np.stack([wave(T), -wave(T)], 1), ("x", "y"), "a")
-    b = Motion(T, np.stack([-wave(T), wave(T)], 1), ("y", "x"), "b")
+    a = motion(np.stack([wave(T), -wave(T)], 1), T, ("x", "y"))
+    b = motion(np.stack([-wave(T), wave(T)], 1), T, ("y", "x"), "b")
     assert compare(a, b).fit == pytest.approx(100.0)
 
 
@@ -178,15 +180,13 @@ def test_no_time_in_common_says_what_is_covered():
 @pytest.mark.parametrize(
     ("time", "values", "said"),
     [
-        (T[::-1], wave(T), "increase"),
-        (T[:5], wave(T)[:5], "5 samples"),
-        (T, np.ones((len(T), 2)), "values"),
-        (T, np.full(len(T), math.inf), "infinite"),
+        (T[:5], wave(T)[:5], "5 readings; 16 are needed"),
+        (T, np.full(len(T), math.nan), "0 readings"),
     ],
 )
-def test_what_is_no_motion_is_refused(time, values, said):
+def test_too_few_readings_of_an_axis_are_refused(time, values, said):
     with pytest.raises(AnalysisError, match=said):
-        motion(values, time)
+        compare(motion(values, time), motion(wave(T)))
 
 
 def test_the_numbers_are_json():

@@ -13,7 +13,7 @@ from analysis.comparison.flights import (
     path_difference,
     spread,
 )
-from analysis.recording.reader import Recording, TimeSeries
+from analysis.recording import Recording, TimeSeries
 from analysis.schema import AnalysisError
 
 

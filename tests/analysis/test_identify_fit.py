@@ -16,7 +16,6 @@ from analysis.identify import (
     identify,
     identify_gimbal,
     own_records,
-    record,
     select_order,
 )
 from analysis.identify.assemble import assemble
@@ -24,6 +23,7 @@ from analysis.identify.basis import denominator, parameters_of
 from analysis.identify.layout import Layout
 from analysis.identify.prediction import fit_to, nrmse_fit, predict
 from analysis.identify.uncertainty import propagated
+from analysis.recording import measurement
 from analysis.transfer_function import TransferFunctionModel
 
 _PATH = Path(__file__).parents[1] / "benchmarks" / "identification.py"
@@ -39,7 +39,7 @@ def test_simulation_equals_python_control():
     """1e-10: rounding of two exact methods over 400 samples."""
     num, den = [2.0, 50.0, 3000.0], [1.0, 12.0, 400.0, 3000.0]
     t = np.arange(400) * 0.005
-    r = record(t, np.ones(400), angle=np.zeros(400), rate=np.zeros(400), before=[0.0])
+    r = measurement(t, np.ones(400), angle=np.zeros(400), rate=np.zeros(400), before=[0.0])
     problem = assemble([r], 0, Layout(3, 2, 1, True, (np.nan,)))
     theta = np.append(parameters_of(np.roots(den)), 0.0)
     said = problem.predict(theta, np.array([1.0, 50 / 3000, 2 / 3000, 0.0, 0.0]))
@@ -58,7 +58,7 @@ def test_jacobian_equals_finite_differences(poles, zeros, own, initial):
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.uniform(0.002, 0.01, 300))
     u = rng.normal(size=(30, 2))
-    r = record(
+    r = measurement(
         t, u, command_time=np.sort(rng.uniform(-0.2, 2.0, 30)), initial=initial,
         angle=rng.normal(size=300), rate=rng.normal(size=300),
     )  # fmt: skip
@@ -77,7 +77,7 @@ def test_jacobian_equals_finite_differences(poles, zeros, own, initial):
 def test_poles_that_meet_do_not_break_the_simulation():
     """A critically damped pair is pulled apart by 1e-4; the response moves by its square."""
     t = np.linspace(0.0, 1.0, 200)
-    r = record(t, np.ones(200), angle=np.zeros(200), before=[0.0])
+    r = measurement(t, np.ones(200), angle=np.zeros(200), before=[0.0])
     problem = assemble([r], 0, Layout(2, 0, 1, True, (np.nan,)))
     theta = np.array([np.log(2 * 30.0), np.log(900.0), 0.0])
     said = problem.predict(theta, np.array([1.0, 0.0]))
@@ -132,21 +132,36 @@ def test_rate_alone_and_angle_alone_agree_with_both():
         assert abs(e.value - g.frequency) < 4.0 * e.std
 
 
+def test_sensors_read_in_turn_both_enter_the_fit():
+    """Stamps of angle and rate alternate; starts are judged on every second of these 12 000."""
+    rng = np.random.default_rng(13)
+    g = studies.Gimbal(40.0, 0.6, 0.02, 1.0)
+    whole = studies.servo_record(rng, g, duration=60.0)
+    turns = np.arange(len(whole.time)) % 2 == 0
+    turns[-5:] = ~turns[-5:]  # a lost reading exchanges the two
+    r = replace(whole, angle=whole.angle.rows(turns), rate=whole.rate.rows(~turns))
+    model = identify([r])
+    for what, true in (("natural frequency", g.frequency), ("delay", g.delay)):
+        e = model.estimate(f"x/x {what}")
+        assert abs(e.value - true) < 4.0 * e.std < 0.01 * true
+    assert np.isfinite(model.axes[0].noise).all()
+
+
 def test_a_record_that_starts_in_motion_is_fitted_with_its_motion():
     rng = np.random.default_rng(4)
     g = studies.Gimbal(30.0, 0.5, 0.01, 1.0)
     whole = studies.servo_record(rng, g, duration=6.0)
     late = whole.time > 1.25
-    r = record(
-        whole.time[late], whole.input, command_time=whole.input_time,
-        angle=whole.angle[late], rate=whole.rate[late], initial="free",
+    r = measurement(
+        whole.time[late], whole.command.values, command_time=whole.command.time,
+        angle=whole.angle.values[late], rate=whole.rate.values[late], initial="free",
     )  # fmt: skip
     # the commands before the record are known here; hide them to make the start a free motion
-    began = whole.input_time > 1.2
-    hidden = record(
-        whole.time[late], whole.input[began], command_time=whole.input_time[began],
-        angle=whole.angle[late], rate=whole.rate[late], initial="free",
-        before=whole.input[~began][-1],
+    began = whole.command.time > 1.2
+    hidden = measurement(
+        whole.time[late], whole.command.values[began], command_time=whole.command.time[began],
+        angle=whole.angle.values[late], rate=whole.rate.values[late], initial="free",
+        before=whole.command.values[~began][-1],
     )  # fmt: skip
     for one in (r, hidden):
         e = identify([one]).estimate("x/x natural frequency")
@@ -180,7 +195,7 @@ def test_the_gyro_filter_delay_is_taken_out():
     angle, _ = studies.moved([g], t, at, u)
     _, rate = studies.moved([g], t - late, at, u)
     angle, rate = studies.sensed(rng, angle, rate)
-    r = record(t, u, command_time=at, before=[0.0], angle=angle, rate=rate, gyro_delay=late)
+    r = measurement(t, u, command_time=at, before=[0.0], angle=angle, rate=rate, gyro_delay=late)
     assert identify([r]).channels[0][0].delay == pytest.approx(0.02, abs=1e-4)
 
 
@@ -203,7 +218,7 @@ def test_what_a_small_order_lacks_counts_against_it_however_long_the_rests(spike
     angle, _ = studies.moved([studies.Gimbal(30.0, 0.7, 0.01, 1.0)], t, at, u)
     angle = angle + 2e-4 * rng.normal(size=len(t))
     angle[rng.choice(len(t), spikes, replace=False)] += 0.3
-    r = record(t, u, command_time=at, before=[0.0], angle=angle)
+    r = measurement(t, u, command_time=at, before=[0.0], angle=angle)
     (poles, _), scores = select_order([r], ((1, 0), (2, 0)))
     assert poles == 2
     assert scores[0].error > 3.0
@@ -216,7 +231,7 @@ def test_order_selection_searches_the_delays_it_is_told_to():
     at, u = studies.random_steps(rng, 12.0, 1.0, 8.0)
     angle, _ = studies.moved([studies.Gimbal(30.0, 0.7, 0.15, 1.0)], t, at, u)
     angle = angle + 1e-3 * rng.normal(size=len(t))
-    r = record(t, u, command_time=at, before=[0.0], angle=angle)
+    r = measurement(t, u, command_time=at, before=[0.0], angle=angle)
     for told in ({"max_delay": 0.2}, {"delay": 0.15}):
         _, (score,) = select_order([r], [(2, 0)], **told)
         assert score.fit > 97.0
@@ -240,7 +255,7 @@ def test_a_two_axis_model_predicts_a_record_of_one_axis():
     moved = [studies.moved([g], t, at, u[:, [k]]) for k, g in enumerate(alone)]
     angle, rate = (np.stack(both, axis=1) for both in zip(*moved, strict=True))
     angle, rate = studies.sensed(rng, angle, rate)
-    r = record(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate)
+    r = measurement(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate)
     model = identify_gimbal([r], coupling="none")
     for k, name in enumerate("xy"):
         (own,) = own_records([r], k)
@@ -263,7 +278,9 @@ def test_records_of_one_axis_each_make_a_model_of_both_without_a_word_about_the_
         moved = [studies.moved([g], t, at, u[:, [j]]) for j, g in enumerate(alone)]
         angle, rate = (np.stack(both, axis=1) for both in zip(*moved, strict=True))
         angle, rate = studies.sensed(rng, angle, rate)
-        records.append(record(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate))
+        records.append(
+            measurement(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate)
+        )
     model = identify_gimbal(records, coupling="none")
     assert not any("poor fit" in w for w in model.warnings), model.warnings
     for k, axis in enumerate(model.axes):
@@ -302,7 +319,7 @@ def test_wrong_stamps_show_in_the_bootstrap_not_in_the_jacobian():
     angle, rate = studies.sensed(
         rng, *studies.moved([g], t, at + rng.uniform(0.0, 0.02, len(at)), u)
     )
-    model = identify([record(t, u, command_time=at, before=[0.0], angle=angle, rate=rate)])
+    model = identify([measurement(t, u, command_time=at, before=[0.0], angle=angle, rate=rate)])
     e = model.estimate("x/x delay")
     assert model.axes[0].spread > 1.5
     assert any("bootstrap" in w for w in model.warnings)
@@ -315,7 +332,7 @@ def test_two_spikes_are_set_aside_on_the_real_motor(shared_data):
     path = shared_data / "dcmotor_esp32" / "step_response.csv"
     with path.open(encoding="utf-8") as file:
         table = np.array(list(csv.reader(file))[1:], dtype=float)
-    model = identify([record(table[:, 0], table[:, 2], angle=table[:, 3])], 1)
+    model = identify([measurement(table[:, 0], table[:, 2], angle=table[:, 3])], 1)
     assert model.fit >= 94.0
     assert 0.060 <= model.estimate("x/x time constant").value <= 0.070
     assert model.axes[0].spikes == 3  # the two, and the reading they smeared

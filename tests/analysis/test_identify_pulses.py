@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from analysis.identify import IdentificationError, from_recording, identify_gimbal
-from analysis.identify.pulses import asked, pulse_frames
-from analysis.recording.reader import Recording, TimeSeries
+from analysis.identify import IdentificationError, identify_gimbal
+from analysis.identify.pulses import asked, by_pulses, pulse_frames
+from analysis.recording import Recording, TimeSeries, measurement_of
 
 FRAME, OMEGA, ZETA, DELAY = 0.02, 60.0, 0.6, 0.004
 
@@ -102,8 +102,8 @@ def test_pulses_are_turned_back_into_the_commands_they_carried(spoil):
     rig = Rig()
     recording = rig.recording(spoil=spoil)
     frames = pulse_frames(recording, ("x", "y"), "run")
-    r = from_recording(recording, rate=None)
-    found, late = asked(frames, r.held_input, "run")
+    r = measurement_of(recording)
+    found, late = asked(frames, r.command.held, "run")
     assert late == pytest.approx(rig.late, abs=1.1e-3)
     sent = np.floor((frames.begin - rig.late) / 0.002 + 1e-6).clip(0) * 0.002
     off = np.abs(found - wanted(sent)).max(axis=1)[1:]  # the first frame began before the commands
@@ -113,8 +113,8 @@ def test_pulses_are_turned_back_into_the_commands_they_carried(spoil):
 def test_a_model_from_pulses_is_that_of_the_servo_without_the_wait():
     """Made with 4 ms: commands add 10 ± 1 ms of wait and a bad fit, pulses nothing. 1 %: noise."""
     recording = Rig().recording()
-    by_pulse = identify_gimbal([from_recording(recording, rate=None, pulses=True)])
-    by_command = identify_gimbal([from_recording(recording, rate=None)])
+    by_pulse = identify_gimbal([by_pulses(measurement_of(recording))])
+    by_command = identify_gimbal([measurement_of(recording)])
     for axis in "xy":
         value = {k: by_pulse.estimate(f"{axis}/{axis} {k}").value for k in ("gain", "damping")}
         assert value == pytest.approx({"gain": 1.0, "damping": ZETA}, rel=0.01)
@@ -129,11 +129,11 @@ def test_a_model_from_pulses_is_that_of_the_servo_without_the_wait():
 def test_pulses_that_follow_no_command_are_refused():
     recording = Rig().recording(spoil=0.5)
     with pytest.raises(IdentificationError, match="% of the pulses do not follow the commands"):
-        from_recording(recording, rate=None, pulses=True)
+        by_pulses(measurement_of(recording))
 
 
 def test_a_recording_without_a_rig_has_no_pulses():
     whole = Rig().recording()
     series = {k: v for k, v in whole.series.items() if k.startswith("gimbal")}
     with pytest.raises(IdentificationError, match="no sensors/pulse"):
-        from_recording(Recording({}, series), rate=None, pulses=True)
+        by_pulses(measurement_of(Recording({}, series)))

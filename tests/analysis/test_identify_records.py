@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from analysis.identify import IdentificationError, from_recording, identify, record
+from analysis.identify import IdentificationError, identify
 from analysis.identify.checks import clipped
-from analysis.recording.record import RecordError
+from analysis.recording import Recording, RecordingError, TimeSeries, measurement, measurement_of
 
 T = np.arange(0.0, 4.0, 0.01)
 STEPS = np.repeat([0.0, 0.1, -0.1, 0.05], 100)
@@ -28,34 +28,34 @@ def noisy(values, sigma=1e-3, seed=0):
 def test_stamps_that_run_backwards_are_named():
     time = T.copy()
     time[50] = time[40]
-    with pytest.raises(RecordError, match=r"time runs from 0\.49 s to 0\.4 s at sample 50"):
-        record(time, STEPS, angle=first_order())
+    with pytest.raises(RecordingError, match=r"time runs from 0\.49 s to 0\.4 s at sample 50"):
+        measurement(time, STEPS, angle=first_order())
 
 
 def test_command_stamps_may_not_stand_still():
-    with pytest.raises(RecordError, match="command time runs from"):
-        record(T, [0.0, 1.0, 0.0], command_time=[0.0, 1.0, 1.0], angle=first_order())
+    with pytest.raises(RecordingError, match="command time runs from"):
+        measurement(T, [0.0, 1.0, 0.0], command_time=[0.0, 1.0, 1.0], angle=first_order())
 
 
 def test_neither_sensor_is_refused():
-    with pytest.raises(RecordError, match="neither angle nor rate"):
-        record(T, STEPS)
+    with pytest.raises(RecordingError, match="neither angle nor rate"):
+        measurement(T, STEPS)
 
 
 def test_infinite_readings_are_refused():
     y = first_order()
     y[3] = math.inf
-    with pytest.raises(RecordError, match="infinite"):
-        record(T, STEPS, angle=y)
+    with pytest.raises(RecordingError, match="infinite"):
+        measurement(T, STEPS, angle=y)
 
 
 def test_commands_of_another_length_are_refused():
-    with pytest.raises(RecordError, match="399 commands but 400 stamps"):
-        record(T, STEPS[:-1], angle=first_order())
+    with pytest.raises(RecordingError, match="399 commands but 400 stamps"):
+        measurement(T, STEPS[:-1], angle=first_order())
 
 
 def test_a_constant_command_teaches_nothing():
-    r = record(T, np.zeros(400), angle=noisy(np.zeros(400)))
+    r = measurement(T, np.zeros(400), angle=noisy(np.zeros(400)))
     with pytest.raises(IdentificationError, match="'x' never changes"):
         identify([r])
 
@@ -63,7 +63,7 @@ def test_a_constant_command_teaches_nothing():
 def test_commands_of_another_time_are_no_commands():
     times = np.array([0.0, 1.0, 2.0, 3.0])
     for shift in (-1000.0, 1000.0):
-        r = record(
+        r = measurement(
             T, [0.0, 0.1, -0.1, 0.05], command_time=times + shift, before=[0.0],
             angle=first_order(),
         )  # fmt: skip
@@ -73,7 +73,7 @@ def test_commands_of_another_time_are_no_commands():
 
 def test_a_single_step_is_too_few():
     u = np.where(T < 1.0, 0.0, 0.1)
-    r = record(T, u, angle=noisy(first_order(u=u)))
+    r = measurement(T, u, angle=noisy(first_order(u=u)))
     with pytest.raises(IdentificationError, match="changes 1 time; 2 steps or more"):
         identify([r])
 
@@ -82,26 +82,26 @@ def test_missing_readings_are_counted():
     y = noisy(first_order())
     y[100:350] = math.nan
     with pytest.raises(IdentificationError, match="150 readings in 400 samples; 62 % are missing"):
-        identify([record(T, STEPS, angle=y)])
+        identify([measurement(T, STEPS, angle=y)])
 
 
 def test_commands_that_always_move_together_cannot_be_told_apart():
     both = np.stack([STEPS, 2.0 * STEPS], axis=1)
     angle = np.stack([noisy(first_order()), noisy(first_order(), seed=1)], axis=1)
     with pytest.raises(IdentificationError, match="always move together"):
-        identify([record(T, both, angle=angle)])
+        identify([measurement(T, both, angle=angle)])
 
 
 def test_records_of_other_axes_do_not_mix():
-    one = record(T, STEPS, angle=noisy(first_order()))
-    two = record(T, STEPS, angle=noisy(first_order()), inputs=("servo",), name="second")
+    one = measurement(T, STEPS, angle=noisy(first_order()))
+    two = measurement(T, STEPS, angle=noisy(first_order()), inputs=("servo",), name="second")
     with pytest.raises(IdentificationError, match="second: commands"):
         identify([one, two])
 
 
 @pytest.mark.parametrize(("scale", "said"), [(180 / math.pi, "57"), (math.pi / 180, "0.017")])
 def test_a_gain_that_is_a_unit_is_said_to_be_one(scale, said):
-    r = record(T, STEPS, angle=noisy(first_order(scale=scale), 1e-3 * scale))
+    r = measurement(T, STEPS, angle=noisy(first_order(scale=scale), 1e-3 * scale))
     with pytest.raises(IdentificationError, match=rf"is {said}.*degrees.*radians"):
         identify([r], 1)
 
@@ -109,7 +109,7 @@ def test_a_gain_that_is_a_unit_is_said_to_be_one(scale, said):
 def test_gyro_in_degrees_beside_angle_in_radians_is_noticed():
     y = first_order()
     rate = np.gradient(y, T) * 180 / math.pi
-    r = record(T, STEPS, angle=noisy(y), rate=noisy(rate, 0.1))
+    r = measurement(T, STEPS, angle=noisy(y), rate=noisy(rate, 0.1))
     with pytest.raises(IdentificationError, match=r"turns 0\.017.* rate in degrees"):
         identify([r], 1)
 
@@ -117,7 +117,7 @@ def test_gyro_in_degrees_beside_angle_in_radians_is_noticed():
 def test_a_clipped_sensor_is_refused_with_its_level():
     y = np.clip(noisy(first_order(u=10 * STEPS, tau=0.3), 1e-4), -0.3, 0.3)
     with pytest.raises(IdentificationError, match=r"clipped at -?0\.3"):
-        identify([record(T, 10 * STEPS, angle=y)])
+        identify([measurement(T, 10 * STEPS, angle=y)])
 
 
 def test_a_settled_quantised_plateau_is_not_clipping():
@@ -129,33 +129,33 @@ def test_a_settled_quantised_plateau_is_not_clipping():
     ("poles", "zeros", "delay"), [(0, 0, "free"), (7, 0, "free"), (2, 2, "free"), (2, 0, -1.0)]
 )
 def test_impossible_orders_are_refused(poles, zeros, delay):
-    r = record(T, STEPS, angle=noisy(first_order()))
+    r = measurement(T, STEPS, angle=noisy(first_order()))
     with pytest.raises(IdentificationError, match=r"possible|zeros|delay"):
         identify([r], poles, zeros, delay)
 
 
 def test_a_poor_fit_is_a_result_with_a_warning():
     wander = np.cumsum(np.random.default_rng(0).normal(size=400)) * 0.01
-    model = identify([record(T, STEPS, angle=wander + 0.1 * first_order())], 1)
+    model = identify([measurement(T, STEPS, angle=wander + 0.1 * first_order())], 1)
     assert any("poor fit" in w for w in model.warnings)
 
 
 def test_gyro_delay_is_taken_out_of_the_rate_only():
-    r = record(T, STEPS, angle=first_order(), rate=first_order(), gyro_delay=0.0049)
-    assert r.size == 800
-    assert np.isfinite(r.angle[:, 0]).sum() == 400
-    assert r.time[np.isfinite(r.rate[:, 0])] == pytest.approx(T - 0.0049)
+    r = measurement(T, STEPS, angle=first_order(), rate=first_order(), gyro_delay=0.0049)
+    assert len(r.time) == 800
+    assert np.isfinite(r.angle.values[:, 0]).sum() == 400
+    assert r.rate.time == pytest.approx(T - 0.0049)
 
 
 def test_commands_that_begin_after_the_samples_need_the_one_before():
     """A list of changes that begins with the first step is no list that begins at rest."""
     changes = {"angle": first_order(), "command_time": [1.0, 2.0, 3.0]}
-    with pytest.raises(RecordError, match=r"begin at 1 s, the samples at 0 s.*--before"):
-        record(T, [0.1, -0.1, 0.05], **changes)
-    r = record(T, [0.1, -0.1, 0.05], **changes, before=[0.0])
-    assert (r.held_input(T)[:, 0] == STEPS).all()
-    with pytest.raises(RecordError, match="2 commands before the first, not 1"):
-        record(T, [0.1, -0.1, 0.05], **changes, before=[0.0, 0.0])
+    with pytest.raises(RecordingError, match=r"begin at 1 s, the samples at 0 s.*--before"):
+        measurement(T, [0.1, -0.1, 0.05], **changes)
+    r = measurement(T, [0.1, -0.1, 0.05], **changes, before=[0.0])
+    assert (r.command.held(T)[:, 0] == STEPS).all()
+    with pytest.raises(RecordingError, match="2 commands before the first, not 1"):
+        measurement(T, [0.1, -0.1, 0.05], **changes, before=[0.0, 0.0])
 
 
 def test_commands_that_were_only_sampled_leave_the_delay_open_and_the_reader_is_told():
@@ -171,7 +171,7 @@ def test_commands_that_were_only_sampled_leave_the_delay_open_and_the_reader_is_
     y = (1.0 - np.exp(-past / 0.05)) @ np.diff(level, prepend=0.0)
     seen = np.concatenate([[0.0], level])[np.searchsorted(given, t, side="right")]
     found = {
-        stamps: identify([record(t, seen, angle=noisy(y), stamps=stamps)], 1)
+        stamps: identify([measurement(t, seen, angle=noisy(y), stamps=stamps)], 1)
         for stamps in ("exact", "shown", "sampled")
     }
     delays = {s: m.estimate("x/x delay") for s, m in found.items()}
@@ -184,32 +184,30 @@ def test_commands_that_were_only_sampled_leave_the_delay_open_and_the_reader_is_
     assert said["exact"] == []
     assert "10 ms too short," in said["shown"][0]
     assert "5 ms too short or too long," in said["sampled"][0]
-    with pytest.raises(RecordError, match="stamps of their own"):
-        record(t, seen, angle=y, command_time=t, stamps="sampled")
+    with pytest.raises(RecordingError, match="without time stamps"):
+        measurement(t, seen, angle=y, command_time=t, stamps="sampled")
 
 
 def test_records_cannot_be_written_to():
-    r = record(T, STEPS, angle=first_order())
+    r = measurement(T, STEPS, angle=first_order())
     with pytest.raises(ValueError, match="read-only"):
         r.time[0] = 1.0
 
 
 def test_two_step_sizes_may_hide_a_saturation_and_the_reader_is_told():
     u = np.repeat([0.0, 0.1, 0.0, 0.1, 0.0, 0.1], 70)[:400]
-    model = identify([record(T, u, angle=noisy(first_order(u=u), 3e-4))], 1)
+    model = identify([measurement(T, u, angle=noisy(first_order(u=u), 3e-4))], 1)
     assert any("saturation cannot be told" in w for w in model.warnings)
 
 
 def test_a_recording_of_the_twin_becomes_a_record():
-    from analysis.recording.reader import Recording, TimeSeries
-
     two = np.stack([STEPS, 0.5 * STEPS], axis=1)
     gyro = np.full((400, 3), 0.1)
     series = {
         "gimbal/command": TimeSeries("gimbal/command", T, two, "rad", ("x", "y")),
         "sensors/gyro": TimeSeries("sensors/gyro", T, gyro, "rad/s", ("x", "y", "z")),
     }
-    r = from_recording(Recording({}, series), angle=None)
-    assert r.input.shape == (400, 2)
-    assert r.rate.shape == (400, 2)
+    r = measurement_of(Recording({}, series), rate="sensors/gyro")
+    assert r.command.values.shape == (400, 2)
+    assert r.rate.values.shape == (400, 2)
     assert r.slack == 0.0

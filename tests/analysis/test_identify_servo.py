@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.identify import IdentificationError, identify, record
+from analysis.identify import IdentificationError, identify
 from analysis.identify.prediction import fit_to, predict
 from analysis.identify.ramps import ramps
 from analysis.identify.servo_motion import play, speed_servo
+from analysis.recording import measurement
 from analysis.transfer_function.servo import play as reference_play
 
 _PATH = Path(__file__).parents[1] / "benchmarks" / "identification.py"
@@ -30,7 +31,7 @@ def runs(shared_data):
     for run in json.loads(path.read_text(encoding="utf-8"))["data"]:
         actions = np.array(run["actions"]) * np.pi
         sensed = np.array(run["sensor_data"]) * np.pi
-        r = record(np.arange(len(actions)) * 0.02, actions, angle=sensed, before=[0.0])
+        r = measurement(np.arange(len(actions)) * 0.02, actions, angle=sensed, before=[0.0])
         found.setdefault(run["type"], []).append(r)
     return found
 
@@ -128,7 +129,7 @@ def test_an_identified_servo_is_flown_as_the_structure_it_was_found_to_be(struct
     assert model.servo is not None
     time = np.arange(1500) * 1e-3
     command = np.where(time < 0.7, 0.2, -0.1)[:, None]
-    asked = record(time, command, angle=np.zeros((1500, 1)), command_time=time, before=[0.0])
+    asked = measurement(time, command, angle=np.zeros((1500, 1)), command_time=time, before=[0.0])
     assert flown.simulate(command, 1e-3)[:, 0] == pytest.approx(
         predict(model, asked)[0][:, 0], abs=1e-3
     )

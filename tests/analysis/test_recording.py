@@ -14,9 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis import schema
+from analysis.recording import RecordingError, TimeSeries, rrd
 from analysis.recording import reader as recording
-from analysis.recording import rrd
-from analysis.recording.reader import RecordingError, TimeSeries
 from tests.twin import runs
 from twin import viewer
 from twin.recorder import Recorder

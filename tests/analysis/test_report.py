@@ -8,15 +8,22 @@ import os
 import re
 import shutil
 import time
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
-from analysis.identify import Record
-from analysis.recording.reader import Event, Recording, TimeSeries
-from analysis.recording.run import recording_of, run_of, runs_of
-from analysis.report import Line, Panel, Plot, ReportError, Section, Table, render, report
+from analysis.recording import (
+    Event,
+    Measurement,
+    Recording,
+    TimeSeries,
+    measurement,
+    measurement_of,
+)
+from analysis.report import Line, Panel, Plot, Section, Table, render, report
+from analysis.report.build import labelled
 from analysis.report.figures import axis_figures, kind_of
 from analysis.report.parts import thinned
 from analysis.report.spectrum import frequency_response
@@ -36,14 +43,16 @@ def recorded(
     motion: str = "simulated",
     late: float = 0.0,
     **configuration: object,
-) -> Recording:
-    """A recording of both axes (n, 2) [rad], a row every DT."""
+) -> Measurement:
+    """A run of both axes (n, 2) [rad], a row every DT."""
     t = late + DT * np.arange(len(commands))
     series = {
         name: TimeSeries(name, t, values, "rad", ("x", "y"))
         for name, values in (("gimbal/command", commands), (f"gimbal/{motion}", angles))
     }
-    return Recording({"command": "step", "configuration": configuration}, series)
+    return measurement_of(
+        Recording({"command": "step", "configuration": configuration}, series), "run"
+    )
 
 
 def stepped(repeats: int = 3, hold: int = 300) -> np.ndarray:
@@ -75,8 +84,8 @@ def three():
 def test_figures_are_those_of_the_second_order_textbook():
     """Times interpolated between rows 2 ms apart."""
     commands = stepped()
-    run = run_of(recorded(commands, answered(commands)))
-    told = {f.name: f for f in axis_figures(run, run.axes[0]).figures}
+    run = recorded(commands, answered(commands))
+    told = {f.name: f for f in axis_figures(run.axes[0]).figures}
     overshoot = 100.0 * math.exp(-math.pi * ZETA / math.sqrt(1.0 - ZETA**2))
     assert told["overshoot up"].value == pytest.approx(overshoot, abs=0.2)
     peak = math.pi / (OMEGA * math.sqrt(1.0 - ZETA**2)) + DELAY
@@ -91,7 +100,7 @@ def test_the_frequency_response_and_its_band_hold_the_true_one():
     u = np.repeat(0.05 * rng.choice([-1.0, 1.0], 900), 22)
     commands = np.stack([u, np.zeros_like(u)], axis=1)
     angles = answered(commands) + rng.normal(0.0, 5e-4, commands.shape)
-    found = frequency_response(run_of(recorded(commands, angles)).axes[0])
+    found = frequency_response(recorded(commands, angles).axes[0])
     inside = found.frequency < 8.0
     s = 2j * math.pi * found.frequency[inside]
     true = OMEGA**2 / (s**2 + 2 * ZETA * OMEGA * s + OMEGA**2) * np.exp(-s * DELAY)
@@ -109,8 +118,8 @@ def test_hysteresis_of_a_sweep_is_the_play_that_was_put_in():
     y = np.zeros_like(u)
     for k in range(1, len(u)):
         y[k] = min(max(y[k - 1], u[k] - 0.01), u[k] + 0.01)
-    run = run_of(recorded(np.stack([u, u * 0], 1), np.stack([y, u * 0], 1), signal="triangle"))
-    found = {f.name: f for f in axis_figures(run, run.axes[0]).figures}["hysteresis with lag"]
+    run = recorded(np.stack([u, u * 0], 1), np.stack([y, u * 0], 1), signal="triangle")
+    found = {f.name: f for f in axis_figures(run.axes[0]).figures}["hysteresis with lag"]
     assert abs(found.value) == pytest.approx(0.018, rel=0.02)
 
 
@@ -127,8 +136,8 @@ def test_hysteresis_of_a_sweep_is_the_play_that_was_put_in():
 def test_a_command_without_a_description_is_known_by_its_look(wave, kind):
     t = np.arange(8_000) * DT
     u = np.stack([wave(t), 0 * t], axis=1)
-    run = run_of(recorded(u, u))
-    assert kind_of(run, run.axes[0]) == kind
+    run = recorded(u, u)
+    assert kind_of(run.axes[0]) == kind
 
 
 def test_runs_are_laid_over_each_other_by_their_commands_and_the_shift_is_told(three, tmp_path):
@@ -313,12 +322,13 @@ def test_a_table_of_anybodys_rig_makes_the_same_figures():
     angles = answered(commands)
     rows = np.append(0, np.flatnonzero(np.diff(commands, axis=0).any(axis=1)) + 1)
     t = DT * np.arange(len(commands))
-    table = Record(t, t[rows], commands[rows], angles, name="bench.csv", outputs=("pot1", "pot2"))
-    own, other = run_of(recording_of(table)), run_of(recorded(commands, angles))
-    assert own.label == "bench.csv"
-    for a, b in zip(own.axes, other.axes, strict=True):
-        assert a.name.startswith("pot")
-        pairs = zip(axis_figures(own, a).figures, axis_figures(other, b).figures, strict=True)
+    names = ("pot1", "pot2")
+    own = measurement(
+        t, commands[rows], command_time=t[rows], angle=angles, inputs=names, outputs=names
+    ).resampled()
+    for a, b in zip(own.axes, recorded(commands, angles).axes, strict=True):
+        assert a.component.startswith("pot")
+        pairs = zip(axis_figures(a).figures, axis_figures(b).figures, strict=True)
         assert all(x.value == pytest.approx(y.value, rel=1e-9, abs=1e-12) for x, y in pairs)
 
 
@@ -327,12 +337,14 @@ def test_flights_are_shown_without_figures_their_commands_cannot_give(tmp_path):
     runs = []
     for gain, late in ((1.0, 0.0), (0.9, 0.3)):
         base = recorded(commands, answered(commands), late=late, gimbal=f"g{gain}")
-        t = base["gimbal/command"].time
+        t = base.command.time
         path = TimeSeries(
             "vehicle/position", t, gain * np.stack([t, t, t], 1), "m", ("x", "y", "z")
         )
-        series = {**base.series, "vehicle/position": path}
-        runs.append(Recording({**base.properties, "command": "fly"}, series))
+        content = base.recording
+        series = {**content.series, "vehicle/position": path}
+        flown = Recording({**content.properties, "command": "fly"}, series)
+        runs.append(replace(base, recording=flown))
     numbers = report(runs, tmp_path / "a.html")
     assert all(not a.figures for r in numbers.runs for a in r.figures)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
@@ -381,12 +393,13 @@ class Tags(HTMLParser):
         self.found.append((tag, dict(attrs)))
 
 
-def hostile() -> Recording:
+def hostile() -> Measurement:
     commands = stepped(1)
     base = recorded(commands, answered(commands), gimbal=HOSTILE, signal=HOSTILE)
-    properties = {**base.properties, HOSTILE: {HOSTILE: HOSTILE}, "seed": HOSTILE}
+    content = base.recording
+    properties = {**content.properties, HOSTILE: {HOSTILE: HOSTILE}, "seed": HOSTILE}
     events = (Event(0.0, HOSTILE, HOSTILE),)
-    return Recording(properties, base.series, events, events)
+    return replace(base, recording=Recording(properties, content.series, events, events))
 
 
 def test_text_from_a_recording_stays_text(tmp_path):
@@ -408,15 +421,15 @@ def test_text_from_a_recording_stays_text(tmp_path):
     ("make", "says"),
     [
         (lambda p: report([], p / "a.html"), "no recording"),
-        (lambda p: report([Recording({}, {})], p / "a.html"), "no gimbal/command"),
+        (lambda p: report([measurement_of(Recording({}, {}))], p / "a.html"), "no gimbal/command"),
         (lambda p: report([hostile()], p / "a.txt"), ".html"),
         (lambda p: report([hostile()], p / "file" / "a.html"), "cannot write"),
-        (lambda p: runs_of([hostile()], ["a", "b"]), "2 labels"),
+        (lambda p: labelled([hostile()], ["a", "b"]), "2 labels"),
     ],
 )
 def test_what_cannot_be_reported_is_one_line_and_leaves_no_file(tmp_path, make, says):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(ReportError, match=re.escape(says)) as told:
+    with pytest.raises(match=re.escape(says)) as told:
         make(tmp_path)
     assert "\n" not in str(told.value)
     assert [p.name for p in tmp_path.rglob("*")] == ["file"]

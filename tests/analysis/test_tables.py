@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from analysis.recording.record import RecordError
-from analysis.recording.record_of_table import to_record
+from analysis.recording import Columns, RecordingError
+from analysis.recording.columns import measurement_of_table
 from analysis.recording.tables import read
 from analysis.schema import AnalysisError
 
@@ -21,6 +21,10 @@ def table(tmp_path, text, name="run.csv"):
     path = tmp_path / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return read(path)
+
+
+def chosen(found, time="t", inputs=("u",), angle=("pot",), **more):
+    return measurement_of_table(found, Columns(time, inputs, angle, **more))
 
 
 def test_columns_come_by_name_and_empty_fields_are_missing(tmp_path):
@@ -36,35 +40,31 @@ def test_an_unknown_column_lists_the_valid_ones(tmp_path):
 
 
 def test_a_record_is_in_radians_whatever_the_file(tmp_path):
-    r = to_record(
-        table(tmp_path, GOOD), time="t", inputs=["u"], angle=["pot"], rate=["gyro"], unit="deg"
-    )
-    assert r.input[1, 0] == pytest.approx(math.radians(5.0))
-    assert r.rate[1, 0] == pytest.approx(math.radians(1.5))
-    assert math.isnan(r.angle[2, 0])
+    r = chosen(table(tmp_path, GOOD), rate=("gyro",), unit="deg")
+    assert r.command.values[1, 0] == pytest.approx(math.radians(5.0))
+    assert r.rate.values[1, 0] == pytest.approx(math.radians(1.5))
+    assert math.isnan(r.angle.values[2, 0])
 
 
 def test_milliseconds_and_a_command_unit_of_its_own(tmp_path):
     text = "ms,u,y\n0,1,0\n10,2,0.1\n20,2,0.2\n"
-    r = to_record(
-        table(tmp_path, text), time="ms", inputs=["u"], angle=["y"], input_unit="deg",
-        time_scale=1e-3,
-    )  # fmt: skip
+    r = chosen(table(tmp_path, text), time="ms", angle=("y",), input_unit="deg", time_scale=1e-3)
     assert r.time.tolist() == [0.0, 0.01, 0.02]
-    assert r.input[0, 0] == pytest.approx(math.radians(1.0))
-    assert r.angle[2, 0] == 0.2
+    assert r.command.values[0, 0] == pytest.approx(math.radians(1.0))
+    assert r.angle.values[2, 0] == 0.2
 
 
 def test_commands_may_have_a_file_and_stamps_of_their_own(tmp_path):
-    commands = table(tmp_path, "t,u\n-1,0\n0.0137,5\n", "commands.csv")
-    r = to_record(table(tmp_path, GOOD), time="t", inputs=["u"], angle=["pot"], commands=commands)
-    assert r.input_time.tolist() == [-1.0, 0.0137]
+    commands = tmp_path / "commands.csv"
+    commands.write_text("t,u\n-1,0\n0.0137,5\n")
+    r = chosen(table(tmp_path, GOOD), commands=commands)
+    assert r.command.time.tolist() == [-1.0, 0.0137]
     assert r.slack == 0.0
 
 
 def test_unknown_unit_lists_the_valid_ones(tmp_path):
     with pytest.raises(AnalysisError, match=r"no unit 'degrees'.*deg.*rad"):
-        to_record(table(tmp_path, GOOD), time="t", inputs=["u"], angle=["pot"], unit="degrees")
+        chosen(table(tmp_path, GOOD), unit="degrees")
 
 
 def test_semicolons_with_decimal_commas_and_a_byte_order_mark(tmp_path):
@@ -74,8 +74,8 @@ def test_semicolons_with_decimal_commas_and_a_byte_order_mark(tmp_path):
 
 def test_backward_stamps_of_a_file_name_the_file(tmp_path):
     text = GOOD.replace("0.02,", "0.005,")
-    with pytest.raises(RecordError, match=r"run\.csv: time runs from 0\.01 s to 0\.005 s"):
-        to_record(table(tmp_path, text), time="t", inputs=["u"], angle=["pot"])
+    with pytest.raises(RecordingError, match=r"run\.csv: time runs from 0\.01 s to 0\.005 s"):
+        chosen(table(tmp_path, text))
 
 
 @pytest.mark.parametrize(
@@ -133,12 +133,11 @@ def test_the_header_that_numpy_writes_names_the_columns(tmp_path):
 @pytest.mark.parametrize(("apart", "scale"), [(4.0, "0.001"), (4000.0, "1e-06")])
 def test_stamps_that_are_no_seconds_are_noticed_before_a_fit(tmp_path, apart, scale):
     found = table(tmp_path, "t,u,y\n" + "".join(f"{k * apart},1,{k}\n" for k in range(5)))
-    columns = {"time": "t", "inputs": ["u"], "angle": ["y"]}
     with pytest.raises(AnalysisError, match=f"--time-scale {scale}"):
-        to_record(found, **columns)
-    assert to_record(found, **columns, time_scale=1.0).period == apart
+        chosen(found, angle=("y",))
+    assert chosen(found, angle=("y",), time_scale=1.0).period == apart
     with pytest.raises(AnalysisError, match="time scale of 0"):
-        to_record(found, **columns, time_scale=0.0)
+        chosen(found, angle=("y",), time_scale=0.0)
 
 
 def test_missing_and_foreign_files_are_refused(tmp_path):

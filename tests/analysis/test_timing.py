@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from analysis.convergence import Trajectory
 from analysis.delays import loop_delay, percentiles
-from analysis.recording.reader import Recording, TimeSeries
+from analysis.recording import Recording, TimeSeries
 from analysis.schema import AnalysisError
 from analysis.timing import assess
 

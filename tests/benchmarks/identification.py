@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import control
 import numpy as np
 
-from analysis.identify import identify, record
+from analysis.identify import identify
 from analysis.identify.assemble import assemble
 from analysis.identify.identification import layout_of
 from analysis.identify.uncertainty import cramer_rao
+from analysis.recording import measurement
 
 LSB = math.radians(240.0 / 1023.0)  # 10 bits over a potentiometer of 240°
 
@@ -84,7 +85,7 @@ def servo_record(rng, g, duration=10.0, period=0.005):
     t = stamps(rng, duration, period)
     at, u = random_steps(rng, duration, 0.5, 8.0)
     angle, rate = sensed(rng, *moved([g], t, at, u))
-    return record(t, u, command_time=at, before=[0.0], angle=angle, rate=rate)
+    return measurement(t, u, command_time=at, before=[0.0], angle=angle, rate=rate)
 
 
 def frequency_error(model, truth, reference, channel=(0, 0)):
@@ -152,7 +153,7 @@ def coupled_record(rng, duration=60.0, period=0.002):
     angle = np.stack([a for a, _ in pairs], axis=1)
     rate = np.stack([r for _, r in pairs], axis=1)
     angle, rate = sensed(rng, angle, rate)
-    return record(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate)
+    return measurement(t, u, command_time=at, before=[0.0, 0.0], angle=angle, rate=rate)
 
 
 def coupled_study(seed, duration=60.0):
@@ -199,7 +200,7 @@ def limited_study(seed, duration=12.0):
     size = np.radians(rng.permutation(np.geomspace(0.5, 14.0, len(at))))
     u = size * np.where(np.arange(len(at)) % 2, -1.0, 1.0)
     angle, rate = sensed(rng, *rate_limited(t, at, u, frequency, damping, delay, limit))
-    r = record(t, u, command_time=at, before=[0.0], angle=angle, rate=rate)
+    r = measurement(t, u, command_time=at, before=[0.0], angle=angle, rate=rate)
     bounded = identify([r], servo=True)
     assert bounded.servo is not None
     linear = identify([r])
@@ -242,7 +243,7 @@ def benchmark_study(seed, num, den, delay, period, ratio=10.0):
     _, y = control.forced_response(system, U=held)
     y = np.asarray(y)[::fine]
     sigma = math.sqrt(float(np.var(y)) / ratio)
-    r = record(
+    r = measurement(
         t, u, command_time=t, before=[0.0], angle=y + sigma * rng.normal(size=len(t)), scale=1.0
     )
     poles, zeros = len(den) - 1, len(num) - 1
@@ -266,7 +267,7 @@ def _bound(r, num, den, delay, sigma):
         t = r.time
         # PRBS held over samples: an undelayed run on the samples' own grid, then shifted in time
         fine = np.arange(0.0, t[-1] + 1e-9, (t[1] - t[0]) / (10.0 if delay else 1.0))
-        u = r.held_input(fine)[:, 0]
+        u = r.command.held(fine)[:, 0]
         _, y = control.forced_response(g.sample(fine[1], "zoh"), U=u)
         return np.interp(t - p[-1], fine, np.asarray(y), left=0.0)
 
@@ -275,7 +276,7 @@ def _bound(r, num, den, delay, sigma):
         shift = np.zeros(len(at))
         shift[i] = 1e-5 * max(abs(at[i]), 0.1)
         columns.append((response(at + shift) - response(at - shift)) / (2.0 * shift[i]))
-    j = np.column_stack([*columns, np.ones(r.size)]) / sigma
+    j = np.column_stack([*columns, np.ones(len(r.time))]) / sigma
     return np.sqrt(np.diag(np.linalg.inv(j.T @ j)))[:-1]
 
 

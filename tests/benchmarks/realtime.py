@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording.reader import read
+from analysis.recording import read
 from tests.benchmarks.line import answering, echo, peer, served
 from tests.benchmarks.timing import row
 

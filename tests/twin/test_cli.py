@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.recording.reader import read
+from analysis.recording import read
 from twin.cli.main import main
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "mjcf" / "examples"

@@ -14,7 +14,7 @@ from math import radians
 import numpy as np
 import pytest
 
-from analysis.recording.reader import read
+from analysis.recording import read
 from hardware.calibration import CalibrationError, CalibrationRig, nominal
 from hardware.calibration import read as read_calibration
 from hardware.calibration.file import to_dict

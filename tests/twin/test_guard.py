@@ -5,7 +5,7 @@ from math import radians
 import numpy as np
 import pytest
 
-from analysis.recording.reader import read
+from analysis.recording import read
 from hardware.events import RigLost
 from hardware.faults import Fault
 from hardware.frames import GimbalState

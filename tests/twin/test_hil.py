@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.comparison.flights import flight_path, path_difference
-from analysis.recording.reader import read
+from analysis.recording import read
 from hardware.simavr.nano import missing
 from tests.twin.test_cli import run as command
 from tests.twin.test_fly import compared

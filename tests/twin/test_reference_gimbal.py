@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from analysis.recording import Recording
 from analysis.recording import reader as recording
-from analysis.recording.reader import Recording
 from twin.config import Fly
 from twin.experiments.fly import fly
 

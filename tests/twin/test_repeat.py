@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.comparison.flights import FlightPath, flight_path
-from analysis.recording.reader import read
+from analysis.recording import read
 from tests.twin.test_cli import run as command
 from twin.config import Fly
 from twin.experiments.flight import FlightResult

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.convergence import Trajectory, distance
 from analysis.delays import Delays
-from analysis.recording.reader import Recording, TimeSeries
+from analysis.recording import Recording, TimeSeries
 from hardware.frames import GimbalCommand, GimbalState
 from twin.config import Fly, Step
 from twin.control import AttitudeController

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from analysis.recording.reader import read
+from analysis.recording import read
 from hardware.emulator import sample_rig
 from hardware.events import HealthChanged, RigBack, RigLost, SensorFault, SensorRecovered
 from hardware.frames import GimbalCommand

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from analysis.recording.reader import read
+from analysis.recording import read
 from hardware.frames import HardwareError
 from hardware.fusion.base import tilt
 from hardware.simavr.nano import missing

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from analysis.recording.reader import Recording
+from analysis.recording import Recording
 from twin.config.base import hints
 from twin.config.options import Run
 from twin.config.runs import Fly, Step

@@ -2,29 +2,31 @@
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis import schema
-from analysis.comparison.compare import AxisComparison, Comparison
-from analysis.comparison.compare import compare as side_by_side
-from analysis.comparison.flights import PathDifference, flight_path, holds_flight, path_difference
-from analysis.comparison.motion import Motion, bridged
+from analysis.comparison import (
+    AxisComparison,
+    Comparison,
+    PathDifference,
+    bridged,
+    flight_path,
+    holds_flight,
+    path_difference,
+)
+from analysis.comparison import compare as side_by_side
+from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
-from analysis.recording.reader import Recording, TimeSeries
+from analysis.recording.loader import is_table
 from twin.config import Compare
-from twin.config.result import Result
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
-from twin.evaluation.inputs import is_table, seen
-from twin.evaluation.words import screen
-
-if TYPE_CHECKING:
-    from analysis.recording.run import Run
+from twin.evaluation.inputs import seen
 
 Array = NDArray[np.float64]
 
@@ -79,8 +81,8 @@ class CompareResult(Result):
             "wall_s": self.wall_s,
         }
 
-    def text(self) -> str:
-        """One screen."""
+    def rows(self) -> Rows:
+        """The result as a table."""
         c = self.comparison
         rows = [("reference", c.reference), ("compared", c.other)]
         if abs(self.shift) > 1e-6:
@@ -88,7 +90,7 @@ class CompareResult(Result):
         rows.append(("(delay taken out)", _columns(a.axis for a in c.axes)))
         rows.append(("delay", _columns(_late(a) for a in c.axes)))
         for name, field, unit in _FIGURES:
-            rows.append((name, _columns(_pair(a, field, unit) for a in c.axes)))
+            rows.append((name, _columns(_both(a, field, unit) for a in c.axes)))
         rows.append(("fit per repeat", _columns(_repeats(a) for a in c.axes)))
         rows += [(f"at {f:g} Hz", _columns(_at(a, f) for a in c.axes)) for f in TOLD_HZ]
         if any(a.left_out for a in c.axes):
@@ -102,23 +104,21 @@ class CompareResult(Result):
             fit = f"worst fit {c.fit:.2f} %" if math.isfinite(c.fit) else "no axis counts"
             rows.append((word, f"{fit}, {self.limit:g} % asked for"))
         rows += [("recording", str(self.file)), ("", f"twin view {self.file}")]
-        return screen(rows)
+        return rows
 
 
 @dataclass(frozen=True)
-class _Laid:
-    """Two motions on one axis of time, what was commanded, and how far the other was shifted."""
+class _Pair:
+    """Two motions on one time axis; `other_run` is None where one recording holds both."""
 
-    reference: Motion
-    other: Motion
-    command: TimeSeries
-    shift: float
-    run: Recording  # of the reference
-    other_run: Recording | None = None
+    reference: TimeSeries
+    other: TimeSeries
+    run: Measurement
+    other_run: Measurement | None = None
 
     @property
-    def runs(self) -> list[Recording]:
-        return [r for r in (self.run, self.other_run) if r is not None]
+    def shift(self) -> float:
+        return self.other_run.shift if self.other_run else 0.0
 
 
 def compare(config: Compare) -> CompareResult:
@@ -129,114 +129,85 @@ def compare(config: Compare) -> CompareResult:
     TwinError, AnalysisError : something the user asked for cannot be done, in one line
     """
     began = time.perf_counter()
-    laid = _laid(config)
-    axes = []
-    for name in (c for c in laid.reference.components if c in laid.other.components):
-        begins = _repeats_begin(laid, name)
-        found = side_by_side(
-            _axis(laid.reference, name), _axis(laid.other, name),
-            repeats=begins.tolist(), longest_delay=1e-3 * config.longest_delay_ms,
-            still=() if _commanded(laid.command, name) else (name,),
-        )  # fmt: skip
-        # what comes after the last repeat is none
-        axes += [replace(a, repeats=a.repeats[: max(len(begins) - 1, 0)]) for a in found.axes]
-    if not axes:
-        side_by_side(laid.reference, laid.other)  # says which axes each has
+    pair = _pair(config)
+    command = pair.run.command
+    axes = [n for n in command.components if n in pair.reference.components]
+    comparison = side_by_side(
+        pair.reference,
+        pair.other,
+        repeats={n: _repeats_begin(pair.run, n).tolist() for n in axes},
+        longest_delay=1e-3 * config.longest_delay_ms,
+        still=[n for n in axes if not len(command.select((n,)).changes())],
+    )
     file = config.out or Path("runs/compare.rrd")
     if file.is_dir() or not file.suffix:
         file /= "compare.rrd"
-    comparison = Comparison(laid.reference.name, laid.other.name, tuple(axes))
-    _record(config, file, laid)
+    _record(config, file, pair)
+    runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(
         comparison,
-        laid.shift,
+        pair.shift,
         config.fail_below,
         file,
         time.perf_counter() - began,
-        None if laid.other_run is None else _flights(laid.run, laid.other_run),
-        caveats(laid.runs, [str(f) for f in config.recordings]),
+        _flights(runs),
+        caveats(runs),
     )
 
 
-def _flights(first: Recording, second: Recording) -> PathDifference | None:
-    if not (holds_flight(first) and holds_flight(second)):
+def _flights(runs: Sequence[Measurement]) -> PathDifference | None:
+    if len(runs) < 2 or not all(holds_flight(r.recording) for r in runs):
         return None
-    return path_difference(flight_path(first), flight_path(second))
+    first, second = (flight_path(r.recording) for r in runs)
+    return path_difference(first, second)
 
 
-def _laid(config: Compare) -> _Laid:
-    from analysis.recording.run import aligned, runs_of
-
+def _pair(config: Compare) -> _Pair:
     files = config.recordings
     if not 1 <= len(files) <= 2:
         raise TwinError(
             f"compare: {len(files)} recordings; give two (or tables), or one that holds measured"
-            " and simulated"
+            " and simulated angles"
         )
     if len(files) == 1 and is_table(files[0]):
-        raise TwinError(f"compare: {files[0]} is a table with one motion; name the other, too")
+        raise TwinError(f"compare: {files[0]} is a table with one motion; give the other file too")
     runs = seen(config, files)
     if len(runs) == 1:
-        run = runs[0]
-        measured, simulated = run["gimbal/measured"], run["gimbal/simulated"]
-        return _Laid(
-            _motion(measured, f"{files[0]} measured"),
-            _motion(simulated, f"{files[0]} simulated"),
-            run["gimbal/command"],
-            0.0,
-            run,
+        recording = runs[0].recording
+        measured, simulated = (
+            replace(recording[f"gimbal/{kind}"].known(), name=f"{files[0]} {kind}")
+            for kind in ("measured", "simulated")
         )
-    first, second = runs_of(runs, [str(f) for f in files])
-    labels = [f"{f} ({r.motion})" for f, r in zip(files, (first, second), strict=True)]
-    shift = aligned((first, second))[1].shift
-    return _Laid(
-        _motion(_angles(first), labels[0]),
-        _motion(_angles(second), labels[1], shift),
-        first.recording["gimbal/command"],
-        shift,
-        first.recording,
-        second.recording,
-    )
+        return _Pair(measured, simulated, runs[0])
+    for run in runs:
+        if not run.axes:
+            raise TwinError(f"compare: {run.name} has no axis with commands and readings")
+    first, second = aligned(runs)
+    reference, other = (replace(r.angles, name=f"{r.name} ({r.motion})") for r in (first, second))
+    return _Pair(reference, other, first, second)
 
 
-def _angles(run: "Run") -> TimeSeries:
-    return run.recording[f"gimbal/{run.motion}"]
-
-
-def _motion(series: TimeSeries, name: str, shift: float = 0.0) -> Motion:
-    """Rows that hold something; of equal stamps the first."""
-    held = np.isfinite(series.values).any(axis=1)
-    time, values = series.time[held] + shift, series.values[held]
-    new = np.concatenate([[True], np.diff(time) > 0.0])[: len(time)]
-    return Motion(time[new], values[new], series.components, name)
-
-
-def _axis(motion: Motion, name: str) -> Motion:
-    column = motion.components.index(name)
-    return Motion(motion.time, motion.values[:, [column]], (name,), motion.name)
-
-
-def _repeats_begin(laid: _Laid, axis: str) -> Array:
+def _repeats_begin(run: Measurement, axis: str) -> Array:
     """When each repeat of an axis begins [s], and when the last ends.
 
-    An axis is commanded for as many equal times as the run was told to repeat its signal.
+    An axis is commanded for as many equal times as the run's setting `repeats` says.
     """
-    command = laid.command
-    changes = command.time[np.flatnonzero(np.diff(command.column(axis)) != 0.0) + 1]
-    count = laid.run.setting("repeats")
+    command = run.command.select((axis,))
+    changes = command.time[command.changes()]
+    count = run.recording.setting("repeats")
     if len(changes) < 2 or not isinstance(count, int) or not 1 <= count <= len(changes):
         return np.zeros(0)
     last = changes[-1]
-    if laid.run.setting("signal") == "steps":
+    if run.recording.setting("signal") == "steps":
         last += np.diff(changes).max()  # a step lasts as long as it is held
     return np.linspace(changes[0], last, count + 1)
 
 
-def _record(config: Compare, file: Path, laid: _Laid) -> None:
+def _record(config: Compare, file: Path, pair: _Pair) -> None:
     """Both motions and their difference at the reference's stamps, as one recording."""
     from twin.recorder import Recorder
 
-    reference, other, command = laid.reference, laid.other, laid.command
+    reference, other = pair.reference, pair.other
     signals = ("gimbal/command", REFERENCE, OTHER, DIFFERENCE)
     properties: dict[str, object] = {
         "command": "compare",
@@ -246,15 +217,14 @@ def _record(config: Compare, file: Path, laid: _Laid) -> None:
     }
     stamps = np.rint(reference.time * 1e9).astype(np.int64)
     rows = np.full((len(stamps), 8), np.nan)
-    held = np.clip(np.searchsorted(command.time, reference.time + 1e-9, side="right") - 1, 0, None)
+    command = pair.run.command.held(reference.time + 1e-9)
     for k, name in enumerate(schema.SIGNALS[REFERENCE].components):
         if name not in reference.components or name not in other.components:
             continue
-        rows[:, k] = command.column(name)[held]
-        rows[:, 2 + k] = reference.values[:, reference.components.index(name)]
-        there = other.values[:, other.components.index(name)]
-        good = np.isfinite(there)
-        rows[:, 4 + k] = bridged(reference.time, other.time[good], there[good])
+        there = other.select((name,)).known()
+        rows[:, k] = command[:, pair.run.inputs.index(name)]
+        rows[:, 2 + k] = reference.column(name)
+        rows[:, 4 + k] = bridged(reference.time, there.time, there.value)
         rows[:, 6 + k] = rows[:, 4 + k] - rows[:, 2 + k]
     rows[:, :2] = np.nan_to_num(rows[:, :2])
     with Recorder(file, signals=signals, properties=properties, drain_ns=8_000_000_000) as recorder:
@@ -269,19 +239,13 @@ def _columns(cells: Iterable[str]) -> str:
     return "".join(f"{cell:<30}" for cell in cells).rstrip()
 
 
-def _pair(a: AxisComparison, what: str, unit: str) -> str:
+def _both(a: AxisComparison, what: str, unit: str) -> str:
     """A figure as it is and, in brackets, with the delay taken out."""
     scale = 180.0 / math.pi if unit == "°" else 1.0
     values = [scale * getattr(e, what) for e in (a.as_is, a.aligned)]
     if unit == "°":
         return f"{values[0]:.4f}{unit} ({values[1]:.4f}{unit})"
     return f"{values[0]:.2f}{unit} ({values[1]:.2f}{unit})"
-
-
-def _commanded(command: TimeSeries, axis: str) -> bool:
-    """Whether an axis' command ever changed."""
-    asked = command.column(axis)
-    return bool((np.diff(asked[np.isfinite(asked)]) != 0.0).any())
 
 
 def _late(a: AxisComparison) -> str:

@@ -13,16 +13,16 @@ from analysis.identify import (
     AxisEvidence,
     IdentifiedModel,
     OrderScore,
-    Record,
     fit_to,
     identify_gimbal,
 )
+from analysis.recording import Measurement
 from twin.config import Identify
 from twin.config.paths import writable
-from twin.config.result import Result
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
-from twin.evaluation.words import quantity, screen
+from twin.evaluation.words import quantity
 
 if TYPE_CHECKING:
     from twin.evaluation.linkage import PhysicsResult
@@ -61,8 +61,8 @@ class IdentifyResult(Result):
             "wall_s": self.wall_s,
         }
 
-    def text(self) -> str:
-        """One screen."""
+    def rows(self) -> Rows:
+        """The result as a table."""
         rows = [("identified from", ", ".join(self.sources))]
         rows += [
             (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
@@ -83,7 +83,7 @@ class IdentifyResult(Result):
         rows.append(("model", str(self.file)))
         if len(self.model.inputs) == 2:
             rows.append(("", f"twin fly --gimbal transfer-function --model {self.file}"))
-        return screen(rows)
+        return rows
 
     def _check(self, fits: tuple[float, ...]) -> str:
         told = [
@@ -128,8 +128,8 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
     began = time.perf_counter()
     out = writable(config.out or Path("runs/model.json"))
     source = given(config, config.sources)
-    runs = source.records
-    held_back = [given(config, (file,)).records[0] for file in config.check]
+    runs = source.runs
+    held_back = [given(config, (file,)).runs[0] for file in config.check]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are then told as unknown
         poles, zeros, scores = _order(config, runs)
@@ -171,7 +171,7 @@ def _longest(config: Identify) -> float | None:
     return None if config.max_delay_ms is None else 1e-3 * config.max_delay_ms
 
 
-def _order(config: Identify, runs: list[Record]) -> tuple[int, int, tuple[OrderScore, ...]]:
+def _order(config: Identify, runs: list[Measurement]) -> tuple[int, int, tuple[OrderScore, ...]]:
     """Order asked for, or the largest that any axis needs, with the scores of that axis."""
     if not config.select_order:
         return config.poles, config.zeros, ()
@@ -194,7 +194,7 @@ def _notes(config: Identify, source: Given) -> list[str]:
             "delays count from the pulses; a command waits 10 ms more on average for its pulse"
             " frame, which a flight with this model lacks"
         )
-    inputs = source.records[0].inputs
+    inputs = source.runs[0].inputs
     if len(inputs) == 1 and not config.both:
         notes.append(
             f"only {inputs[0]} was commanded; a flight needs both axes (--both takes it for both)"

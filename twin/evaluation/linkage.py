@@ -15,11 +15,11 @@ import mujoco
 from hardware.frames import AXES
 from twin.config import Identify
 from twin.config.paths import writable
-from twin.config.result import Result
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import given
 from twin.evaluation.linkage_data import moves_of
-from twin.evaluation.words import quantity, screen
+from twin.evaluation.words import quantity
 from twin.physics import native
 from twin.physics.mechanism.servo import apply_servo
 from twin.plant import overrides
@@ -90,8 +90,8 @@ class PhysicsResult(Result):
             "wall_s": self.wall_s,
         }
 
-    def text(self) -> str:
-        """One screen."""
+    def rows(self) -> Rows:
+        """The result as a table."""
         f = self.fit
         rows = [("identified from", ", ".join(self.sources))]
         rows += [
@@ -106,7 +106,7 @@ class PhysicsResult(Result):
         rows += [("WARNING", w) for w in self.warnings]
         rows.append(("computing", f"{self.wall_s:.1f} s"))
         rows += [("overrides", str(self.file)), ("", f"twin step --set-from {self.file}")]
-        return screen(rows)
+        return rows
 
 
 def identify_linkage(config: Identify) -> PhysicsResult:
@@ -128,9 +128,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     with compiled():
         bench = _Bench(config, known)
         knobs = [bench.knob(name) for name in _names(config, simulated=source.simulated)]
-        fit = fit_linkage(
-            moves_of(source.records[0], config.sources[0], bench.model), knobs, bench.built
-        )
+        fit = fit_linkage(moves_of(source.runs[0], bench.model), knobs, bench.built)
     values = {e.name: e.value for e in fit.estimates}
     late = values.pop(DELAY, 0.0)
     warnings = [*fit.warnings, *source.doubts]
@@ -139,7 +137,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     written = {**known, **{t: v for n, v in values.items() for t in TARGETS.get(n, (n,))}}
     _write(out, written)
     return PhysicsResult(
-        fit, written, out, tuple(r.name for r in source.records), tuple(warnings),
+        fit, written, out, tuple(r.name for r in source.runs), tuple(warnings),
         time.perf_counter() - began,
     )  # fmt: skip
 

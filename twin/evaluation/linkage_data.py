@@ -1,16 +1,14 @@
 """What a recording says a linkage was told and did, on the physics' own grid of time."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.identify import Record
 from analysis.identify.pulses import PulseFrames, fitted, lateness, pulse_frames
 from analysis.linkage.problem import LinkageError, Moves
-from analysis.recording.reader import Recording
+from analysis.recording import Measurement
 from hardware.frames import AXES
 from twin.physics.mechanism import Kinematics
 
@@ -25,7 +23,7 @@ _SPIKE = 6.0  # deviations
 SHORTEST_MOVE = 0.25
 
 
-def moves_of(r: Record, file: Path, model: mujoco.MjModel) -> Moves:
+def moves_of(r: Measurement, model: mujoco.MjModel) -> Moves:
     """The record's commands as servo angles, one a physics step, and what was read meanwhile.
 
     Of a rig its pulses are taken, from when they were in force, and its raw potentiometers: a
@@ -35,38 +33,36 @@ def moves_of(r: Record, file: Path, model: mujoco.MjModel) -> Moves:
     ------
     LinkageError : a record of other than both axes' commands and angles
     """
-    from analysis.recording import reader as recording
-
     if r.angle is None or tuple(r.outputs) != AXES or tuple(r.inputs) != AXES:
         raise LinkageError(
             f"{r.name}: --linkage needs commands and angles of x and y; it has commands of"
             f" {', '.join(r.inputs)}" + ("" if r.angle is not None else " and no angles")
         )
     shaft = Kinematics(model).servo_from_gimbal
-    run = recording.read(file) if file.suffix.lower() == ".rrd" else None
-    if run is not None and {"gimbal/measured", "sensors/pulse"} <= run.series.keys():
-        return _pulsed(r, run, shaft, model.opt.timestep)
-    origin = min(r.time[0], 0.0)
-    at = _grid(origin, r.time[-1], model.opt.timestep)
-    control = shaft(r.held_input(at + 1e-9))
-    begins = _begins(r.input_time[r.changes()] - origin)
-    return Moves(np.asarray(control), r.time - origin, r.angle, begins)
+    if {"gimbal/measured", "sensors/pulse"} <= r.recording.series.keys():
+        return _pulsed(r, shaft, model.opt.timestep)
+    time = r.angle.time
+    origin = min(time[0], 0.0)
+    at = _grid(origin, time[-1], model.opt.timestep)
+    control = shaft(r.command.held(at + 1e-9))
+    begins = _begins(r.command.time[r.command.changes()] - origin)
+    return Moves(np.asarray(control), time - origin, r.angle.values, begins)
 
 
 def _grid(origin: float, end: float, step: float) -> Array:
     return np.asarray(origin + step * np.arange(int(np.ceil((end - origin) / step)) + 1))
 
 
-def _pulsed(r: Record, run: Recording, shaft: Shaft, step: float) -> Moves:
-    frames = pulse_frames(run, AXES, r.name)
-    time = frames.stamp(r.time)
+def _pulsed(r: Measurement, shaft: Shaft, step: float) -> Moves:
+    frames = pulse_frames(r.recording, AXES, r.name)
+    time = frames.stamp(r.angles.time)
     # frames begin on the grid: the rig's servos saw their pulses then, not up to a step later
     origin = frames.begin[0] - step * np.ceil((frames.begin[0] - min(time[0], 0.0)) / step)
     at = _grid(origin, time[-1], step)
     row = np.clip(np.searchsorted(frames.begin, at + 0.01 * step, side="right") - 1, 0, None)
     control = _asked(frames, r, shaft)[row]
     new = np.flatnonzero(np.any(np.diff(frames.pulse, axis=0) != 0.0, axis=1)) + 1
-    return Moves(control, time - origin, _angles(r, run), _begins(frames.begin[new] - origin))
+    return Moves(control, time - origin, _angles(r), _begins(frames.begin[new] - origin))
 
 
 def _begins(changes: Array) -> Array:
@@ -78,31 +74,31 @@ def _begins(changes: Array) -> Array:
     return np.array(kept)
 
 
-def _asked(frames: PulseFrames, r: Record, shaft: Shaft) -> Array:
+def _asked(frames: PulseFrames, r: Measurement, shaft: Shaft) -> Array:
     """Shaft angles (m, 2) that the pulses asked for.
 
     A servo's travel and centre are a straight line through the commands that its pulses carried.
     """
 
     def wanted(times: Array) -> Array:
-        return np.asarray(shaft(r.held_input(times)))
+        return np.asarray(shaft(r.command.held(times)))
 
     told = wanted(frames.begin - lateness(frames, wanted))
     columns = [fitted(frames.pulse[:, [k]], told[:, [k]], 1)[:, 0] for k in range(len(AXES))]
     return np.stack(columns, axis=1)
 
 
-def _angles(r: Record, run: Recording) -> Array:
+def _angles(r: Measurement) -> Array:
     """Angles (n, 2) by the raw potentiometers, each on its own line through the estimate."""
-    assert r.angle is not None
-    if POTENTIOMETERS not in run.series:
-        return r.angle
-    series, columns = run[POTENTIOMETERS], []
+    angles = r.angles
+    if POTENTIOMETERS not in r.recording.series:
+        return angles.values
+    series, columns = r.recording[POTENTIOMETERS], []
     for k, axis in enumerate(AXES):
-        estimate = r.angle[:, k]
+        estimate = angles.values[:, k]
         read = []
         for twin in _TWINS:
-            raw = np.interp(r.time, series.time, series.column(f"{axis}_{twin}"))
+            raw = np.interp(angles.time, series.time, series.column(f"{axis}_{twin}"))
             good = np.isfinite(raw) & np.isfinite(estimate)
             if good.sum() < 3 or np.ptp(raw[good]) == 0.0:
                 continue

@@ -7,10 +7,9 @@ from analysis.report import ReportNumbers, report
 from analysis.transfer_function import TransferFunctionModel
 from twin.config import Report
 from twin.config.paths import writable
-from twin.config.result import Result
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
-from twin.evaluation.words import screen
 
 
 @dataclass(frozen=True)
@@ -25,9 +24,9 @@ class ReportResult(Result):
         """What the page itself carries, as JSON values."""
         return self.numbers.to_dict()
 
-    def text(self) -> str:
-        """Where the page is; the figures stand on it."""
-        return screen([("report of", ", ".join(self.sources)), ("page", str(self.file))])
+    def rows(self) -> Rows:
+        """The result as a table."""
+        return [("report of", ", ".join(self.sources)), ("page", str(self.file))]
 
 
 def write_report(config: Report) -> ReportResult:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from analysis.timing import Verdict
 
 Array = NDArray[np.float64]
+PASSED = "passed the point"
 PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
 STUCK_NS = 1_000_000_000  # a vehicle at rest on its ramp for so long after burnout stays there
 AT_REST = 0.1  # m/s
@@ -175,7 +176,7 @@ class Flight:
         if plant.landed:
             return "reached the ground"
         if self._closest_ns is not None and plant.time_ns > self._closest_ns + PASSED_NS:
-            return "passed the point"
+            return PASSED
         held = self._ramp > 0.0 and self._on_ramp
         if held and plant.time_ns > self._moved_ns + STUCK_NS:
             return "never left the ramp"

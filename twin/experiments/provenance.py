@@ -13,7 +13,7 @@ from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.recorder.rows import Rows
 
 if TYPE_CHECKING:
-    from analysis.recording.reader import Recording
+    from analysis.recording import Recording
     from twin.hil import RigGimbal
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")

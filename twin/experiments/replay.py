@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.recording.reader import Recording, read
+from analysis.recording import Recording, read
 from twin.config import OBJECT, Fly, Replay, Run, Step, added, with_model, without_ineffective
 from twin.config.recorded import configuration_of
 from twin.config.result import Result, Rows

@@ -21,7 +21,7 @@ from twin.recorder import Sink
 from twin.recorder.rows import Eventful, Rows, Source
 
 if TYPE_CHECKING:
-    from analysis.recording.reader import Recording
+    from analysis.recording import Recording
     from analysis.timing import Verdict
     from twin.hil import RigGimbal
     from twin.hil.turntable import Turntable
@@ -234,7 +234,7 @@ class Session:
         """
         if self._clock is None:
             return None
-        from analysis.recording.reader import read
+        from analysis.recording import read
         from twin.experiments.timing import verdict
 
         rights = self._clock.rights

@@ -16,7 +16,7 @@ from twin.experiments.summary import computing_row, recording_rows, timing_rows,
 from twin.loop.seats import Sequence as Commands
 
 if TYPE_CHECKING:
-    from analysis.recording.reader import Recording
+    from analysis.recording import Recording
     from analysis.report.figures import AxisFigures
     from analysis.timing import Verdict
 
@@ -139,12 +139,10 @@ def excitation(config: Step) -> Excitation:
 
 def figures(recording: Path) -> "tuple[AxisFigures, ...]":
     """Figures of a recording, per axis and of both; axes without commands are left out."""
-    from analysis.recording import reader as recordings
-    from analysis.recording.run import run_of
+    from analysis.recording import load
     from analysis.report.figures import run_figures
 
-    run = run_of(recordings.read(recording))
-    return tuple(f for f in run_figures(run) if f.kind != "still")
+    return tuple(f for f in run_figures(load(recording)) if f.kind != "still")
 
 
 def lines(figures: "Sequence[AxisFigures]") -> Rows:

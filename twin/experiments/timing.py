@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.convergence import Trajectory
 from analysis.delays import Delays
-from analysis.recording.reader import Recording
+from analysis.recording import Recording
 from analysis.timing import Limits, Rerun, Verdict, assess
 from hardware.frames import GimbalCommand, GimbalState
 from hardware.protocol import BAUD, Encoder, Ping, Pong

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from analysis.recording.reader import Recording
+from analysis.recording import Recording
 from hardware.calibration import Calibration
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.recording import Recording
 from analysis.recording import reader as recordings
-from analysis.recording.reader import Recording
 from hardware.events import HealthChanged
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from twin.errors import TwinError

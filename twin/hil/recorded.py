@@ -5,7 +5,7 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording.reader import Recording, TimeSeries
+from analysis.recording import Recording, TimeSeries
 from analysis.schema import RARE
 from hardware.calibration import Calibration, parsed
 from hardware.frames import GimbalCommand, GimbalState, HardwareError, Pair, SensorFrame

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Section
 from analysis.report.sections.comparison import comparison
@@ -18,7 +18,7 @@ from analysis.report.sections.staircase import staircase
 from analysis.report.sections.steps import steps
 from analysis.report.sections.three_way import three_way
 
-Compose = Callable[[Sequence[Run], ReportNumbers], Section | None]
+Compose = Callable[[Sequence[Measurement], ReportNumbers], Section | None]
 
 SECTIONS: tuple[Compose, ...] = (
     provenance,

@@ -7,16 +7,16 @@ import numpy as np
 
 from analysis.comparison.compare import AxisComparison, Comparison
 from analysis.comparison.motion import bridged
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table, thinned
 from analysis.report.words import number
 
 
-def comparison(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+def comparison(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """Table of errors and plot of residuals against the first run; nothing for one run alone."""
     reference = runs[0]
-    found = [c for c in numbers.comparisons if c.reference == reference.label]
+    found = [c for c in numbers.comparisons if c.reference == reference.name]
     if not found:
         return None
     rows: list[tuple[Cell | str, ...]] = [
@@ -30,7 +30,7 @@ def comparison(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
         "|reference − mean|) %, VAF the variance accounted for. Delay is behind the reference, "
         "found where the difference varies least; only the aligned columns have it taken out.",
     )  # fmt: skip
-    text = " ".join((f"Every run against {reference.label}.", *_left_out(found)))
+    text = " ".join((f"Every run against {reference.name}.", *_left_out(found)))
     return Section(
         "comparison", "Comparison", (text,), (table, _residuals(runs, {c.other for c in found}))
     )
@@ -67,17 +67,17 @@ def _cells(axis: AxisComparison) -> tuple[Cell, ...]:
     return tuple(Cell(text, "number") for text in texts)
 
 
-def _residuals(runs: Sequence[Run], others: set[str]) -> Plot:
+def _residuals(runs: Sequence[Measurement], others: set[str]) -> Plot:
     panels, lines = [], []
     for row, axis in enumerate(runs[0].axes):
-        panels.append(Panel(f"axis {axis.name}", "difference [°]", row))
+        panels.append(Panel(f"axis {axis.component}", "difference [°]", row))
         for k, run in enumerate(runs[1:], start=1):
-            other = run.axis(axis.name)
-            if other is None or run.label not in others:
+            other = run.axis(axis.component)
+            if other is None or run.name not in others:
                 continue
-            there = bridged(axis.angle_time, other.angle_time, other.angle)
-            x, y = thinned(axis.angle_time, np.degrees(there - axis.angle))
-            lines.append(Line(f"{run.label} − {runs[0].label}", x, y, f"run{k}", row))
+            there = bridged(axis.angles.time, other.angles.time, other.angles.value)
+            x, y = thinned(axis.angles.time, np.degrees(there - axis.angles.value))
+            lines.append(Line(f"{run.name} − {runs[0].name}", x, y, f"run{k}", row))
     return Plot(
         "residuals",
         "Difference of the angles over time, without alignment.",

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Section, Table
 from analysis.report.words import number
@@ -10,9 +10,9 @@ from analysis.report.words import number
 MOST = 200  # lines
 
 
-def events(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
+def events(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
     """Events and health in the order they came; nothing if nothing was noted."""
-    found = [(run.label, e) for run in runs for e in (*run.recording.events, *run.recording.health)]
+    found = [(run.name, e) for run in runs for e in (*run.recording.events, *run.recording.health)]
     if not found:
         return None
     rows = [

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers, RunNumbers
 from analysis.report.parts import Cell, Section, Table
 from analysis.report.words import DIRECTIONS, angle_text, split, value_text
@@ -14,7 +14,7 @@ SHORT = 24  # characters
 Key = tuple[str, str, str]  # axis, figure, amplitude
 
 
-def figures(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+def figures(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """Value ± half of its 95 % interval, number of repeats, amplitude; disagreement is marked."""
     told = [_by_key(n) for n in numbers.runs]
     marked = [{(axis, name, _at(a)) for axis, name, a in n.disagree} for n in numbers.runs]
@@ -33,10 +33,10 @@ def figures(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
         words, direction = split(name)
         cells = [_cell(by.get(key), key in off) for by, off in zip(told, marked, strict=True)]
         rows.append((axis, *map(_whole, (words, direction, amplitude)), *cells))
-    head = ("axis", "figure", "direction", "at", *(r.label for r in runs))
+    head = ("axis", "figure", "direction", "at", *(r.name for r in runs))
     caption = "Value ± half of the 95 % interval; n is the number of repeats or averages. "
     if any(marked):
-        caption += f"≠: outside the interval of {runs[0].label}. "
+        caption += f"≠: outside the interval of {runs[0].name}. "
     caption += (
         "Times count from the command; rise from 10 to 90 %, settling to 2 % and dead to "
         "5 %, or to what noise leaves: then without an interval. A peak "

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section, thinned
 
 Array = NDArray[np.float64]
 
 
-def flight(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
+def flight(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
     """Nothing unless a vehicle flew."""
     panels: list[Panel] = []
     lines: list[Line] = []
@@ -26,7 +26,7 @@ def flight(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:  # no
             series = run.recording[signal]
             values = _size(series.values) if component is None else series.column(component)
             t, y = thinned(series.time + run.shift, values * scale)
-            lines.append(Line(run.label, t, y, f"run{k}", len(panels) - 1))
+            lines.append(Line(run.name, t, y, f"run{k}", len(panels) - 1))
     if not panels:
         return None
     text = (

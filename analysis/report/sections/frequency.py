@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
 from analysis.report.spectrum import FrequencyResponse
 
 
-def frequency(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
+def frequency(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
     """One column an axis; nothing if no command excited enough frequencies."""
     names = list(dict.fromkeys(name for n in numbers.runs for name in n.responses))
     if not names:

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers, same_command
 from analysis.report.parts import Line, Panel, Plot, Section, held, thinned
 
 
-def histories(runs: Sequence[Run], numbers: ReportNumbers) -> Section:  # noqa: ARG001
+def histories(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:  # noqa: ARG001
     """One panel an axis; an angle simulated beside a measured one in one recording is dashed."""
-    names = [a.name for a in runs[0].axes]
+    names = [a.component for a in runs[0].axes]
     panels, lines = [], []
     for k, name in enumerate(names):
         panels.append(Panel(f"axis {name}", "angle [°]", k))
@@ -28,7 +28,7 @@ def histories(runs: Sequence[Run], numbers: ReportNumbers) -> Section:  # noqa: 
     return Section("histories", "Time histories", (), (plot,))
 
 
-def _lines(runs: Sequence[Run], name: str, panel: int) -> list[Line]:
+def _lines(runs: Sequence[Measurement], name: str, panel: int) -> list[Line]:
     found = []
     for k, run in enumerate(runs):
         axis = run.axis(name)
@@ -36,15 +36,15 @@ def _lines(runs: Sequence[Run], name: str, panel: int) -> list[Line]:
             continue
         first = runs[0].axis(name)
         if k == 0 or first is None or not same_command(first, axis):
-            t, u = held(axis.time, np.degrees(axis.command))
-            label = "command" if k == 0 else f"command, {run.label}"
+            t, u = held(axis.command.time, np.degrees(axis.command.value))
+            label = "command" if k == 0 else f"command, {run.name}"
             found.append(Line(label, t, u, "command", panel))
-        t, y = thinned(axis.angle_time, np.degrees(axis.angle))
-        found.append(Line(f"{run.label}, {run.motion}", t, y, f"run{k}", panel))
+        t, y = thinned(axis.angles.time, np.degrees(axis.angles.value))
+        found.append(Line(f"{run.name}, {run.motion}", t, y, f"run{k}", panel))
         other = run.recording.series.get("gimbal/simulated")
         if run.motion == "measured" and other is not None and name in other.components:
             values = np.degrees(other.column(name))
             t, y = thinned(other.time + run.shift, values)
             if not np.all(y == 0.0) and math.isfinite(float(np.nanmax(np.abs(y), initial=0.0))):
-                found.append(Line(f"{run.label}, simulated", t, y, f"run{k}", panel, "dash"))
+                found.append(Line(f"{run.name}, simulated", t, y, f"run{k}", panel, "dash"))
     return found

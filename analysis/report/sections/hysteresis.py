@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.figures import at_rest, in_motion
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section, Style
@@ -13,11 +13,11 @@ SIDES: tuple[tuple[float, Style], ...] = ((1.0, "dots"), (-1.0, "rings"))
 MOST = 1500  # points of one sweep
 
 
-def hysteresis(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+def hysteresis(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """Error over command: dots approached from below, rings from above; loops of slow sweeps."""
     panels: list[Panel] = []
     lines: list[Line] = []
-    for name in [a.name for a in runs[0].axes]:
+    for name in [a.component for a in runs[0].axes]:
         drawn = [line for k, run in enumerate(runs) for line in _run(run, numbers, k, name)]
         if not drawn:
             continue
@@ -38,7 +38,7 @@ def hysteresis(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
     return Section("hysteresis", "Hysteresis and linearity", (), (plot,))
 
 
-def _run(run: Run, numbers: ReportNumbers, k: int, name: str) -> list[Line]:
+def _run(run: Measurement, numbers: ReportNumbers, k: int, name: str) -> list[Line]:
     axis = run.axis(name)
     kind = {f.axis: f.kind for f in numbers.runs[k].figures}.get(name)
     if axis is None or kind not in ("steps", "staircase", "ramps"):
@@ -47,11 +47,11 @@ def _run(run: Run, numbers: ReportNumbers, k: int, name: str) -> list[Line]:
     if kind == "ramps":
         u, y, _ = in_motion(axis)
         every = max(1, len(u) // MOST)
-        return [Line(run.label, np.degrees(u)[::every], np.degrees(y - u)[::every], role)]
+        return [Line(run.name, np.degrees(u)[::every], np.degrees(y - u)[::every], role)]
     u, y, way = at_rest(axis)
     u, error = np.degrees(u), np.degrees(y - u)
     return [
-        Line(run.label, u[way == sign], error[way == sign], role, 0, style)
+        Line(run.name, u[way == sign], error[way == sign], role, 0, style)
         for sign, style in SIDES
         if (way == sign).any()
     ]

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Section, Table
 from analysis.report.words import number
@@ -12,7 +12,7 @@ LONGEST = 200  # characters of one value
 MOST_SETTINGS = 500
 
 
-def provenance(runs: Sequence[Run], numbers: ReportNumbers) -> Section:
+def provenance(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
     """One column a run; configuration, versions and hash."""
     rows = [
         ("command", [_said(r, "command") for r in runs]),
@@ -29,29 +29,29 @@ def provenance(runs: Sequence[Run], numbers: ReportNumbers) -> Section:
         ("MuJoCo", [_said(r, "versions", "mujoco") for r in runs]),
     ]
     kept = [(name, values) for name, values in rows if any(v != "–" for v in values)]
-    head = ("run", *(r.label for r in runs))
+    head = ("run", *(r.name for r in runs))
     table = Table(head, tuple((name, *values) for name, values in kept))
     return Section("runs", "Runs", _text(runs), (table,))
 
 
-def _word(run: Run) -> str:
+def _word(run: Measurement) -> str:
     word = run.recording.timing.get("verdict")
     return word if word in ("valid", "invalid") else "–"
 
 
-def _text(runs: Sequence[Run]) -> tuple[str, ...]:
+def _text(runs: Sequence[Measurement]) -> tuple[str, ...]:
     reference = runs[0]
-    told = [f"The first run, {reference.label}, is the reference."] if len(runs) > 1 else []
+    told = [f"The first run, {reference.name}, is the reference."] if len(runs) > 1 else []
     told += [
-        f"{run.label} was shifted by {number(run.shift * 1e3)} ms, so that its first command falls "
-        f"on that of {reference.label}."
+        f"{run.name} was shifted by {number(run.shift * 1e3)} ms, so that its first command falls "
+        f"on that of {reference.name}."
         for run in runs
         if run.shift
     ]
     return (" ".join(told),) if told else ()
 
 
-def settings(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
+def settings(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
     """Everything the recordings carry about themselves, one column a run, folded on the screen."""
     told = [dict(_leaves(run.recording.properties)) for run in runs]
     names = list(dict.fromkeys(name for by in told for name in by))
@@ -60,7 +60,7 @@ def settings(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:  # 
     rows: list[tuple[Cell | str, ...]] = [
         (name, *(Cell(_short(by[name]) if name in by else "–") for by in told)) for name in names
     ]
-    head = ("setting", *(r.label for r in runs))
+    head = ("setting", *(r.name for r in runs))
     table = Table(head, tuple(rows[:MOST_SETTINGS]), folded="Every setting of every run")
     return Section("settings", "Settings", (), (table,))
 
@@ -76,7 +76,7 @@ def _leaves(properties: Mapping[str, object], above: str = "") -> list[tuple[str
     return found
 
 
-def _said(run: Run, *path: str) -> str:
+def _said(run: Measurement, *path: str) -> str:
     value: object = run.recording.properties
     for name in path:
         value = value.get(name) if isinstance(value, Mapping) else None

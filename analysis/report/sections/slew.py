@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
@@ -14,11 +14,11 @@ from analysis.response import slew_points
 FIGURES = ("slew_rate", "speed_reached")
 
 
-def slew(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+def slew(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """Every step a ring, the slew rate a line; nothing without steps of several sizes."""
     panels: list[Panel] = []
     lines: list[Line] = []
-    for name in [a.name for a in runs[0].axes]:
+    for name in [a.component for a in runs[0].axes]:
         drawn = [line for k, run in enumerate(runs) for line in _run(run, numbers, k, name)]
         if not drawn:
             continue
@@ -40,16 +40,16 @@ def slew(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
     return Section("slew", "Slew rate", (), (plot,))
 
 
-def _run(run: Run, numbers: ReportNumbers, k: int, name: str) -> list[Line]:
+def _run(run: Measurement, numbers: ReportNumbers, k: int, name: str) -> list[Line]:
     axis = run.axis(name)
     told = {f.name: f for a in numbers.runs[k].figures if a.axis == name for f in a.figures}
     if axis is None or not any(n in told for n in FIGURES):
         return []
     amplitude, speed = slew_points(steps_of(axis))
-    found = [Line(run.label, np.degrees(amplitude), np.degrees(speed), f"run{k}", 0, "rings")]
+    found = [Line(run.name, np.degrees(amplitude), np.degrees(speed), f"run{k}", 0, "rings")]
     rate, knee = told.get("slew_rate"), told.get("slew_knee")
     if rate is not None and knee is not None and math.isfinite(knee.value):
         ends = np.degrees([knee.value, amplitude[-1]])
         level = np.degrees([rate.value, rate.value])
-        found.append(Line(run.label, ends, level, f"run{k}"))
+        found.append(Line(run.name, ends, level, f"run{k}"))
     return found

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
@@ -12,11 +12,11 @@ from analysis.report.parts import Line, Panel, Plot, Section
 FLOOR = 1e-3  # degrees; a step that moved less is drawn here, a logarithm has no zero
 
 
-def staircase(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+def staircase(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """Attained over commanded step, both logarithmic; nothing without a staircase."""
     panels: list[Panel] = []
     lines: list[Line] = []
-    for name in [a.name for a in runs[0].axes]:
+    for name in [a.component for a in runs[0].axes]:
         points = [
             (k, run, *_moved(run, name))
             for k, run in enumerate(runs)
@@ -29,7 +29,7 @@ def staircase(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
         ends = np.array([asked.min(), asked.max()])
         lines.append(Line("as commanded", ends, ends, "command", len(panels) - 1))
         lines += [
-            Line(run.label, u, np.maximum(y, FLOOR), f"run{k}", len(panels) - 1, "rings")
+            Line(run.name, u, np.maximum(y, FLOOR), f"run{k}", len(panels) - 1, "rings")
             for k, run, u, y in points
         ]
     if not panels:
@@ -48,7 +48,7 @@ def staircase(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
     return Section("resolution", "Threshold and resolution", (), (plot,))
 
 
-def _moved(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _moved(run: Measurement, name: str) -> tuple[np.ndarray, np.ndarray]:
     axis = run.axis(name)
     found = steps_of(axis) if axis is not None else ()
     asked = np.array([s.command_after - s.command_before for s in found])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
@@ -19,11 +19,11 @@ SHOWN = 6.0  # times the slowest arrival
 MOST_REPEATS = 12  # drawn one by one; the mean is of all
 
 
-def steps(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+def steps(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """One panel per axis and direction, time from the command, angle from where the step began."""
     panels: list[Panel] = []
     lines: list[Line] = []
-    names = [a.name for a in runs[0].axes]
+    names = [a.component for a in runs[0].axes]
     for name in names:
         for column, way in enumerate((1.0, -1.0)):
             drawn = [
@@ -40,7 +40,7 @@ def steps(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
             shortest = min(float(s.time[-1]) for _, _, found in drawn for s in found)
             lines.append(_command(size, shortest, index))
             for k, run, found in drawn:
-                lines += _run(run.label, f"run{k}", found, index, shortest)
+                lines += _run(run.name, f"run{k}", found, index, shortest)
     if not panels:
         return None
     plot = Plot(
@@ -69,7 +69,7 @@ def _shown(lines: Sequence[Line]) -> tuple[float, float] | None:
     return (-0.04 * until, until) if until > 0.0 else None
 
 
-def _steps(run: Run, numbers: ReportNumbers, k: int, name: str) -> tuple[Step, ...]:
+def _steps(run: Measurement, numbers: ReportNumbers, k: int, name: str) -> tuple[Step, ...]:
     axis = run.axis(name)
     kinds = {f.axis: f.kind for f in numbers.runs[k].figures}
     if axis is None or kinds.get(name) not in ("steps", "staircase"):

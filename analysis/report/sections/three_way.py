@@ -4,23 +4,23 @@ import math
 from collections.abc import Sequence
 
 from analysis.comparison.compare import Comparison
-from analysis.recording.run import Run
+from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Section, Table
 from analysis.report.words import number
 
 
-def three_way(runs: Sequence[Run], numbers: ReportNumbers) -> Section | None:
+def three_way(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """Every run against every other, for three or more; nothing for fewer."""
     if len(runs) < 3 or not numbers.comparisons:
         return None
     by = {(c.reference, c.other): c for c in numbers.comparisons}
     rows = [
-        (row.label, *(_cell(by.get((row.label, column.label))) for column in runs[1:]))
+        (row.name, *(_cell(by.get((row.name, column.name))) for column in runs[1:]))
         for row in runs[:-1]
     ]
     table = Table(
-        ("reference", *(r.label for r in runs[1:])),
+        ("reference", *(r.name for r in runs[1:])),
         tuple(rows),
         "Smallest fit over the axes that were commanded, largest rms difference, and mean delay "
         "behind the reference; all as recorded, nothing aligned.",

@@ -13,7 +13,7 @@ from analysis.comparison.flights import (
     path_difference,
     spread,
 )
-from analysis.recording.reader import read
+from analysis.recording import read
 from analysis.report import render
 from analysis.response.figure import Figure, over_repeats
 from analysis.response.metrics import StepMetrics

@@ -1,0 +1,126 @@
+"""Measurements from tables, by the names of their columns."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.recording import tables
+from analysis.recording.arrays import measurement
+from analysis.recording.measurements import Initial, InputStamps, Measurement
+from analysis.recording.series import Recording
+from analysis.schema import AnalysisError, unknown
+
+Array = NDArray[np.float64]
+
+UNITS: Mapping[str, float] = MappingProxyType(
+    {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "turn": 2.0 * math.pi, "1": 1.0}
+)
+_SLOWEST = 0.5  # s between samples; no gimbal's motion is sampled that seldom
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Which columns of a table hold what, and in which units.
+
+    Attributes
+    ----------
+    time : column of stamps
+    inputs, angle, rate : columns of commands, potentiometer, and gyro (per second)
+    unit : of angle, rate and command: one of `UNITS`
+    input_unit : of the command, where it is another
+    time_scale : seconds per unit of the time column (1e-3 for milliseconds); 1 without it
+    commands : table of the commands with a time column of the same name; without it they change
+        at the sample that first shows them
+    stamps : without `commands`, what is known of that sample; see `measurement`
+    before : the command in force before the first stamp, in its unit
+    """
+
+    time: str
+    inputs: tuple[str, ...]
+    angle: tuple[str, ...] = ()
+    rate: tuple[str, ...] = ()
+    unit: str = "rad"
+    input_unit: str | None = None
+    time_scale: float | None = None
+    commands: Path | None = None
+    stamps: InputStamps = "shown"
+    before: tuple[float, ...] | None = None
+
+
+def measurement_of_table(
+    table: tables.Table,
+    columns: Columns,
+    *,
+    gyro_delay: float = 0.0,
+    initial: Initial = "rest",
+    name: str | None = None,
+) -> Measurement:
+    """Pick the columns of a measurement by name; empty fields are missing readings.
+
+    Parameters
+    ----------
+    gyro_delay : delay of the gyro's own filter [s]
+    name : used in messages and reports; the file's name without it
+
+    Raises
+    ------
+    AnalysisError
+        for unknown columns and units, stamps that are hardly in seconds, and what no `Measurement`
+        may hold.
+    """
+    scale, own = _scale(columns.unit), _scale(columns.input_unit or columns.unit)
+    seconds = columns.time_scale
+    if seconds is not None and not 0.0 < seconds < math.inf:
+        raise AnalysisError(f"{table.source}: a time scale of {seconds:g} s; must be more than 0 s")
+    if seconds is None:
+        _check_seconds(table.source, columns.time, table.column(columns.time))
+        seconds = 1.0
+    given = None if columns.commands is None else tables.read(columns.commands)
+    run = measurement(
+        table.column(columns.time) * seconds,
+        _filled((given or table).stack(columns.inputs)),
+        angle=table.stack(columns.angle) if columns.angle else None,
+        rate=table.stack(columns.rate) if columns.rate else None,
+        command_time=None if given is None else given.column(columns.time) * seconds,
+        stamps=columns.stamps,
+        before=columns.before,
+        scale=scale,
+        input_scale=own,
+        gyro_delay=gyro_delay,
+        initial=initial,
+        name=name or table.source,
+        inputs=columns.inputs if len(columns.inputs) > 2 else (),
+    )
+    # reports name a run by the gimbal seat of its recording; a table has only its file name
+    return replace(run, recording=Recording({"configuration": {"gimbal": table.source}}, {}))
+
+
+def _check_seconds(source: str, name: str, stamps: Array) -> None:
+    """Refuse stamps too far apart for a gimbal: a column of milliseconds or finer."""
+    apart = np.diff(stamps)
+    period = float(np.median(apart)) if len(apart) and np.isfinite(apart).all() else 0.0
+    if period < _SLOWEST:
+        return
+    scale = next(s for s in (1e-3, 1e-6, 1e-9) if period * s < _SLOWEST or s == 1e-9)
+    raise AnalysisError(
+        f"{source}: samples {period:g} s apart; if '{name}' is not in seconds, give its unit "
+        f"(--time-scale {scale:g}), otherwise --time-scale 1"
+    )
+
+
+def _scale(unit: str) -> float:
+    if unit not in UNITS:
+        raise AnalysisError(unknown("unit", unit, UNITS))
+    return UNITS[unit]
+
+
+def _filled(values: Array) -> Array:
+    """Commands with empty fields taken as no change."""
+    rows = np.arange(len(values))[:, None]
+    last = np.maximum.accumulate(np.where(np.isfinite(values), rows, 0), axis=0)
+    return np.asarray(np.take_along_axis(values, last, axis=0))
