@@ -1,6 +1,6 @@
 """Analog part of a simulated rig: pulse widths to voltages and registers, for any firmware."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import radians
 
 import numpy as np
@@ -185,12 +185,6 @@ class Bench:
         self._dips = [f for f in self._dips if f not in past]
         return bool(past)
 
-    def gyro_bias(self) -> Triple:
-        """Return the present zero-rate output of the holder's gyro [rad/s]."""
-        jump = radians(self._value("gyro", "bias"))
-        x, y, z = self._imus.bias[:3].tolist()
-        return x + jump, y + jump, z + jump
-
     def switch_bits(self) -> int:
         """Return the closed switches: bits 0…3 are +x, −x, +y, −y."""
         return sum(closed << i for i, closed in enumerate(self._closed))
@@ -200,10 +194,3 @@ class Bench:
         half = c.ADC_LEVELS // 2
         x, y = (min(max(round(half + half * v), 0), c.ADC_LEVELS - 1) for v in self.joystick)
         return x, y
-
-
-def quiet(parameters: RigParameters) -> RigParameters:
-    """Return the rig without noise of potentiometers and supply."""
-    s = parameters.sensors
-    a, b, d, e = (replace(p, noise=0.0) for p in s.potentiometers)
-    return replace(parameters, sensors=replace(s, potentiometers=(a, b, d, e), supply_ripple=0.0))

@@ -4,7 +4,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from hardware.firmware.build import FirmwareError, build_elf, size, write_generated
+from hardware.firmware.build import (
+    FLASH_SIZE,
+    RAM_SIZE,
+    FirmwareError,
+    build_elf,
+    size,
+    write_generated,
+)
 
 
 def main() -> int:
@@ -25,7 +32,7 @@ def main() -> int:
     except FirmwareError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    print(f"{elf}: {used.flash} B flash, {used.ram} B RAM")
+    print(f"{elf}: {used.flash} of {FLASH_SIZE} B flash, {used.ram} of {RAM_SIZE} B RAM")
     return 0
 
 

@@ -41,7 +41,7 @@ from hardware.protocol.messages import (
     Telemetry,
 )
 from hardware.protocol.table import LAYOUT
-from hardware.protocol.wire import layout, scale
+from hardware.protocol.wire import layout
 
 __all__ = [
     "BAUD",
@@ -77,5 +77,4 @@ __all__ = [
     "hello",
     "layout",
     "plausible",
-    "scale",
 ]

@@ -92,10 +92,8 @@ class HelloRequest:
 class Command:
     """Pulse widths to drive until the next command or the timeout."""
 
-    pulse: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 0 for neutral", 3, TICK)]
-    timeout_ms: Annotated[
-        int, Wire("H", "ms", "neutral if no command follows within it; 1…2000", scale=1e-3)
-    ]
+    pulse: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 0 for neutral", 3)]
+    timeout_ms: Annotated[int, Wire("H", "ms", "neutral if no command follows within it; 1…2000")]
     mode: Annotated[int, Wire("B", "", "0 neutral, 1 drive")]
 
 
@@ -103,7 +101,7 @@ class Command:
 class Ping:
     """Requests PONG."""
 
-    host_ns: Annotated[int, Wire("Q", "ns", "time stamp of the host's clock", scale=1e-9)]
+    host_ns: Annotated[int, Wire("Q", "ns", "time stamp of the host's clock")]
 
 
 @message(0x04)
@@ -120,11 +118,11 @@ class Disarm:
 class Config:
     """Settings; refused as a whole if one is out of range."""
 
-    telemetry_period_ms: Annotated[int, Wire("B", "ms", "2…250", scale=1e-3)]
+    telemetry_period_ms: Annotated[int, Wire("B", "ms", "2…250")]
     dlpf: Annotated[int, Wire("B", "", "low-pass setting of both IMUs, 0…6")]
-    neutral: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; within the limits", 3, TICK)]
-    minimum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 1000 or more", 3, TICK)]
-    maximum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 5000 or less", 3, TICK)]
+    neutral: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; within the limits", 3)]
+    minimum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 1000 or more", 3)]
+    maximum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 5000 or less", 3)]
 
 
 @message(0x07)
@@ -153,41 +151,33 @@ class Hello:
     joystick_pins: Annotated[Pair, Wire("B", "", "x, y", 2)]
     switch_pins: Annotated[Quad, Wire("B", "", "+x, -x, +y, -y", 4)]
     imu_addresses: Annotated[Pair, Wire("B", "", "holder, base", 2)]
-    tick_ns: Annotated[int, Wire("H", "ns", "unit of pulse widths", scale=1e-9)]
-    pwm_period_us: Annotated[int, Wire("H", "µs", "servo frame", scale=1e-6)]
+    tick_ns: Annotated[int, Wire("H", "ns", "unit of pulse widths")]
+    pwm_period_us: Annotated[int, Wire("H", "µs", "servo frame")]
     adc_levels: Annotated[int, Wire("H", "", "codes at full supply")]
-    gyro_range_dps: Annotated[int, Wire("H", "°/s", "32768 counts", scale=math.pi / 180)]
-    accelerometer_range_g: Annotated[int, Wire("B", "g", "32768 counts", scale=STANDARD_GRAVITY)]
-    telemetry_period_ms: Annotated[int, Wire("B", "ms", "as configured", scale=1e-3)]
+    gyro_range_dps: Annotated[int, Wire("H", "°/s", "32768 counts")]
+    accelerometer_range_g: Annotated[int, Wire("B", "g", "32768 counts")]
+    telemetry_period_ms: Annotated[int, Wire("B", "ms", "as configured")]
     dlpf: Annotated[int, Wire("B", "", "low-pass setting of both IMUs")]
-    neutral: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3, TICK)]
-    minimum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3, TICK)]
-    maximum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3, TICK)]
+    neutral: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
+    minimum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
+    maximum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
 
 
 @message(0x82)
 class Telemetry:
     """One sample of all sensors, with status and counters."""
 
-    device_us: Annotated[int, Wire("I", "µs", "device clock at the sample; wraps", scale=1e-6)]
-    frame_us: Annotated[
-        int, Wire("H", "µs", "age of the running PWM frame at the sample", scale=1e-6)
-    ]
-    potentiometer: Annotated[Quad, Wire("H", "1/1024", "x_a, x_b, y_a, y_b", 4, 1 / ADC_LEVELS)]
-    holder_gyro: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3, GYRO_SCALE)]
-    holder_accelerometer: Annotated[
-        Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3, ACCELEROMETER_SCALE)
-    ]
-    base_gyro: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3, GYRO_SCALE)]
-    base_accelerometer: Annotated[
-        Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3, ACCELEROMETER_SCALE)
-    ]
-    imu_age_us: Annotated[
-        Pair, Wire("H", "µs", "age of holder and base reading at the sample", 2, 1e-6)
-    ]
-    pulse: Annotated[Triple, Wire("H", "0.5 µs", f"in force: {_pulse}", 3, TICK)]
+    device_us: Annotated[int, Wire("I", "µs", "device clock at the sample; wraps")]
+    frame_us: Annotated[int, Wire("H", "µs", "age of the running PWM frame at the sample")]
+    potentiometer: Annotated[Quad, Wire("H", "1/1024", "x_a, x_b, y_a, y_b", 4)]
+    holder_gyro: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3)]
+    holder_accelerometer: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3)]
+    base_gyro: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3)]
+    base_accelerometer: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3)]
+    imu_age_us: Annotated[Pair, Wire("H", "µs", "age of holder and base reading at the sample", 2)]
+    pulse: Annotated[Triple, Wire("H", "0.5 µs", f"in force: {_pulse}", 3)]
     switches: Annotated[int, Wire("B", "", "bits 0…3 closed: +x, -x, +y, -y")]
-    joystick: Annotated[Pair, Wire("H", "1/1024", "x, y", 2, 1 / ADC_LEVELS)]
+    joystick: Annotated[Pair, Wire("H", "1/1024", "x, y", 2)]
     flags: Annotated[int, Wire("H", "", "bits of `Flags`")]
     crc_errors: Annotated[int, Wire("H", "", "frames from the host that failed; wraps")]
     lost: Annotated[int, Wire("H", "", "sequence numbers missed from the host; wraps")]
@@ -200,9 +190,9 @@ class Telemetry:
 class Pong:
     """Answer to PING, for clock offset and skew."""
 
-    host_ns: Annotated[int, Wire("Q", "ns", "as received", scale=1e-9)]
-    received_us: Annotated[int, Wire("I", "µs", "device clock at PING's last byte", scale=1e-6)]
-    sent_us: Annotated[int, Wire("I", "µs", "device clock at PONG's first byte", scale=1e-6)]
+    host_ns: Annotated[int, Wire("Q", "ns", "as received")]
+    received_us: Annotated[int, Wire("I", "µs", "device clock at PING's last byte")]
+    sent_us: Annotated[int, Wire("I", "µs", "device clock at PONG's first byte")]
 
 
 Message = HelloRequest | Command | Ping | Arm | Disarm | Config | Name | Hello | Telemetry | Pong

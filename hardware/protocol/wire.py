@@ -1,4 +1,4 @@
-"""Building blocks of the message table: integers of fixed width with a unit and a scale."""
+"""Building blocks of the message table: integers of fixed width with a unit."""
 
 import struct
 from collections.abc import Callable
@@ -26,14 +26,12 @@ class Wire:
     unit : unit of one least significant bit
     about : description for the generated header and the manual
     count : elements; more than one makes the field a tuple
-    scale : SI value of one least significant bit; None for identities and bit fields
     """
 
     code: str
     unit: str
     about: str
     count: int = 1
-    scale: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,16 +89,3 @@ def layout(cls: type[Any]) -> Layout:
         codes = "".join(f"{member.wire.count}{member.wire.code}" for member in members)
         _layouts[cls] = Layout(cls.TYPE_ID, members, struct.Struct("<" + codes))
     return _layouts[cls]
-
-
-def scale(cls: type[Any], name: str) -> float:
-    """Return the SI value of one least significant bit of a field.
-
-    Raises
-    ------
-    KeyError : the message has no such field, or the field is not a quantity
-    """
-    for member in layout(cls).fields:
-        if member.name == name and member.wire.scale is not None:
-            return member.wire.scale
-    raise KeyError(f"{cls.__name__}.{name} carries no scale")

@@ -11,7 +11,7 @@ from hardware.frames import HardwareError
 from hardware.protocol import constants
 
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG = 0x19, 0x1A, 0x1B, 0x1C
-ACCEL_XOUT_H, PWR_MGMT_1, WHO_AM_I = 0x3B, 0x6B, 0x75
+ACCEL_XOUT_H, PWR_MGMT_1 = 0x3B, 0x6B
 READING = 14  # accelerometer, temperature, gyro: three, one, three words
 CLOCK_PLL_X = 1
 FS_SEL_500, AFS_SEL_4 = 1 << 3, 1 << 3

@@ -212,10 +212,6 @@ class SimulatedNano:
         self._adc[:] = [min(max(int(count), 0), constants.ADC_LEVELS - 1) for count in counts]
         self._c.nano_set_adc(self._open(), self._adc)
 
-    def set_volts(self, volts: Sequence[float], supply: float = 5.0) -> None:
-        """Set the voltages at A0…A7, and the supply, which is the ADC's reference [V]."""
-        self.set_adc([int(v / supply * constants.ADC_LEVELS) for v in volts])
-
     def set_switches(self, closed: Sequence[bool]) -> None:
         """Close or open the limit switches +x, −x, +y, −y."""
         for pin, shut in zip(constants.SWITCH_PINS, closed, strict=True):

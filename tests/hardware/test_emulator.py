@@ -22,7 +22,6 @@ from hardware.emulator import (
     ServoParameters,
     UnpluggedError,
     parse,
-    quiet,
     reference_rig,
     sample_rig,
     valid_names,
@@ -43,6 +42,13 @@ from hardware.protocol import (
     Telemetry,
     constants,
 )
+
+
+def quiet(parameters):
+    """The rig without noise of potentiometers and supply."""
+    s = parameters.sensors
+    a, b, d, e = (replace(p, noise=0.0) for p in s.potentiometers)
+    return replace(parameters, sensors=replace(s, potentiometers=(a, b, d, e), supply_ripple=0.0))
 
 
 class _Host:

@@ -117,7 +117,8 @@ def run(
     truth: dict[int, tuple[float, Pair, Pair, Pair]] = {}
 
     def observe(device_us: int, angle: Pair, rate: Pair) -> None:
-        bias = device.bench.gyro_bias()
+        jump = radians(device.bench._value("gyro", "bias"))
+        bias = device.bench._imus.bias[:2] + jump
         truth[device_us] = (device.bench.time, angle, rate, (bias[0], bias[1]))
 
     device.observer = observe
