@@ -15,10 +15,13 @@ import analysis.transfer_function.speed
 import twin.control.attitude
 import twin.control.guidance
 import twin.control.pid
+import twin.loop.seats
 import twin.physics.mechanism.loops
 import twin.physics.native.actuator
 import twin.physics.native.forces
+import twin.plant.flow
 import twin.plant.integrators
+import twin.plant.rods
 import twin.recorder.rows
 from analysis import compiled
 
@@ -31,10 +34,13 @@ MODULES = [
     twin.control.attitude,
     twin.control.guidance,
     twin.control.pid,
+    twin.loop.seats,
     twin.physics.mechanism.loops,
     twin.physics.native.actuator,
     twin.physics.native.forces,
+    twin.plant.flow,
     twin.plant.integrators,
+    twin.plant.rods,
     twin.recorder.rows,
 ]
 CACHED = {  # every function with a disk cache, by its full name
