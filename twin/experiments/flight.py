@@ -45,6 +45,7 @@ class FlightResult(Result):
     physics_steps, physics_s : steps taken, and the time they took
     wall_s : time of the whole command
     warnings : MuJoCo's warnings with their counts
+    notes : what is worth knowing about the model, one line each
     fault : what went wrong with the rig first; None where nothing did
     turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU
         measured, while the motor burned; None without a turntable
@@ -66,6 +67,7 @@ class FlightResult(Result):
     physics_s: float
     wall_s: float
     warnings: dict[str, int]
+    notes: tuple[str, ...] = ()
     fault: str | None = None
     turntable_rms_deg: float | None = None
     timing: "Verdict | None" = None
@@ -102,6 +104,7 @@ class FlightResult(Result):
             rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
         rows.append(computing_row(self.wall_s, self.physics_steps, self.physics_s))
         rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
+        rows += [("note", note) for note in self.notes]
         return rows + recording_rows(self.recording)
 
 
@@ -206,6 +209,7 @@ class Flight:
             physics_s=plant.computing_s,
             wall_s=wall_s,
             warnings=plant.warnings(),
+            notes=plant.twin.notes,
         )
 
 
