@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long test-tools bench lint format meshes docs-check lock clean
+.PHONY: env run test test-long test-tools bench lint format meshes docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -22,11 +22,11 @@ test-tools:
 	@bash .ci/test-tools
 
 test: env test-tools
-	$(BIN)/python -m pytest tests --durations=8
+	@PYTHON=$(BIN)/python bash .ci/tests
 
 # The long forms as well: whole minutes of simulated telemetry, hundreds of seeds.
 test-long: env test-tools
-	$(BIN)/python -m pytest tests -m "slow or not slow" --durations=8
+	@PYTHON=$(BIN)/python bash .ci/tests "slow or not slow"
 
 bench: env
 	$(BIN)/python -m tests.benchmarks
@@ -36,6 +36,9 @@ lint: env
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python .ci/stub.py --check
+	$(BIN)/python .ci/states.py --check
+	$(BIN)/python .ci/docs_check.py
 
 format: env
 	$(BIN)/ruff check --fix .
@@ -45,7 +48,13 @@ meshes: env
 	$(BIN)/python -m meshes.generate
 
 docs-check: env
+	$(BIN)/python .ci/states.py --check
 	$(BIN)/python .ci/docs_check.py
+
+# Writes what is generated: the typed signatures and the state diagrams.
+generated: env
+	$(BIN)/python .ci/stub.py
+	$(BIN)/python .ci/states.py
 
 # Renews the pinned lock; needs uv. The lock carries no registry address.
 lock:
@@ -54,3 +63,4 @@ lock:
 
 clean:
 	rm -rf $(VENV) build dist
+	find analysis hardware twin -name '*.nb[ic]' -delete  # compiled functions

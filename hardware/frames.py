@@ -5,6 +5,17 @@ from dataclasses import dataclass
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
+AXES = ("x", "y")
+"""Names of the two values of a `Pair` of gimbal angles: outer ring, inner holder."""
+
+POTENTIOMETER_NAMES = (
+    "potentiometer_x_a",
+    "potentiometer_x_b",
+    "potentiometer_y_a",
+    "potentiometer_y_b",
+)
+"""Names of `SensorFrame.potentiometer`, in order."""
+
 
 class HardwareError(ValueError):
     """A mistake at the desk (port, calibration, fault name), told in one line."""

@@ -31,9 +31,9 @@ def settled():
 
 
 def patient(test):
-    """Decorate a test of wall-clock time: the best of ten tries counts.
+    """Mark a test of wall-clock time as `realtime`; it passes if one of ten tries does.
 
-    Others may take the processor in any of them; a mistake in the code fails all ten.
+    Other processes may take the processor in any of them; a mistake in the code fails all ten.
     """
 
     @functools.wraps(test)
@@ -45,4 +45,4 @@ def patient(test):
                 time.sleep(0.1)
         return test(*args, **kwargs)
 
-    return tried
+    return pytest.mark.realtime(tried)

@@ -6,9 +6,10 @@ error (C. F. Van Loan, "Computing integrals involving the matrix exponential", 1
 scalar and the double mode).
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.compiled import njit
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -16,7 +17,7 @@ Complex = NDArray[np.complex128]
 _SERIES = 0.05  # below |p h| of this the closed form loses more digits than six terms of the series
 
 
-@numba.njit(cache=True, nogil=True)  # pragma: no cover - compiled
+@njit(nogil=True)  # pragma: no cover - compiled
 def _advance(p: complex, h: float) -> tuple[complex, complex, complex]:
     """e^(ph), and what a unit input held for h adds to 1/(s−p) and 1/(s−p)²."""
     x = p * h
@@ -29,7 +30,7 @@ def _advance(p: complex, h: float) -> tuple[complex, complex, complex]:
     return e, first, (h * e - first) / p
 
 
-@numba.njit(cache=True, nogil=True)  # pragma: no cover - compiled
+@njit(nogil=True)  # pragma: no cover - compiled
 def modal_response(
     time: Array, input_time: Array, values: Array, poles: Complex, delay: float
 ) -> tuple[Complex, Complex, Array]:

@@ -6,9 +6,10 @@ rate limit on the command, then delay and transfer function, then backlash.
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -21,7 +22,7 @@ class Bounds:
     dead_band: float = 0.0
 
 
-@numba.njit(cache=True, nogil=True)  # pragma: no cover - compiled
+@njit(nogil=True)  # pragma: no cover - compiled
 def ramps(
     time: Array, command: Array, rate_limit: float, dead_band: float
 ) -> tuple[Array, Array, Array]:

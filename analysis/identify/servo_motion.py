@@ -6,9 +6,10 @@ Within the dead band the motor is off; beyond it the error comes to count in ful
 dead band, as behind a servo's pulse stretcher.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -17,7 +18,7 @@ _STEP = 1e-3  # s; fourth-order steps of this leave 1e-7 of a motion that ends i
 _RISE = 1.0  # of the dead band, over which the motor comes to full strength
 
 
-@numba.njit(cache=True, nogil=True)  # pragma: no cover - compiled
+@njit(nogil=True)  # pragma: no cover - compiled
 def _speed(target: float, y: float, k: float, limit: float, dead_band: float) -> float:
     e = target - y
     beyond = abs(e) - dead_band
@@ -28,7 +29,7 @@ def _speed(target: float, y: float, k: float, limit: float, dead_band: float) ->
     return min(max(k * e, -limit), limit)
 
 
-@numba.njit(cache=True, nogil=True)  # pragma: no cover - compiled
+@njit(nogil=True)  # pragma: no cover - compiled
 def _advance(
     y: float, v: float, u: float, h: float, k: float, w: float, limit: float, dead_band: float
 ) -> tuple[float, float]:
@@ -52,7 +53,7 @@ def _advance(
     ) / 6.0
 
 
-@numba.njit(cache=True, nogil=True)  # pragma: no cover - compiled
+@njit(nogil=True)  # pragma: no cover - compiled
 def speed_servo(
     time: Array,
     input_time: Array,
@@ -89,7 +90,7 @@ def speed_servo(
     return angle, rate
 
 
-@numba.njit(cache=True, nogil=True)  # pragma: no cover - compiled
+@njit(nogil=True)  # pragma: no cover - compiled
 def play(drive: Array, speed: Array, backlash: float) -> tuple[Array, Array]:
     """Output (n,) and its rate (n,) behind play of total width `backlash` that starts centred."""
     out, rate = np.empty_like(drive), np.empty_like(drive)

@@ -6,13 +6,13 @@ count in full over one more dead band, as behind a servo's pulse stretcher. Comp
 the simulation here and the actuator in flight.
 """
 
-import numba
+from analysis.compiled import njit
 
 _LONGEST = 1e-3  # s
 _SHARE = 0.2  # of the fastest time constant; fourth-order steps of this leave 1e-5 of a motion
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def wanted_speed(error: float, k: float, limit: float, dead_band: float) -> float:
     """Speed aimed at [rad/s] for an error [rad]."""
     beyond = abs(error) - dead_band
@@ -23,7 +23,7 @@ def wanted_speed(error: float, k: float, limit: float, dead_band: float) -> floa
     return min(max(k * error, -limit), limit)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _slope(
     y: float, v: float, u: float, k: float, w: float, limit: float, dead_band: float
 ) -> tuple[float, float]:
@@ -33,7 +33,7 @@ def _slope(
     return v, w * (wanted - v)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(nogil=True)
 def move(
     y: float, v: float, u: float, time: float, k: float, w: float, limit: float, dead_band: float
 ) -> tuple[float, float]:

@@ -1,42 +1,28 @@
-"""A calibration as a JSON file: written beside and renamed, believed only after every check."""
+"""A calibration as a JSON file: written beside and renamed, used only after every check.
+
+Version 2 holds the whole map from angles to pulse widths; version 1 held a straight line, and is
+read as one.
+"""
 
 import json
-import math
 from math import degrees, radians
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hardware.calibration.result import (
-    Calibration,
-    CalibrationError,
-    Covariance,
-    GyroMap,
-    Matrix,
-    PotentiometerMap,
-)
+from hardware.calibration.errors import CalibrationError
+from hardware.calibration.fields import Array, array, covariance, identity, mapping, triangle
+from hardware.calibration.linearisation import HIGHEST_DEGREE, Linearisation, Matrix, Rows
+from hardware.calibration.result import Calibration, Covariance, GyroMap, PotentiometerMap
 from hardware.frames import Pair
 
-SCHEMA = "tvc-twin/calibration/1"
+SCHEMA = "tvc-twin/calibration/2"
+STRAIGHT = "tvc-twin/calibration/1"
 LARGEST_FILE = 64 * 1024
 _US = 1e-6
-
-# key → (lowest, highest) in the file's own unit; a value beyond is no gimbal.
-_LIMITS = {
-    "zero_us": (500.0, 2500.0),
-    "matrix_deg_per_us": (-1.0, 1.0),
-    "hysteresis_deg": (-1.0, 10.0),
-    "hysteresis_sigma_deg": (0.0, 10.0),
-    "repeatability_deg": (0.0, 10.0),
-    "switch_angle_deg": (-45.0, 45.0),
-    "zero": (0.05, 0.95),
-    "gain_deg": (-3600.0, 3600.0),
-    "bias_deg_s": (-500.0, 500.0),
-    "matrix": (-2.0, 2.0),
-    "sigma": (0.0, 1.0),
-    "bias_sigma_deg_s": (0.0, 500.0),
-}
+_PER_US = radians(1) / _US
+_COMMAND = np.array([_US, _US, _PER_US, _PER_US, _PER_US, _PER_US])  # zero, matrix
 _NAMES = ("x_a", "x_b", "y_a", "y_b")
 
 
@@ -45,7 +31,7 @@ def write(path: Path, calibration: Calibration) -> None:
 
     Raises
     ------
-    CalibrationError : the place cannot be written
+    CalibrationError : the file cannot be written
     """
     partial = path.with_name(path.name + ".partial")
     try:
@@ -57,7 +43,7 @@ def write(path: Path, calibration: Calibration) -> None:
 
 
 def read(path: Path, rig: int | None = None) -> Calibration:
-    """Read a calibration that anybody may have written.
+    """Read a calibration from a file of any origin.
 
     Parameters
     ----------
@@ -66,7 +52,7 @@ def read(path: Path, rig: int | None = None) -> Calibration:
 
     Raises
     ------
-    CalibrationError : not there, not this format, implausible, or of another rig
+    CalibrationError : missing file, another format, implausible, or of another rig
     """
     try:
         with path.open("rb") as file:
@@ -74,7 +60,9 @@ def read(path: Path, rig: int | None = None) -> Calibration:
     except OSError as error:
         raise CalibrationError(f"cannot read {path}: {error.strerror}") from None
     if len(data) > LARGEST_FILE:
-        raise CalibrationError(f"{path} is larger than {LARGEST_FILE} bytes; no calibration is")
+        raise CalibrationError(
+            f"{path} is larger than {LARGEST_FILE} bytes, too large for a calibration"
+        )
     calibration = parsed(data, str(path))
     if rig is not None and calibration.rig != rig:
         raise CalibrationError(
@@ -85,11 +73,15 @@ def read(path: Path, rig: int | None = None) -> Calibration:
 
 
 def parsed(data: bytes | str, name: str) -> Calibration:
-    """Read a calibration from a text that calls itself `name`.
+    """Read a calibration from the text of a file.
+
+    Parameters
+    ----------
+    name : of the file, for messages
 
     Raises
     ------
-    CalibrationError : not this format, or implausible
+    CalibrationError : another format, or implausible
     """
     try:
         content = json.loads(data)
@@ -107,18 +99,19 @@ def to_dict(c: Calibration) -> dict[str, Any]:
         "schema": SCHEMA,
         "rig": f"{c.rig:08x}",
         "zero_us": [v / _US for v in c.zero],
-        "zero_covariance_us2": _scaled(c.zero_covariance, _US**-2),
-        "matrix_deg_per_us": _scaled(c.matrix, degrees(1) * _US),
-        "matrix_covariance_deg2_per_us2": _scaled(c.matrix_covariance, (degrees(1) * _US) ** 2),
+        "matrix_deg_per_us": [[v / _PER_US for v in row] for row in c.matrix],
+        "covariance_us_deg_per_us": _in_units(c.covariance, _COMMAND),
+        "linearisation": _linearisation_dict(c.linearisation),
         "hysteresis_deg": [degrees(v) for v in c.hysteresis],
         "hysteresis_sigma_deg": [degrees(v) for v in c.hysteresis_sigma],
         "repeatability_deg": [degrees(v) for v in c.repeatability],
+        "deviation_deg": [degrees(v) for v in c.deviation],
         "switch_angle_deg": [degrees(v) for v in c.switch_angle],
         "potentiometers": {
             name: {
                 "zero": p.zero,
                 "gain_deg": degrees(p.gain),
-                "covariance_deg": _congruent(p.covariance, (1.0, degrees(1))),
+                "covariance_deg": _in_units(p.covariance, np.array([1.0, radians(1)])),
             }
             for name, p in zip(_NAMES, c.potentiometers, strict=True)
         },
@@ -131,122 +124,122 @@ def to_dict(c: Calibration) -> dict[str, Any]:
     }
 
 
+def _linearisation_dict(map_: Linearisation) -> dict[str, Any]:
+    return {
+        "extent_deg": degrees(map_.extent),
+        "sigma_deg": degrees(map_.sigma),
+        "x_deg": [[degrees(a) for a in row] for row in map_.x],
+        "y_deg": [[degrees(a) for a in row] for row in map_.y],
+    }
+
+
 def from_dict(content: object) -> Calibration:
-    """Return the calibration of a file's content.
+    """Return the calibration of a file's content, of version 1 or 2.
 
     Raises
     ------
     CalibrationError : a key is missing, a value has another shape, is not finite or not plausible
     """
-    top = _object(content, "file")
-    if top.get("schema") != SCHEMA:
-        raise CalibrationError(f"schema is {top.get('schema')!r:.60}, must be {SCHEMA!r}")
-    pots = _object(top.get("potentiometers"), "potentiometers")
-    gyro = _object(top.get("gyro"), "gyro")
-    maps = [_potentiometer(_object(pots.get(n), f"potentiometers.{n}"), n) for n in _NAMES]
-    zero = _array(top, "zero_us", 2) * _US
-    matrix = np.radians(_array(top, "matrix_deg_per_us", 2, 2)) / _US
+    top = mapping(content, "file")
+    schema = top.get("schema")
+    if schema not in (SCHEMA, STRAIGHT):
+        raise CalibrationError(f"schema is {schema!r:.60}, must be {SCHEMA!r}")
+    angles = np.radians(array(top, "switch_angle_deg", 4)).tolist()
+    pots = mapping(top.get("potentiometers"), "potentiometers")
+    maps = [_potentiometer(mapping(pots.get(n), f"potentiometers.{n}"), n) for n in _NAMES]
+    return Calibration(
+        rig=identity(top.get("rig")),
+        zero=_pair(array(top, "zero_us", 2) * _US),
+        matrix=_command_matrix(top),
+        potentiometers=(maps[0], maps[1], maps[2], maps[3]),
+        gyro=_gyro(mapping(top.get("gyro"), "gyro")),
+        switch_angle=(angles[0], angles[1], angles[2], angles[3]),
+        covariance=_covariance(top),
+        hysteresis=_pair(np.radians(array(top, "hysteresis_deg", 2))),
+        hysteresis_sigma=_pair(np.radians(array(top, "hysteresis_sigma_deg", 2))),
+        repeatability=_pair(np.radians(array(top, "repeatability_deg", 2))),
+        deviation=_deviation(top),
+        linearisation=_linearisation(top),
+    )
+
+
+def _command_matrix(top: dict[str, Any]) -> Matrix:
+    matrix = array(top, "matrix_deg_per_us", 2, 2) * _PER_US
     if abs(np.linalg.det(matrix)) < 1e-3 * float(np.abs(matrix).max()) ** 2 or not matrix.any():
         raise CalibrationError("matrix_deg_per_us is singular; both servos move the same axis")
-    bias = np.radians(_array(gyro, "bias_deg_s", 3)).tolist()
-    gyro_matrix = _array(gyro, "matrix", 2, 2)
-    if abs(np.linalg.det(gyro_matrix)) < 0.1:
+    return _matrix(matrix)
+
+
+def _covariance(top: dict[str, Any]) -> Covariance:
+    if top["schema"] == SCHEMA:
+        return covariance(top, "covariance_us_deg_per_us", _COMMAND)
+    joint = np.zeros((6, 6))  # version 1 kept no correlation of zero and matrix
+    joint[:2, :2] = covariance(top, "zero_covariance_us2", _COMMAND[:2])
+    joint[2:, 2:] = covariance(top, "matrix_covariance_deg2_per_us2", _COMMAND[2:])
+    return _nested(joint)
+
+
+def _deviation(top: dict[str, Any]) -> Pair:
+    return (
+        (0.0, 0.0)
+        if top["schema"] == STRAIGHT
+        else _pair(np.radians(array(top, "deviation_deg", 2)))
+    )
+
+
+def _linearisation(top: dict[str, Any]) -> Linearisation:
+    if top["schema"] == STRAIGHT:
+        return Linearisation()
+    entry = mapping(top.get("linearisation"), "linearisation")
+    return Linearisation(
+        x=_rows(entry, "x_deg"),
+        y=_rows(entry, "y_deg"),
+        extent=radians(float(array(entry, "extent_deg"))),
+        sigma=radians(float(array(entry, "sigma_deg"))),
+    )
+
+
+def _rows(entry: dict[str, Any], key: str) -> Rows:
+    return tuple(
+        tuple(np.radians(row).tolist()) for row in triangle(entry, key, HIGHEST_DEGREE - 1)
+    )
+
+
+def _gyro(entry: dict[str, Any]) -> GyroMap:
+    bias = np.radians(array(entry, "bias_deg_s", 3)).tolist()
+    matrix = array(entry, "matrix", 2, 2)
+    if abs(np.linalg.det(matrix)) < 0.1:
         raise CalibrationError("gyro.matrix is singular")
-    angles = np.radians(_array(top, "switch_angle_deg", 4)).tolist()
-    scale = radians(1) / _US
-    return Calibration(
-        rig=_identity(top.get("rig")),
-        zero=_pair(zero),
+    return GyroMap(
+        bias=(bias[0], bias[1], bias[2]),
         matrix=_matrix(matrix),
-        potentiometers=(maps[0], maps[1], maps[2], maps[3]),
-        gyro=GyroMap(
-            bias=(bias[0], bias[1], bias[2]),
-            matrix=_matrix(gyro_matrix),
-            sigma=float(_array(gyro, "sigma")),
-            bias_sigma=radians(float(_array(gyro, "bias_sigma_deg_s"))),
-        ),
-        switch_angle=(angles[0], angles[1], angles[2], angles[3]),
-        zero_covariance=_covariance(top, "zero_covariance_us2", np.full(2, _US)),
-        matrix_covariance=_covariance(top, "matrix_covariance_deg2_per_us2", np.full(4, scale)),
-        hysteresis=_pair(np.radians(_array(top, "hysteresis_deg", 2))),
-        hysteresis_sigma=_pair(np.radians(_array(top, "hysteresis_sigma_deg", 2))),
-        repeatability=_pair(np.radians(_array(top, "repeatability_deg", 2))),
+        sigma=float(array(entry, "sigma")),
+        bias_sigma=radians(float(array(entry, "bias_sigma_deg_s"))),
     )
 
 
 def _potentiometer(entry: dict[str, Any], name: str) -> PotentiometerMap:
-    gain = radians(float(_array(entry, "gain_deg")))
+    gain = radians(float(array(entry, "gain_deg")))
     if abs(gain) < radians(10.0):
         raise CalibrationError(f"potentiometers.{name}.gain_deg is {degrees(gain):g}, too small")
     units = np.array([1.0, radians(1)])
     return PotentiometerMap(
-        float(_array(entry, "zero")), gain, _covariance(entry, "covariance_deg", units)
+        float(array(entry, "zero")), gain, covariance(entry, "covariance_deg", units)
     )
 
 
-def _object(value: object, name: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise CalibrationError(f"{name} must be an object")
-    return value
-
-
-def _identity(value: object) -> int:
-    if isinstance(value, str) and len(value) == 8:
-        try:
-            return int.from_bytes(bytes.fromhex(value))
-        except ValueError:
-            pass
-    raise CalibrationError(f"rig is {value!r:.40}, must be eight hexadecimal digits")
-
-
-def _numbers(entry: dict[str, Any], key: str, shape: tuple[int, ...]) -> "np.ndarray[Any, Any]":
-    def check(value: object, depth: int) -> object:
-        if depth == len(shape):
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise CalibrationError(f"{key} holds {value!r:.40}, must be numbers")
-            if abs(value) > 1e15 or not math.isfinite(value):
-                raise CalibrationError(f"{key} holds {value!r:.40}, must be finite")
-            return float(value)
-        if not isinstance(value, list) or len(value) != shape[depth]:
-            raise CalibrationError(f"{key} must be {' × '.join(map(str, shape))} numbers")
-        return [check(v, depth + 1) for v in value]
-
-    if key not in entry:
-        raise CalibrationError(f"{key} is missing")
-    return np.array(check(entry[key], 0), dtype=float)
-
-
-def _array(entry: dict[str, Any], key: str, *shape: int) -> "np.ndarray[Any, Any]":
-    values = _numbers(entry, key, shape)
-    low, high = _LIMITS[key]
-    if values.min() < low or values.max() > high:
-        worst = values.max() if values.max() > high else values.min()
-        raise CalibrationError(f"{key} holds {worst:g}, must be {low:g}…{high:g}")
+def _in_units(matrix: Covariance, units: Array) -> list[list[float]]:
+    values: list[list[float]] = (np.array(matrix) / np.outer(units, units)).tolist()
     return values
 
 
-def _covariance(entry: dict[str, Any], key: str, units: "np.ndarray[Any, Any]") -> Covariance:
-    n = len(units)
-    values = _numbers(entry, key, (n, n))
-    size = np.sqrt(np.abs(np.diag(values))) + 1e-30
-    normal = values / np.outer(size, size)
-    sound = np.diag(values).min() >= 0 and np.allclose(normal, normal.T, atol=1e-6)
-    if not sound or float(np.linalg.eigvalsh(normal).min()) < -1e-6:
-        raise CalibrationError(f"{key} is not a covariance: not symmetric or not positive")
-    return tuple(tuple(float(v) for v in row) for row in values * np.outer(units, units))
+def _nested(matrix: Array) -> Covariance:
+    return tuple(tuple(float(v) for v in row) for row in matrix)
 
 
-def _scaled(matrix: Covariance | Matrix, scale: float) -> list[list[float]]:
-    return [[v * scale for v in row] for row in matrix]
-
-
-def _congruent(matrix: Covariance, units: tuple[float, float]) -> list[list[float]]:
-    return [[matrix[i][j] * units[i] * units[j] for j in (0, 1)] for i in (0, 1)]
-
-
-def _pair(values: "np.ndarray[Any, Any]") -> Pair:
+def _pair(values: Array) -> Pair:
     return float(values[0]), float(values[1])
 
 
-def _matrix(values: "np.ndarray[Any, Any]") -> Matrix:
+def _matrix(values: Array) -> Matrix:
     return _pair(values[0]), _pair(values[1])

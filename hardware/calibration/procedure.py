@@ -6,89 +6,16 @@ at three places, so that both directions and the coupling of the axes are seen.
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass, field
-from math import radians
 
 import numpy as np
 
-from hardware.calibration.result import Calibration, CalibrationError
-from hardware.frames import Pair, SensorFrame, Triple
+from hardware.calibration.errors import CalibrationError
+from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
+from hardware.calibration.result import Calibration
+from hardware.calibration.solve import solve
+from hardware.frames import Pair, SensorFrame
 
-SWITCHES = ("+x", "-x", "+y", "-y")
 Steps = Generator[Pair, SensorFrame, None]
-
-
-@dataclass(frozen=True, slots=True)
-class CalibrationRig:
-    """The printed rig with its switches, and how to drive to them.
-
-    Attributes
-    ----------
-    switch_angle : at which +x, −x, +y, −y close; those of the printed rig, the numeric of the same
-        name in mjcf/bench.xml [rad]
-    switch_sigma : standard deviation of these angles [rad]
-    neutral : pulse widths to start from [s]
-    lowest, highest : pulse widths that are safe [s]
-    coarse, fine : steps per dwell, while searching and near a switch [s]
-    dwell : time for the servo to follow a step; two PWM frames [s]
-    reading : time over which potentiometers are averaged, at rest behind each switch [s]
-    backoff : distance from a switch at which the fine approach begins [s]
-    offsets : places at which the other servo is held [s]
-    repeats : approaches per switch and place
-    seed : of the random start of each approach, which spreads quantisation evenly
-    """
-
-    switch_angle: tuple[float, float, float, float] = (
-        radians(9.0),
-        radians(-9.0),
-        radians(9.0),
-        radians(-9.0),
-    )
-    switch_sigma: float = radians(0.03)
-    neutral: Pair = (1.5e-3, 1.5e-3)
-    lowest: float = 1.0e-3
-    highest: float = 2.0e-3
-    coarse: float = 10e-6
-    fine: float = 2e-6
-    dwell: float = 0.04
-    reading: float = 0.1
-    backoff: float = 24e-6
-    offsets: tuple[float, ...] = (0.0, 70e-6, -70e-6)  # 3°: the lever for the coupling
-    repeats: int = 3
-    seed: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """One switch closing or opening.
-
-    Attributes
-    ----------
-    switch : index into `SWITCHES`
-    closed : it closed, on the way out; else it opened, on the way in
-    pulses : in force as it did, moved back by half a step [s]
-    settled : in force at rest afterwards, when the sensors were read [s]
-    potentiometer : mean readings at rest [1]
-    time : device time, at rest [s]
-    gyro : integral of the holder gyro's reading since the start, bias included, at rest [rad]
-    """
-
-    switch: int
-    closed: bool
-    pulses: Pair
-    settled: Pair
-    potentiometer: tuple[float, float, float, float]
-    time: float
-    gyro: Triple
-
-
-@dataclass(slots=True)
-class Log:
-    """What a run has seen."""
-
-    events: list[Event] = field(default_factory=list)
-    gyro_bias: Triple = (0.0, 0.0, 0.0)
-    gyro_bias_sigma: float = 0.0
 
 
 class Procedure:
@@ -110,6 +37,7 @@ class Procedure:
         self._pulses = list(self.rig.neutral)
         self._direction = [1, 1]  # which way each servo moves its own axis
         self._found = [0.0] * 4  # pulse width at which each switch closed last
+        self._came = 0  # direction in which the held axis moved last
         self._random = np.random.default_rng(self.rig.seed)
         self._steps = self._run()
         self._total = 8 + 4 * len(self.rig.offsets) * self.rig.repeats * 2
@@ -148,8 +76,6 @@ class Procedure:
         ------
         CalibrationError : implausible; the message names the switch or sensor
         """
-        from hardware.calibration.solve import solve
-
         if not self.done:
             raise CalibrationError(f"calibration is not finished ({self.progress:.0%})")
         return solve(self.log, self.rig, self.identity)
@@ -256,6 +182,7 @@ class Procedure:
         held = self.rig.neutral[other] + offset
         # From a random side, so that the held servo's own play is not always on the same side.
         side = 30e-6 if self._random.random() < 0.5 else -30e-6
+        self._came = -self._direction[other] if side > 0 else self._direction[other]
         yield from self._move(other, held + side)
         yield from self._move(other, held)
         start = self._found[switch] - outwards * (self.rig.backoff + self._random.random() * 4e-6)
@@ -315,5 +242,6 @@ class Procedure:
                 potentiometer=(a, b, c, d),
                 time=frame.device_us * 1e-6,
                 gyro=(x, y, z),
+                came=self._came,
             )
         )

@@ -1,58 +1,47 @@
-"""Switch events to maps with covariance: one weighted least-squares problem per axis.
+"""Switch events of a calibration run to a calibration, with covariance and plausibility checks."""
 
-At an event of switch s the axis stands at θ = ±(α_s + ε_s), less the switch's differential travel
-δ when it opened. Command, with d the direction of motion, and each potentiometer then say
-
-    M p − c − d h/2 = θ        f = o + k (M p' − c − d h/2)
-
-for matrix row M, offset c, hysteresis h, and the pulses p' at which it came to rest behind the
-switch; there a potentiometer knows nothing of where in its last step the servo met the switch. The
-angles ε are held by how well the rig was built.
-"""
-
-from dataclasses import dataclass
 from math import cos, degrees, radians, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hardware.calibration.procedure import SWITCHES, CalibrationRig, Event, Log
-from hardware.calibration.result import (
-    Calibration,
-    CalibrationError,
-    Covariance,
-    GyroMap,
-    PotentiometerMap,
+from hardware.calibration.axis import (
+    KA,
+    KB,
+    M1,
+    M2,
+    MINUS,
+    OA,
+    OB,
+    PLUS,
+    Array,
+    Axis,
+    C,
+    H,
+    events_of,
+    first_guess,
+    solve_axis,
+    stand,
+    tabulate,
 )
+from hardware.calibration.errors import CalibrationError
+from hardware.calibration.log import SWITCHES, CalibrationRig, Log
+from hardware.calibration.result import Calibration, Covariance, GyroMap, PotentiometerMap
 from hardware.frames import Pair
-
-Array = NDArray[np.float64]
 
 TRAVEL = radians(240.0)
 LARGEST_SPREAD = radians(0.4)  # of one switch's approaches; dead band and quantisation give 0.1°
-COARSE_SIGMA = radians(0.1)
 GYRO_TOLERANCE = 0.06  # scale ±3 % by the data sheet, and as much again
-M1, M2, C, H, DELTA, PLUS, MINUS, OA, KA, OB, KB = range(11)
-
-
-@dataclass(frozen=True, slots=True)
-class _Axis:
-    """Solution of one axis; parameters in the order of the constants above."""
-
-    value: Array  # (11,)
-    covariance: Array  # (11, 11)
-    scatter: Array  # residual of the command equation per event [rad]
-    repeatability: float
+PASSES = 2  # the other axis's angle enters little: 0.1° of it moves a linearised angle by 0.01°
 
 
 def solve(log: Log, rig: CalibrationRig, identity: int) -> Calibration:
-    """Return the calibration that a run's events give.
+    """Return the calibration of a run's events.
 
     Raises
     ------
     CalibrationError : implausible; the message names the switch or sensor
     """
-    axes = (_solve_axis(log, rig, 0), _solve_axis(log, rig, 1))
+    axes = _axes(log, rig)
     for index, axis in enumerate(axes):
         _check_axis(index, axis, log, rig)
     x, y = axes
@@ -60,21 +49,56 @@ def solve(log: Log, rig: CalibrationRig, identity: int) -> Calibration:
     if abs(np.linalg.det(matrix)) < 0.5 * abs(matrix[0, 0] * matrix[1, 1]):
         raise CalibrationError("both servos move the same axis; check linkage and servo plugs")
     zero = np.linalg.solve(matrix, np.array([x.value[C], y.value[C]]))
-    gyro = _gyro(log, axes, rig)
     maps = _maps(x) + _maps(y)
     return Calibration(
         rig=identity,
         zero=_pair(zero),
         matrix=(_pair(matrix[0]), _pair(matrix[1])),
         potentiometers=(maps[0], maps[1], maps[2], maps[3]),
-        gyro=gyro,
+        gyro=_gyro(log, axes, rig),
         switch_angle=rig.switch_angle,
-        zero_covariance=_nested(_zero_covariance(axes, matrix, zero)),
-        matrix_covariance=_nested(_matrix_covariance(axes)),
+        covariance=_nested(_covariance(axes, matrix, zero)),
         hysteresis=(float(x.value[H]), float(y.value[H])),
         hysteresis_sigma=(sqrt(x.covariance[H, H]), sqrt(y.covariance[H, H])),
         repeatability=(x.repeatability, y.repeatability),
+        deviation=_deviation(log, axes, rig),
+        linearisation=rig.linearisation,
     )
+
+
+def _axes(log: Log, rig: CalibrationRig) -> tuple[Axis, Axis]:
+    """Solve both axes, each with the other where its potentiometers show it."""
+    x, y = tabulate(log, rig, 0), tabulate(log, rig, 1)
+    values = guess = first_guess(x), first_guess(y)
+    for _ in range(PASSES):
+        other_x = np.array([stand(e, values)[1] for e in events_of(log, 0)])
+        other_y = np.array([stand(e, values)[0] for e in events_of(log, 1)])
+        axes = solve_axis(x, guess[0], other_x), solve_axis(y, guess[1], other_y)
+        values = axes[0].value, axes[1].value
+    return axes
+
+
+def _deviation(log: Log, axes: tuple[Axis, Axis], rig: CalibrationRig) -> Pair:
+    """Root mean square of potentiometers against the map, where each axis stood held [rad]."""
+    values = axes[0].value, axes[1].value
+    result = []
+    for k, v in enumerate(values):
+        places: dict[tuple[int, int], list[tuple[int, float]]] = {}
+        for event in events_of(log, 1 - k):
+            seen = rig.linearisation.linearised(stand(event, values))[k]
+            commanded = float(v[[M1, M2]] @ event.settled - v[C])
+            place = event.switch, round(event.settled[k] / rig.fine)
+            places.setdefault(place, []).append((event.came, seen - commanded))
+        result.append(sqrt(np.mean([_mean(p, float(v[H])) ** 2 for p in places.values()])))
+    return result[0], result[1]
+
+
+def _mean(place: list[tuple[int, float]], hysteresis: float) -> float:
+    """Mean of both approach directions; half the hysteresis stands in for one that is missing."""
+    ways = [[d for came, d in place if came == way] for way in (1, -1)]
+    if all(ways):
+        return float(np.mean([np.mean(way) for way in ways]))
+    return float(np.mean([d + came * hysteresis / 2 for came, d in place]))
 
 
 def _pair(values: Array) -> Pair:
@@ -85,120 +109,7 @@ def _nested(matrix: Array) -> Covariance:
     return tuple(tuple(float(v) for v in row) for row in matrix)
 
 
-def _events(log: Log, axis: int) -> list[Event]:
-    return [e for e in log.events if e.switch // 2 == axis]
-
-
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """Events of one axis as arrays (n,) or (n, 2)."""
-
-    sign: Array  # +1 at the positive switch
-    opened: Array  # 1 when it opened
-    pulses: Array  # (n, 2) [s]
-    settled: Array  # (n, 2) where the sensors were read [s]
-    readings: Array  # (n, 2) [1]
-    nominal: Array  # closing angle of its switch [rad]
-
-
-def _table(log: Log, rig: CalibrationRig, axis: int) -> _Table:
-    events = _events(log, axis)
-    return _Table(
-        sign=np.array([1.0 if e.switch % 2 == 0 else -1.0 for e in events]),
-        opened=np.array([0.0 if e.closed else 1.0 for e in events]),
-        pulses=np.array([e.pulses for e in events]),
-        settled=np.array([e.settled for e in events]),
-        readings=np.array([e.potentiometer[2 * axis : 2 * axis + 2] for e in events]),
-        nominal=np.array([rig.switch_angle[e.switch] for e in events]),
-    )
-
-
-def _angles(v: Array, t: _Table) -> Array:
-    error = np.where(t.sign > 0, v[PLUS], v[MINUS])
-    angles: Array = t.nominal + error - t.sign * t.opened * v[DELTA]
-    return angles
-
-
-def _follow(v: Array, t: _Table, pulses: Array) -> Array:
-    """Angles (n,) [rad] that pulses (n, 2) about the centre [s] lead to, hysteresis included."""
-    way = t.sign * (1 - 2 * t.opened)  # direction of motion along the axis
-    angles: Array = pulses @ v[[M1, M2]] - v[C] - way * v[H] / 2
-    return angles
-
-
-def _residuals(v: Array, t: _Table, centre: Array) -> tuple[Array, Array, Array]:
-    """Return command residuals [rad] and both potentiometers' [1], each (n,)."""
-    rest = _follow(v, t, t.settled - centre)
-    return (
-        _follow(v, t, t.pulses - centre) - _angles(v, t),
-        t.readings[:, 0] - v[OA] - v[KA] * rest,
-        t.readings[:, 1] - v[OB] - v[KB] * rest,
-    )
-
-
-def _solve_axis(log: Log, rig: CalibrationRig, axis: int) -> _Axis:
-    t = _table(log, rig, axis)
-    centre = np.array(rig.neutral)
-    v = _first_guess(t, centre)
-    sigma = np.array([COARSE_SIGMA, 5e-4, 5e-4])
-    n, dof = len(t.sign), max(1.0, len(t.sign) - 4.0)
-    covariance = np.eye(11)
-    for _ in range(6):
-        scale = np.repeat(1 / sigma, n)
-        r = np.concatenate(_residuals(v, t, centre)) * scale
-        J = _jacobian(v, t, centre) * scale[:, None]
-        prior = np.zeros((2, 11))
-        prior[0, PLUS] = prior[1, MINUS] = 1 / rig.switch_sigma
-        J, r = np.vstack([J, prior]), np.concatenate([r, prior @ v])
-        # Columns differ by orders of magnitude: scaled, or the rank is misjudged.
-        size = np.linalg.norm(J, axis=0)
-        v = v - np.linalg.lstsq(J / size, r, rcond=None)[0] / size
-        inverse = np.linalg.pinv((J / size).T @ (J / size))
-        covariance = inverse / np.outer(size, size)
-        parts = _residuals(v, t, centre)
-        floor = (rig.fine * abs(v[M1 + axis]) / sqrt(12.0), 1e-5, 1e-5)
-        sigma = np.array([max(f, sqrt(p @ p / dof)) for p, f in zip(parts, floor, strict=True)])
-    # c was measured about the neutral pulses; bring it to zero pulse width.
-    shift = np.eye(11)
-    shift[C, [M1, M2]] = centre
-    v, covariance = shift @ v, shift @ covariance @ shift.T
-    return _Axis(v, covariance, parts[0], float(sigma[0]))
-
-
-def _first_guess(t: _Table, centre: Array) -> Array:
-    v = np.zeros(11)
-    A = np.column_stack([t.pulses - centre, -np.ones(len(t.sign))])
-    size = np.array([1e-4, 1e-4, 1.0])  # columns of equal order
-    v[[M1, M2, C]] = np.linalg.lstsq(A * [1e4, 1e4, 1], t.nominal, rcond=None)[0] / size
-    for o, k, column in ((OA, KA, 0), (OB, KB, 1)):
-        k_value, o_value = np.polyfit(t.nominal, t.readings[:, column], 1)
-        v[o], v[k] = o_value, k_value
-    return v
-
-
-def _jacobian(v: Array, t: _Table, centre: Array) -> Array:
-    """Return the derivative of the stacked residuals (3n, 11)."""
-    angle = np.zeros((len(t.sign), 11))
-    angle[:, PLUS], angle[:, MINUS] = t.sign > 0, t.sign < 0
-    angle[:, DELTA] = -t.sign * t.opened
-    stacked = [_slope(t, t.pulses - centre) - angle]
-    rest, slope = _follow(v, t, t.settled - centre), _slope(t, t.settled - centre)
-    for o, k in ((OA, KA), (OB, KB)):
-        rows = -v[k] * slope
-        rows[:, o], rows[:, k] = -1, -rest
-        stacked.append(rows)
-    return np.vstack(stacked)
-
-
-def _slope(t: _Table, pulses: Array) -> Array:
-    """Return the derivative of `_follow` (n, 11)."""
-    rows = np.zeros((len(t.sign), 11))
-    rows[:, [M1, M2]], rows[:, C] = pulses, -1
-    rows[:, H] = -t.sign * (1 - 2 * t.opened) / 2
-    return rows
-
-
-def _maps(axis: _Axis) -> list[PotentiometerMap]:
+def _maps(axis: Axis) -> list[PotentiometerMap]:
     maps = []
     for o, k in ((OA, KA), (OB, KB)):
         gain = 1 / axis.value[k]
@@ -209,28 +120,24 @@ def _maps(axis: _Axis) -> list[PotentiometerMap]:
     return maps
 
 
-def _zero_covariance(axes: tuple[_Axis, _Axis], matrix: Array, zero: Array) -> Array:
+def _covariance(axes: tuple[Axis, Axis], matrix: Array, zero: Array) -> Array:
+    """Covariance of (zero, matrix) (6, 6); the axes' events are independent."""
     inverse = np.linalg.inv(matrix)
-    total = np.zeros((2, 2))
+    total = np.zeros((6, 6))
     for row, axis in enumerate(axes):
-        # δzero = M⁻¹ (δc − δM · zero), one axis at a time: their events are independent.
-        g = np.concatenate([-zero, [1.0]])
-        variance = g @ axis.covariance[np.ix_([M1, M2, C], [M1, M2, C])] @ g
-        total += np.outer(inverse[:, row], inverse[:, row]) * variance
+        # δzero = M⁻¹ (δc − δM · zero)
+        J = np.zeros((6, 3))
+        J[:2] = np.outer(inverse[:, row], [-zero[0], -zero[1], 1.0])
+        J[2 + 2 * row, 0] = J[3 + 2 * row, 1] = 1.0
+        total += J @ axis.covariance[np.ix_([M1, M2, C], [M1, M2, C])] @ J.T
     return total
 
 
-def _matrix_covariance(axes: tuple[_Axis, _Axis]) -> Array:
-    total = np.zeros((4, 4))
-    for row, axis in enumerate(axes):
-        total[2 * row : 2 * row + 2, 2 * row : 2 * row + 2] = axis.covariance[:2, :2]
-    return total
-
-
-def _gyro(log: Log, axes: tuple[_Axis, _Axis], rig: CalibrationRig) -> GyroMap:
+def _gyro(log: Log, axes: tuple[Axis, Axis], rig: CalibrationRig) -> GyroMap:
     """Return scale and misalignment from the motions between switches."""
     centre = np.array(log.gyro_bias)
-    angle = [_stand(e, axes) for e in log.events]
+    values = axes[0].value, axes[1].value
+    angle = [stand(e, values) for e in log.events]
     moves, readings = [], []
     for before, after, a, b in zip(
         log.events[:-1], log.events[1:], angle[:-1], angle[1:], strict=True
@@ -269,18 +176,8 @@ def _gyro(log: Log, axes: tuple[_Axis, _Axis], rig: CalibrationRig) -> GyroMap:
     )
 
 
-def _stand(event: Event, axes: tuple[_Axis, _Axis]) -> Pair:
-    """Return both angles at an event by the potentiometers [rad]."""
-    angles = []
-    for k, axis in enumerate(axes):
-        a, b = event.potentiometer[2 * k], event.potentiometer[2 * k + 1]
-        v = axis.value
-        angles.append(((a - v[OA]) / v[KA] + (b - v[OB]) / v[KB]) / 2)
-    return angles[0], angles[1]
-
-
-def _check_axis(index: int, axis: _Axis, log: Log, rig: CalibrationRig) -> None:
-    events = _events(log, index)
+def _check_axis(index: int, axis: Axis, log: Log, rig: CalibrationRig) -> None:
+    events = events_of(log, index)
     for switch in (2 * index, 2 * index + 1):
         scatter = [r for r, e in zip(axis.scatter, events, strict=True) if e.switch == switch]
         spread = float(np.std(scatter))

@@ -28,6 +28,7 @@ from hardware.protocol import (
     plausible,
 )
 
+LOOP_US = 1000  # period of a board's main loop, on its own clock
 BYTE_US = 10_000_000 // BAUD  # start bit, eight data bits, stop bit
 TRANSMIT_ROOM = 255  # bytes; a frame that finds no room is dropped and counted
 _WRAP = 0xFFFF_FFFF

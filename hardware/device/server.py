@@ -1,29 +1,21 @@
-"""An emulated rig on the wall clock, behind a pseudo-terminal or a TCP port on loopback."""
+"""A device on the wall clock, behind a port."""
 
-import contextlib
 import os
-import socket
-import tempfile
 import time
-from array import array
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
-from hardware.frames import HardwareError
+from hardware.device.device import LOOP_US
+from hardware.device.ports import Port, PtyPort, TcpPort
 
-TICK_NS = 1_000_000
+TICK_NS = 1000 * LOOP_US
 LONGEST_LAG_NS = 200_000_000  # a machine that slept must not make the rig race to catch up
-_CHUNK = 4096
 
 
-class ServerError(HardwareError):
-    """The emulated rig cannot be offered there."""
-
-
-class Device(Protocol):
-    """A rig that lives on simulated time: `Emulator`, or a simulated Nano."""
+class SteppedDevice(Protocol):
+    """A device whose clock its caller advances: `Emulator`, or a simulated Nano."""
 
     def write(self, data: bytes) -> object:
         """Send bytes to it."""
@@ -35,196 +27,6 @@ class Device(Protocol):
         """Let its time pass [µs]."""
 
 
-class Port(Protocol):
-    """Where a host connects; reads and writes never block."""
-
-    url: str
-
-    def read(self) -> bytes:
-        """Return what the host has sent."""
-
-    def write(self, data: bytes) -> None:
-        """Send to the host; bytes that nobody takes are lost, as on a wire."""
-
-    def drop(self) -> None:
-        """Pull the cable: the port is gone."""
-
-    def restore(self) -> None:
-        """Put the cable back: the port is there again under the same name."""
-
-    def close(self) -> None:
-        """Take the port away."""
-
-
-class PtyPort:
-    """A raw pseudo-terminal behind a symbolic link, which survives a pull. POSIX only.
-
-    Parameters
-    ----------
-    link : path of the link, `url` then; a temporary one when left out
-
-    Raises
-    ------
-    ServerError : this system has no pseudo-terminals, or the link cannot be made
-    """
-
-    def __init__(self, link: Path | None = None) -> None:
-        try:
-            import pty
-            import tty
-        except ImportError:
-            raise ServerError("no pseudo-terminals here; serve over TCP instead") from None
-        self._make: Callable[[], tuple[int, int]] = pty.openpty
-        self._raw = tty.setraw
-        self._folder = None if link else tempfile.TemporaryDirectory(prefix="tvc-rig-")
-        self._link = link or Path(self._folder.name if self._folder else "") / "port"
-        self.url = str(self._link)
-        self._ours = self._theirs = -1
-        self.restore()
-
-    def restore(self) -> None:
-        """Open a terminal and point the link at it."""
-        self._ours, self._theirs = self._make()
-        self._raw(self._theirs)
-        os.set_blocking(self._ours, False)
-        try:
-            self._link.symlink_to(os.ttyname(self._theirs))
-        except OSError as error:
-            self._hang_up()
-            raise ServerError(f"cannot make the link {self._link}: {error.strerror}") from None
-
-    def _hang_up(self) -> None:
-        for end in (self._ours, self._theirs):
-            with contextlib.suppress(OSError):
-                os.close(end)
-        self._ours = self._theirs = -1
-
-    def read(self) -> bytes:
-        """Return what the host has sent."""
-        try:
-            # a read that finds nothing waits for the kernel's worker, see `hardware.link.link`
-            return os.read(self._ours, _CHUNK) if _waiting(self._ours) else b""
-        except OSError:
-            return b""
-
-    def write(self, data: bytes) -> None:
-        """Send to the host."""
-        with contextlib.suppress(OSError):
-            os.write(self._ours, data)
-
-    def drop(self) -> None:
-        """Hang up; the host's reads then fail."""
-        if self._ours >= 0:
-            self._link.unlink(missing_ok=True)
-            self._hang_up()
-
-    def close(self) -> None:
-        """Take the terminal away."""
-        self.drop()
-        if self._folder is not None:
-            self._folder.cleanup()
-
-
-def _waiting(terminal: int) -> int:
-    """Bytes that can be read from a terminal now."""
-    import fcntl
-    import termios
-
-    count = array("i", [0])
-    fcntl.ioctl(terminal, termios.FIONREAD, count)
-    return count[0]
-
-
-class TcpPort:
-    """A listening socket on loopback, one host at a time.
-
-    Parameters
-    ----------
-    port : 0 takes a free one
-
-    Raises
-    ------
-    ServerError : the port is taken or forbidden
-    """
-
-    def __init__(self, port: int = 0) -> None:
-        if not 0 <= port <= 65535:
-            raise ServerError(f"TCP port {port} must be 0…65535")
-        self._port = port
-        self._host: socket.socket | None = None
-        self._listener: socket.socket | None = None
-        self.restore()
-
-    def restore(self) -> None:
-        """Listen, on the port first taken."""
-        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listener.bind(("127.0.0.1", self._port))
-        except OSError as error:
-            listener.close()
-            raise ServerError(
-                f"cannot listen on 127.0.0.1:{self._port}: {error.strerror}"
-            ) from None
-        listener.listen(1)
-        listener.setblocking(False)
-        self._listener = listener
-        self._port = listener.getsockname()[1]
-        self.url = f"socket://127.0.0.1:{self._port}"
-
-    def _accept(self) -> None:
-        if self._listener is None:
-            return
-        with contextlib.suppress(BlockingIOError, OSError):
-            host, _ = self._listener.accept()
-            self._leave()  # the newcomer wins: the old one may be a host that died
-            host.setblocking(False)
-            host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._host = host
-
-    def read(self) -> bytes:
-        """Return what the host has sent."""
-        self._accept()
-        if self._host is None:
-            return b""
-        try:
-            data = self._host.recv(_CHUNK)
-        except BlockingIOError:
-            return b""
-        except OSError:
-            data = b""
-        if not data:
-            self._leave()
-        return data
-
-    def write(self, data: bytes) -> None:
-        """Send to the host."""
-        if self._host is None:
-            return
-        try:
-            self._host.send(data)
-        except BlockingIOError:
-            pass
-        except OSError:
-            self._leave()
-
-    def drop(self) -> None:
-        """Close the connection and refuse new ones."""
-        self._leave()
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
-
-    def _leave(self) -> None:
-        if self._host is not None:
-            self._host.close()
-            self._host = None
-
-    def close(self) -> None:
-        """Stop listening."""
-        self.drop()
-
-
 class Server:
     """Lets a device live on the wall clock and carries its bytes.
 
@@ -234,7 +36,7 @@ class Server:
     port : where hosts connect
     """
 
-    def __init__(self, device: Device, port: Port) -> None:
+    def __init__(self, device: SteppedDevice, port: Port) -> None:
         self.device, self.port = device, port
         self._next = time.monotonic_ns()
         self._stopped = False
@@ -273,7 +75,7 @@ class Server:
         try:
             if incoming:
                 self.device.write(incoming)
-            self.device.advance_us(TICK_NS // 1000)
+            self.device.advance_us(LOOP_US)
             outgoing = self.device.read()
         except OSError:
             if not self._pulled:
@@ -287,7 +89,7 @@ class Server:
             self.port.write(outgoing)
 
 
-def serve(device: Device, *, tcp: int | None = None, link: Path | None = None) -> Server:
+def serve(device: SteppedDevice, *, tcp: int | None = None, link: Path | None = None) -> Server:
     """Return a server for a device: a pty, or TCP on loopback when a port is given or needed.
 
     Parameters

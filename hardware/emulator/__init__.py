@@ -7,8 +7,6 @@
 True
 """
 
-from hardware.device.device import Device, Sample
-from hardware.device.server import Server, ServerError, serve
 from hardware.emulator.bench import Bench, RigParameters, quiet, reference_rig, sample_rig
 from hardware.emulator.cable import UnpluggedError
 from hardware.emulator.emulator import Emulator, identity
@@ -20,7 +18,6 @@ from hardware.emulator.servo import Servo, ServoParameters
 __all__ = [
     "AnalyticPlant",
     "Bench",
-    "Device",
     "Emulator",
     "FaultNameError",
     "FirmwareRig",
@@ -28,9 +25,6 @@ __all__ = [
     "Plant",
     "PlantParameters",
     "RigParameters",
-    "Sample",
-    "Server",
-    "ServerError",
     "Servo",
     "ServoParameters",
     "UnpluggedError",
@@ -39,6 +33,5 @@ __all__ = [
     "quiet",
     "reference_rig",
     "sample_rig",
-    "serve",
     "valid_names",
 ]

@@ -5,12 +5,13 @@ from math import radians
 
 import numpy as np
 
-from hardware.emulator.injection import POTENTIOMETER_NAMES, Injection
+from hardware.emulator.injection import Injection
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters, sample_parameters
 from hardware.emulator.sensors import Gaussian, ImuPair, SensorParameters
 from hardware.emulator.sensors import sample as sample_sensors
 from hardware.emulator.servo import ServoParameters
-from hardware.frames import Pair, Triple
+from hardware.frames import POTENTIOMETER_NAMES, Pair, Triple
+from hardware.parts import GYRO_DELAY_S, POTENTIOMETER_TRAVEL
 from hardware.protocol import constants as c
 
 OPEN_WIRE_TIME = 1e-3  # s; a pull-down of 1 MΩ empties the input's and cable's 1 nF
@@ -105,7 +106,7 @@ class Bench:
             truth[:3] += jump
         if self.injections:
             truth[6:9] += radians(self._value("base_gyro", "bias"))
-        self._imus.advance(dt, truth, c.GYRO_DELAY_S[self.dlpf])
+        self._imus.advance(dt, truth, GYRO_DELAY_S[self.dlpf])
 
     def _watch_switches(self) -> None:
         s = self.parameters.sensors
@@ -154,7 +155,7 @@ class Bench:
             elif fault.kind == "open":
                 fraction *= float(np.exp(-(self.time - fault.start) / OPEN_WIRE_TIME))
             elif fault.kind == "offset":
-                fraction += fault.value / 240.0
+                fraction += radians(fault.value) / POTENTIOMETER_TRAVEL
         return fraction
 
     def imu_counts(self, age: Pair = (0.0, 0.0)) -> list[int]:

@@ -4,7 +4,7 @@ import hashlib
 from collections import deque
 from collections.abc import Callable
 
-from hardware.device.device import BYTE_US, Device, Sample
+from hardware.device import BYTE_US, LOOP_US, Device, Sample
 from hardware.emulator.bench import Bench, RigParameters, reference_rig
 from hardware.emulator.cable import Cable
 from hardware.emulator.injection import Injection
@@ -12,8 +12,7 @@ from hardware.emulator.plant import Plant
 from hardware.frames import Pair, Triple
 from hardware.protocol import Board, constants
 
-TICK_US = 1000  # of the device's clock; the firmware reads its IMUs this often
-FRAME_TICKS = constants.PWM_PERIOD_US // TICK_US
+FRAME_TICKS = constants.PWM_PERIOD_US // LOOP_US
 BROWN_OUT = 1 << 2  # of MCUSR
 IMU_AGE_US = (620, 310)  # the two readings are taken one after the other before the sample
 
@@ -57,8 +56,8 @@ class Emulator:
         self._boot_us = boot_us
         self._tick = 0
         self._booted = 0  # tick at which the device's clock was at `boot_us`
-        self._tick_s = TICK_US * 1e-6 / (1 + self.parameters.skew)
-        holder, base = (age / TICK_US * self._tick_s for age in IMU_AGE_US)
+        self._tick_s = LOOP_US * 1e-6 / (1 + self.parameters.skew)
+        holder, base = (age / LOOP_US * self._tick_s for age in IMU_AGE_US)
         self._age_s: Pair = (holder, base)
         self._imu = [0] * 12
         self._read_us = [boot_us, boot_us]
@@ -119,7 +118,7 @@ class Emulator:
         self._tick += 1
         world_us = self._tick * self._tick_s * 1e6
         up = self._tick - self._booted
-        device_us = self._boot_us + up * TICK_US
+        device_us = self._boot_us + up * LOOP_US
         self._receive(world_us, device_us)
         self.device.update(device_us)
         if up % FRAME_TICKS == 0:
@@ -163,7 +162,7 @@ class Emulator:
         self.device.report(
             Sample(
                 device_us=device_us,
-                frame_us=(self._tick - self._booted) % FRAME_TICKS * TICK_US,
+                frame_us=(self._tick - self._booted) % FRAME_TICKS * LOOP_US,
                 potentiometer=bench.potentiometer_codes(),
                 imu=self._imu,
                 imu_age_us=(holder, base),
@@ -189,7 +188,7 @@ class Emulator:
         if not queue:
             return
         start = max(self._wire_free[1], world_us)
-        room = int((world_us + TICK_US - start) / BYTE_US)
+        room = int((world_us + LOOP_US - start) / BYTE_US)
         if room <= 0:
             return
         piece = bytes(queue[:room])

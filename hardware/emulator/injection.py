@@ -3,19 +3,13 @@
 import math
 from dataclasses import dataclass
 
-from hardware.frames import HardwareError
+from hardware.frames import POTENTIOMETER_NAMES, HardwareError
 
 
 class FaultNameError(HardwareError):
     """A fault that no rig can have."""
 
 
-POTENTIOMETER_NAMES = (
-    "potentiometer_x_a",
-    "potentiometer_x_b",
-    "potentiometer_y_a",
-    "potentiometer_y_b",
-)
 _UNPLUG = {"unplug": (2.0, 0.0, 3600.0, "seconds")}
 # kind → (default value, lowest, highest, meaning of the value)
 _POTENTIOMETER = {

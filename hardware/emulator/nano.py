@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from hardware.device import LOOP_US
 from hardware.emulator.bench import Bench, RigParameters, reference_rig
 from hardware.emulator.cable import Cable
 from hardware.emulator.emulator import identity
@@ -9,8 +10,6 @@ from hardware.emulator.injection import Injection
 from hardware.emulator.plant import Plant
 from hardware.frames import Pair
 from hardware.protocol import constants
-
-TICK_US = 1000
 
 
 class FirmwareRig:
@@ -46,7 +45,7 @@ class FirmwareRig:
         self.nano = SimulatedNano(elf, identity(self.parameters))
         self.time_us = 0
         self._tick = 0
-        self._tick_s = TICK_US * 1e-6 / (1 + self.parameters.skew)
+        self._tick_s = LOOP_US * 1e-6 / (1 + self.parameters.skew)
         self._cable = Cable(injections, seed)
         self._present = (True, True)
         self._ticks = [constants.PULSE_NEUTRAL] * 3
@@ -93,7 +92,7 @@ class FirmwareRig:
 
     def _advance_tick(self) -> None:
         self._show_sensors()
-        self.nano.advance_us(TICK_US)
+        self.nano.advance_us(LOOP_US)
         pulses = self.nano.pulses()
         if pulses:
             for pulse in pulses:
@@ -102,7 +101,7 @@ class FirmwareRig:
             a, b, c = self._ticks
             self.bench.set_pulses((a * second, b * second, c * second))
         if self._present[0]:
-            self.bench.dlpf = self.nano.imu_register(self._sensors[0], 0x1A) & 7
+            self.bench.dlpf = self.nano.dlpf(self._sensors[0])
         self.bench.advance(self._tick_s)
         self._tick += 1
         if self.bench.supply_dipped():

@@ -8,8 +8,8 @@ import numpy as np
 
 from hardware.emulator.servo import Servo, ServoParameters, sample
 from hardware.frames import Pair, Triple
+from hardware.parts import STANDARD_GRAVITY as GRAVITY
 
-GRAVITY = 9.80665
 STOP = radians(10.0)
 
 
@@ -125,4 +125,8 @@ class AnalyticPlant:
     def base_imu(self) -> tuple[Triple, Triple]:
         """Return angular rate and specific force on the base."""
         t = self._turn
-        return (self._turn_rate, 0.0, 0.0), (0.0, -GRAVITY * sin(t), -GRAVITY * cos(t))
+        return (self._turn_rate, 0.0, 0.0), (
+            0.0,
+            -GRAVITY * sin(t),
+            -GRAVITY * cos(t),
+        )

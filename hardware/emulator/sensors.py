@@ -8,10 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.frames import Pair, Triple
+from hardware.parts import (
+    ACCELEROMETER_NOISE,
+    GYRO_BIAS_WALK,
+    GYRO_NOISE,
+    POTENTIOMETER_TRAVEL,
+    SWITCH_ANGLE,
+)
 from hardware.protocol import constants as c
-
-TRAVEL = radians(240.0)  # of the potentiometer track
-SWITCH_ANGLE = radians(9.0)  # of the printed rig: numeric switch_angle of mjcf/bench.xml
 
 
 class Gaussian:
@@ -53,7 +57,7 @@ class Potentiometer:
     def fraction(self, angle: float) -> float:
         """Return the reading at an angle [rad], before noise and quantisation [1]."""
         wave = self.bend * sin(2 * pi * angle / self.period + self.phase)
-        return self.zero + self.direction * self.scale * (angle + wave) / TRAVEL
+        return self.zero + self.direction * self.scale * (angle + wave) / POTENTIOMETER_TRAVEL
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +75,7 @@ class Mpu6050:
 
     gyro_bias: Triple = (0.0, 0.0, 0.0)
     gyro_matrix: tuple[Triple, Triple, Triple] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    bias_walk: float = radians(0.02)
+    bias_walk: float = GYRO_BIAS_WALK
     accelerometer_bias: Triple = (0.0, 0.0, 0.0)
     accelerometer_scale: Triple = (1.0, 1.0, 1.0)
 
@@ -140,10 +144,6 @@ def sample(rng: np.random.Generator, switch_sigma: float = radians(0.03)) -> Sen
         switch_angle=tuple((np.array(base.switch_angle) + errors).tolist()),
         differential=radians(rng.uniform(0.2, 0.6)),
     )
-
-
-GYRO_NOISE = radians(0.005)  # rad/s/√Hz, one-sided
-ACCELEROMETER_NOISE = 400e-6 * c.STANDARD_GRAVITY  # m/s²/√Hz
 
 
 class ImuPair:

@@ -5,7 +5,10 @@ from math import radians
 
 import numpy as np
 
-PULSE_CENTRE = 1.5e-3  # s
+from hardware.parts import SERVO_TRAVEL
+from hardware.protocol import constants
+
+PULSE_CENTRE = constants.PULSE_NEUTRAL * constants.TICK  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +47,7 @@ class ServoParameters:
     friction: float = 0.08
     slew_limit: float = 0.0
     backlash: float = radians(0.8)
-    travel: float = radians(1.0) / 10.3e-6
+    travel: float = SERVO_TRAVEL
     trim: float = 0.0
 
     def command(self, pulse: float) -> float:

@@ -5,8 +5,9 @@ import numpy as np
 from hardware.calibration.result import Calibration, GyroMap, PotentiometerMap
 from hardware.emulator.bench import RigParameters
 from hardware.emulator.emulator import identity
-from hardware.emulator.sensors import TRAVEL
+from hardware.emulator.servo import PULSE_CENTRE
 from hardware.frames import Pair
+from hardware.parts import POTENTIOMETER_TRAVEL
 from hardware.protocol import constants
 
 
@@ -15,11 +16,11 @@ def exact_calibration(parameters: RigParameters) -> Calibration:
     plant, sensors = parameters.plant, parameters.sensors
     shaft = np.diag([s.travel for s in plant.servos[:2]]) / (1 + parameters.skew)
     matrix = np.array(plant.linkage) @ shaft
-    centre = np.array([(1.5e-3 + s.trim) * (1 + parameters.skew) for s in plant.servos[:2]])
+    centre = np.array([(PULSE_CENTRE + s.trim) * (1 + parameters.skew) for s in plant.servos[:2]])
     zero = centre - np.linalg.solve(matrix, np.array(plant.offset))
     half_step = 0.5 / constants.ADC_LEVELS  # the ADC rounds down
     maps = tuple(
-        PotentiometerMap(p.zero - half_step, p.direction * TRAVEL / p.scale)
+        PotentiometerMap(p.zero - half_step, p.direction * POTENTIOMETER_TRAVEL / p.scale)
         for p in sensors.potentiometers
     )
     imu = sensors.imus[0]

@@ -1,15 +1,14 @@
 """What the fault monitor sees of a frame, and what it asks of the filters."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from hardware.frames import Pair, Triple
+from hardware.frames import POTENTIOMETER_NAMES, Pair, Triple
 
-POTENTIOMETERS = 4
+POTENTIOMETERS = len(POTENTIOMETER_NAMES)
 Quad = tuple[float, float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(NamedTuple):
     """One frame in angles and rates.
 
     Attributes
@@ -32,8 +31,7 @@ class Reading:
     fresh: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Prediction:
+class Prediction(NamedTuple):
     """What the filters expect before they see the frame.
 
     Attributes
@@ -52,8 +50,7 @@ class Prediction:
     gyro_delay: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Remedy:
+class Remedy(NamedTuple):
     """How the filters should treat this frame.
 
     Attributes

@@ -4,15 +4,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import radians
 
-SENSORS = (
-    "potentiometer_x_a",
-    "potentiometer_x_b",
-    "potentiometer_y_a",
-    "potentiometer_y_b",
-    "gyro",
-    "supply",
-)
-GYRO, SUPPLY = 4, 5
+from hardware.frames import POTENTIOMETER_NAMES
+
+SENSORS = (*POTENTIOMETER_NAMES, "gyro", "supply")
+GYRO, SUPPLY = len(POTENTIOMETER_NAMES), len(POTENTIOMETER_NAMES) + 1
 
 ODD_SCORE, BAD_SCORE = 0.05, 1.0
 SCORE_TIME = 0.1  # s; evidence fades with it

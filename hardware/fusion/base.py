@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass
 from math import asin, degrees, radians, sqrt
+from typing import Any
+
+import numpy as np
 
 from hardware.frames import HardwareError, SensorFrame, Triple
-from hardware.fusion.axis import LONGEST_STEP_US
+from hardware.fusion.kalman import LONGEST_STEP_US
+from hardware.parts import GYRO_BIAS_WALK, GYRO_NOISE, SERVO_TRAVEL, STANDARD_GRAVITY
 from hardware.protocol import Flags, constants
 
 TRAVELS = 300.0, 10_000.0  # rad/s of pulse: a hobby servo turns 97° per ms, 1700
@@ -34,8 +38,8 @@ class BaseMap:
     gyro_bias: Triple = (0.0, 0.0, 0.0)
     gyro_scale: float = 1.0
     tilt_scale: float = 1.0
-    centre: float = 1.5e-3
-    travel: float = radians(1.0) / 10.3e-6
+    centre: float = constants.PULSE_NEUTRAL * constants.TICK
+    travel: float = SERVO_TRAVEL
 
     def __post_init__(self) -> None:
         """Refuse what would make an attitude out of nonsense."""
@@ -78,7 +82,7 @@ def tilt(accelerometer: Triple) -> float:
 
     By y alone: z adds little near the vertical, but its offset and scale would bend the slope.
     """
-    return asin(min(max(-accelerometer[1] / constants.STANDARD_GRAVITY, -1.0), 1.0))
+    return asin(min(max(-accelerometer[1] / STANDARD_GRAVITY, -1.0), 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +100,10 @@ class BaseNoise:
         speed within 30 ms, 0.056/(0.03·9.81)
     """
 
-    gyro: float = radians(0.005) / sqrt(2.0)
+    gyro: float = GYRO_NOISE / sqrt(2.0)
     scale: float = 0.01
     move: float = 0.1
-    bias: float = radians(0.02)
+    bias: float = GYRO_BIAS_WALK
     bias_sigma: float = radians(0.2)
     tilt: float = radians(0.4)
     lever: float = 0.2
@@ -120,18 +124,23 @@ class BaseAttitude:
     """
 
     def __init__(self, base: BaseMap, noise: BaseNoise | None = None) -> None:
+        from filterpy.kalman import KalmanFilter  # slow to import, see `kalman.GimbalFilter`
+
         self.base, self.noise = base, noise or BaseNoise()
         self.angle = self.rate = 0.0
-        self._bias = 0.0
-        # covariance of angle and bias; the angle's zero is where the calibration stood
-        self._aa, self._ab, self._bb = radians(0.1) ** 2, 0.0, self.noise.bias_sigma**2
+        self._kalman: Any = KalmanFilter(dim_x=2, dim_z=1, dim_u=1)
+        self._kalman.x = np.zeros(2)
+        # The angle's zero is where the calibration stood.
+        self._kalman.P = np.diag([radians(0.1) ** 2, self.noise.bias_sigma**2])
+        self._kalman.H = np.array([[1.0, 0.0]])
+        self._kalman.inv = np.reciprocal  # S is 1×1
         self._last_us: int | None = None
         self._last_rate = 0.0
 
     @property
     def sigma(self) -> float:
         """Standard deviation of the angle [rad]."""
-        return sqrt(self._aa)
+        return sqrt(self._kalman.P[0, 0])
 
     def update(self, frame: SensorFrame) -> None:
         """Take one frame in."""
@@ -140,28 +149,22 @@ class BaseAttitude:
             self._predict(frame.device_us - self._last_us, rate)
         self._last_us, self._last_rate = frame.device_us, rate
         if frame.flags & Flags.BASE_IMU:
-            self._correct(self.base.turn(frame.base_accelerometer), rate)
-        self.rate = rate - self._bias
+            spread = self.noise.tilt + self.noise.lever * abs(rate)
+            self._kalman.update(self.base.turn(frame.base_accelerometer), R=spread * spread)
+        self.angle, bias = self._kalman.x.tolist()
+        self.rate = rate - bias
 
     def _predict(self, dt_us: int, rate: float) -> None:
-        n, dt = self.noise, dt_us * 1e-6
+        n, dt, kalman = self.noise, dt_us * 1e-6, self._kalman
         if not 0 < dt_us <= LONGEST_STEP_US:  # a gap: it may have turned anywhere meanwhile
-            self._aa, self._ab = radians(45.0) ** 2, 0.0
+            kalman.P[0] = kalman.P[:, 0] = 0.0
+            kalman.P[0, 0] = radians(45.0) ** 2
             return
         mean = 0.5 * (rate + self._last_rate)
-        self.angle += (mean - self._bias) * dt
         walk = n.gyro**2 + (n.scale * mean) ** 2 * n.move
-        self._aa += dt * (dt * self._bb - 2.0 * self._ab + walk)
-        self._ab -= dt * self._bb
-        self._bb += n.bias**2 * dt
-
-    def _correct(self, seen: float, rate: float) -> None:
-        n = self.noise
-        spread = n.tilt + n.lever * abs(rate)
-        total = self._aa + spread * spread
-        gain, slow = self._aa / total, self._ab / total
-        off = seen - self.angle
-        self.angle += gain * off
-        self._bias += slow * off
-        self._bb -= slow * self._ab
-        self._aa, self._ab = (1.0 - gain) * self._aa, (1.0 - gain) * self._ab
+        kalman.predict(
+            u=np.array([mean]),
+            B=np.array([[dt], [0.0]]),
+            F=np.array([[1.0, -dt], [0.0, 1.0]]),
+            Q=np.array([[walk * dt, 0.0], [0.0, n.bias**2 * dt]]),
+        )

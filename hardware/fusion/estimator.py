@@ -1,7 +1,6 @@
 """Sensor frames in, gimbal states out; knows which sensor is wrong and goes on without it."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import cos, radians, sin, sqrt
 from typing import Any
 
@@ -11,23 +10,20 @@ from hardware.calibration.result import Calibration
 from hardware.faults import POTENTIOMETERS, Monitor, Prediction, Reading, Remedy
 from hardware.faults.memory import number
 from hardware.frames import GimbalState, HardwareError, Pair, SensorFrame, Triple
-from hardware.fusion.axis import (
+from hardware.fusion.base import BaseMap
+from hardware.fusion.kalman import (
     ANGLE,
     BIAS,
     LONGEST_STEP_US,
     RATE,
-    Array,
+    STATES,
+    GimbalFilter,
     Noise,
-    predict,
-    process_noise,
-    transition,
 )
-from hardware.fusion.axis import update as take_in
-from hardware.fusion.base import BaseMap
 from hardware.protocol import Flags
 
 LARGEST, SLACK = 1e6, 1e-9  # of a remembered state, and of a covariance's negative eigenvalue
-_KEPT_STEPS = 256
+_HOLDER_IMU = int(Flags.HOLDER_IMU)  # an enum's `&` takes 1 µs
 _MAP_ANGLE = radians(5.0)  # where a calibration's uncertainty is quoted
 
 
@@ -42,7 +38,7 @@ class Fusion:
 
     Attributes
     ----------
-    x, P : states (2, 4) and covariances (2, 4, 4); see `axis`
+    filter : states and covariances of both axes
     monitor : health of the sensors
     """
 
@@ -54,12 +50,8 @@ class Fusion:
     ) -> None:
         self.calibration = calibration
         self.base = base
-        self.noise = noise or Noise()
+        self.filter = GimbalFilter(noise or Noise())
         self.monitor = Monitor()
-        self.x, self.P = np.zeros((2, 4)), np.zeros((2, 4, 4))
-        self._z, self._R = np.zeros((2, 3)), np.zeros((2, 3, 3))
-        self._gain, self._use = np.ones(2), np.ones((2, 3), dtype=bool)
-        self._steps: dict[int, tuple[Array, Array]] = {}
         self._last_us: int | None = None
         sigmas = [calibration.potentiometer_sigma(i, _MAP_ANGLE) for i in range(POTENTIOMETERS)]
         self._tolerance = (3 * sigmas[0], 3 * sigmas[1], 3 * sigmas[2], 3 * sigmas[3])
@@ -67,11 +59,16 @@ class Fusion:
         self._map_variance = (sigmas[0] * sigmas[1], sigmas[2] * sigmas[3])
         gains = [m.gain for m in calibration.potentiometers]
         self._gains = (gains[0], gains[1], gains[2], gains[3])
+        self._electrical = [(self.noise.potentiometer * g) ** 2 for g in gains]
+
+    @property
+    def noise(self) -> Noise:
+        """Assumptions on sensors and motion."""
+        return self.filter.noise
 
     def set_gyro_delay(self, delay: float) -> None:
-        """Tell the delay of the gyro's low-pass plus the age of its reading in a frame [s]."""
-        self.noise = replace(self.noise, gyro_delay=delay)
-        self._steps.clear()
+        """Set the delay of the gyro's low-pass plus the age of its reading in a frame [s]."""
+        self.filter.set_gyro_delay(delay)
 
     def restart(self) -> None:
         """Forget the past; the next frame begins anew."""
@@ -86,8 +83,8 @@ class Fusion:
         return {
             "gyro_delay": self.noise.gyro_delay,
             "last_us": self._last_us,
-            "x": self.x.tolist(),
-            "P": self.P.tolist(),
+            "x": self.filter.x.tolist(),
+            "P": self.filter.P.tolist(),
             "monitor": self.monitor.snapshot(),
         }
 
@@ -109,7 +106,8 @@ class Fusion:
             last = memory["last_us"]
             self.set_gyro_delay(number(memory["gyro_delay"]))
             self._last_us = None if last is None else int(number(last))
-            self.x[:], self.P[:] = x, P
+            for k in range(2):
+                self.filter.set_axis(k, x[k], P[k])
             self.monitor.restore(memory["monitor"])
         except (KeyError, TypeError, ValueError, ArithmeticError) as error:
             raise HardwareError(f"no memory of a sensor fusion: {error}") from None
@@ -121,31 +119,22 @@ class Fusion:
         if self._last_us is None or not 0 < dt_us <= LONGEST_STEP_US:
             self._start(reading)
         else:
-            predict(self.x, self.P, *self._step(dt_us))
+            self.filter.predict(dt_us)
         self._last_us = frame.device_us
         self._absorb(reading, self.monitor.inspect(reading, self._prediction(reading)))
         return self.state(frame.time_ns)
-
-    def _step(self, dt_us: int) -> tuple[Array, Array]:
-        step = self._steps.get(dt_us)
-        if step is None:
-            dt = dt_us * 1e-6
-            step = transition(dt, self.noise.gyro_delay), process_noise(dt, self.noise)
-            if len(self._steps) < _KEPT_STEPS:
-                self._steps[dt_us] = step
-        return step
 
     def _reading(self, frame: SensorFrame, dt_us: int) -> Reading:
         a, b, c, d = self.calibration.potentiometers
         f = frame.potentiometer
         return Reading(
-            dt=dt_us * 1e-6,
-            fraction=f,
-            angle=(a.angle(f[0]), b.angle(f[1]), c.angle(f[2]), d.angle(f[3])),
-            gain=self._gains,
-            gyro=frame.gyro,
-            rate=self._rate(frame),
-            fresh=bool(frame.flags & Flags.HOLDER_IMU),
+            dt_us * 1e-6,
+            f,
+            (a.angle(f[0]), b.angle(f[1]), c.angle(f[2]), d.angle(f[3])),
+            self._gains,
+            frame.gyro,
+            self._rate(frame),
+            bool(frame.flags & _HOLDER_IMU),
         )
 
     def _rate(self, frame: SensorFrame) -> Pair:
@@ -153,7 +142,8 @@ class Fusion:
         x, y = self.calibration.gyro.rates(frame.gyro)
         if self.base is None:
             return x, y
-        u, v = _on_holder(self.base.rate(frame.base_gyro), self.x[0, ANGLE], self.x[1, ANGLE])
+        state = self.filter.state
+        u, v = _on_holder(self.base.rate(frame.base_gyro), state[ANGLE], state[STATES + ANGLE])
         return x - u, y - v
 
     def _start(self, reading: Reading) -> None:
@@ -162,59 +152,58 @@ class Fusion:
         for k in range(2):
             angles = [reading.angle[i] for i in (2 * k, 2 * k + 1) if wired[i]]
             sigma = radians(0.5) if angles else radians(10.0)
-            self.x[k] = (sum(angles) / len(angles) if angles else 0.0, 0.0, 0.0, 0.0)
+            angle = sum(angles) / len(angles) if angles else 0.0
             bias = self.calibration.gyro.bias_sigma
-            self.P[k] = np.diag([sigma**2, rate**2, bias**2, rate**2])
+            P = np.diag([sigma**2, rate**2, bias**2, rate**2])
+            self.filter.set_axis(k, np.array([angle, 0.0, 0.0, 0.0]), P)
 
     def _prediction(self, reading: Reading) -> Prediction:
-        (x, y), n = self.x.tolist(), self.noise
-        px, py = self.P[:, ANGLE, ANGLE].tolist()
+        x, n = self.filter.state, self.noise
+        px, py = self.filter.angle_variance()
+        s2 = n.supply**2
         v = [
-            gain * gain * (n.potentiometer**2 + (n.supply * fraction) ** 2) + own
-            for gain, fraction, own in zip(
-                reading.gain, reading.fraction, self._own_variance, strict=True
+            e + s2 * (f * g) ** 2 + own
+            for e, f, g, own in zip(
+                self._electrical, reading.fraction, self._gains, self._own_variance, strict=True
             )
         ]
         return Prediction(
-            angle=(x[ANGLE], y[ANGLE]),
-            rate=(x[RATE], y[RATE]),
-            bias=(x[BIAS], y[BIAS]),
-            variance=(v[0] + px, v[1] + px, v[2] + py, v[3] + py),
-            tolerance=self._tolerance,
-            gyro_delay=n.gyro_delay,
+            (x[ANGLE], x[STATES + ANGLE]),
+            (x[RATE], x[STATES + RATE]),
+            (x[BIAS], x[STATES + BIAS]),
+            (v[0] + px, v[1] + px, v[2] + py, v[3] + py),
+            self._tolerance,
+            n.gyro_delay,
         )
 
     def _absorb(self, reading: Reading, remedy: Remedy) -> None:
-        n = self.noise
-        supply = remedy.supply_sigma if remedy.supply_sigma > 0 else n.supply
-        walk = n.gyro**2 / max(reading.dt, 1e-3)
-        self._gain[0] = cos(self.x[1, ANGLE])
-        for k in range(2):
-            forget = remedy.forget[k]
+        n, x = self.noise, self.filter.state
+        for k, forget in enumerate(remedy.forget):
             if forget is not None:
-                self.P[k, ANGLE, ANGLE] += forget[0] ** 2
-                self.P[k, BIAS, BIAS] += forget[1] ** 2
-            a, b = 2 * k, 2 * k + 1
-            self._z[k] = (reading.angle[a], reading.angle[b], reading.rate[k])
-            self._use[k] = (remedy.use[a], remedy.use[b], remedy.use_gyro[k])
-            # A supply error ε turns a reading f into (1+ε)f: both potentiometers err together.
-            sa = supply * reading.fraction[a] * reading.gain[a]
-            sb = supply * reading.fraction[b] * reading.gain[b]
-            R = self._R[k]
-            R[0, 0] = (n.potentiometer * reading.gain[a]) ** 2 + sa * sa
-            R[1, 1] = (n.potentiometer * reading.gain[b]) ** 2 + sb * sb
-            R[0, 1] = R[1, 0] = sa * sb
-            R[2, 2] = walk + (self.calibration.gyro.sigma * self.x[k, RATE]) ** 2
-        take_in(self.x, self.P, self._z, self._R, self._gain, self._use)
+                self.filter.widen(k, *forget)
+        supply = remedy.supply_sigma if remedy.supply_sigma > 0 else n.supply
+        # A supply error ε turns a reading f into (1+ε)f: both potentiometers err together.
+        a, b, c, d = [supply * f * g for f, g in zip(reading.fraction, self._gains, strict=True)]
+        va, vb, vc, vd = self._electrical
+        scale, walk = self.calibration.gyro.sigma, n.gyro**2 / max(reading.dt, 1e-3)
+        u, v = scale * x[RATE], scale * x[STATES + RATE]
+        angle, rate, use, gyro = reading.angle, reading.rate, remedy.use, remedy.use_gyro
+        self.filter.update(
+            z=(angle[0], angle[1], rate[0], angle[2], angle[3], rate[1]),
+            variance=(va + a * a, vb + b * b, walk + u * u, vc + c * c, vd + d * d, walk + v * v),
+            covariance=(a * b, c * d),
+            gyro_gain=cos(x[STATES + ANGLE]),
+            use=(use[0], use[1], gyro[0], use[2], use[3], gyro[1]),
+        )
 
     def state(self, time_ns: int) -> GimbalState:
         """Return the present estimate under a time stamp of the caller's [ns]."""
-        (x, y), v = self.x.tolist(), self.P[:, ANGLE, ANGLE].tolist()
+        x, v = self.filter.state, self.filter.angle_variance()
         sigma: Pair = (sqrt(v[0] + self._map_variance[0]), sqrt(v[1] + self._map_variance[1]))
         return GimbalState(
             time_ns=time_ns,
-            angle=(x[ANGLE], y[ANGLE]),
-            rate=(x[RATE], y[RATE]),
+            angle=(x[ANGLE], x[STATES + ANGLE]),
+            rate=(x[RATE], x[STATES + RATE]),
             sigma=sigma,
             healthy=self.monitor.healthy,
         )

@@ -1,33 +1,21 @@
 """The serial line to a rig: any pyserial URL, polled without blocking, reopened after a pull."""
 
 import contextlib
-import errno
-import os
-import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from types import TracebackType
 from typing import Self
 
 import serial
 
-from hardware.frames import HardwareError
-from hardware.protocol import BAUD, DELIMITER, Counters, Decoder, Encoder, Frame, Message
+from hardware.link.port import LinkError, close_port, open_port, writer
+from hardware.protocol import DELIMITER, Counters, Decoder, Encoder, Frame, Message
 
 RETRY_NS = 200_000_000
 # Bytes taken in by one poll, about fourteen telemetry frames: a backlog is worked off over several
 # polls instead of making one long.
 _CHUNK = 1024
-# Of ports that only pyserial can write to. With a timeout of zero it would spin for ever on a
-# full buffer (serialposix.write loops on EAGAIN).
-_WRITE_TIMEOUT_S = 0.002
-_EXAMPLES = "/dev/ttyUSB0, COM3 or socket://127.0.0.1:5555"
-
-
-class LinkError(HardwareError):
-    """A port that cannot be opened, told in one line with what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,15 +159,15 @@ class Link:
     def _drop(self) -> None:
         if self._port is not None:
             with contextlib.suppress(serial.SerialException, OSError):
-                _close(self._port)
+                close_port(self._port)
             self._port = None
 
     def _connect(self) -> None:
-        self._port = _open(self.url, reset=self._reset)
+        self._port = open_port(self.url, reset=self._reset)
         self._earlier = _sum(self._earlier, self._decoder.counters)
         self._decoder = Decoder()
         self._encoder = Encoder()
-        self._write = _writer(self._port)
+        self._write = writer(self._port)
         self.generation += 1
         # Ends whatever the device has half received, so that our first frame stands alone.
         self._rest = DELIMITER
@@ -212,102 +200,3 @@ def _sum(a: Counters, b: Counters) -> Counters:
         garbage=a.garbage + b.garbage,
         unknown=a.unknown + b.unknown,
     )
-
-
-def _open(url: str, *, reset: bool) -> serial.SerialBase:
-    try:
-        port = serial.serial_for_url(
-            url,
-            do_not_open=True,
-            baudrate=BAUD,
-            timeout=0,
-            write_timeout=_WRITE_TIMEOUT_S,
-            exclusive=None if "://" in url else True,
-        )
-        if not reset:
-            port.dtr = False
-        port.open()
-    except Exception as error:  # pyserial lets termios, URL and socket errors through
-        raise LinkError(_explain(url, error)) from None
-    _lower_latency(port)
-    return port
-
-
-def _writer(port: serial.SerialBase) -> Callable[[bytes], int]:
-    """A function that writes what there is room for, without waiting, and returns how much it was.
-
-    pyserial's own `write` looks with `select`, after it has written, whether there is room for
-    more. On a terminal that waits for the kernel's worker just as reading does, see `Link.poll`;
-    writing itself only puts the bytes into a buffer (92 µs at most in the same measurement).
-    """
-    line = getattr(port, "_socket", None)
-    native = os.name == "posix" and type(port) is serial.Serial
-    if not native and not isinstance(line, socket.socket):
-        return lambda data: _written(port, data)  # Windows, rfc2217:// and others
-    raw = line.send if isinstance(line, socket.socket) else partial(os.write, port.fileno())
-
-    def write(data: bytes) -> int:
-        try:
-            return int(raw(data))
-        except BlockingIOError:
-            return 0
-
-    return write
-
-
-def _written(port: serial.SerialBase, data: bytes) -> int:
-    try:
-        port.write(data)
-    except serial.SerialTimeoutException:
-        return 0
-    return len(data)
-
-
-def _close(port: serial.SerialBase) -> None:
-    """Close at once: pyserial sleeps 0.3 s after closing a socket, which would hold up the loop."""
-    line = getattr(port, "_socket", None)
-    if isinstance(line, socket.socket):
-        line.close()
-        port._socket, port.is_open = None, False
-    else:
-        port.close()
-
-
-def _lower_latency(port: serial.SerialBase) -> None:
-    # FTDI adapters hold bytes back for 16 ms otherwise. Ports without the setting (a pty, a
-    # driver that knows it not, another system) are right as they are.
-    with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
-        port.set_low_latency_mode(True)
-    # Nagle's algorithm would hold a command back until the previous one is acknowledged.
-    line = getattr(port, "_socket", None)
-    if isinstance(line, socket.socket):
-        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
-
-def _explain(url: str, error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    text = str(error)
-    if "://" in url:
-        if "refused" in text:
-            return f"nothing listens at {url}: start a rig with `twin rig`, or check the address"
-        if "debug|info" in text:  # pyserial trips over its own message about a bad address
-            text = "no host and port from 1 to 65535 in it"
-        return f"cannot open {url}: {text}; a port is {_EXAMPLES}"
-    if number in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in text:
-        return f"{url} is in use by another program; close it (only one can hold the port)"
-    if number in {errno.EACCES, errno.EPERM}:
-        return f"no permission to open {url}: `sudo usermod -aG dialout $USER`, then log in again"
-    if number in {errno.ENOENT, errno.ENODEV, errno.ENXIO} or "FileNotFoundError" in text:
-        return f"there is no port {url}; ports here: {_ports()}"
-    return f"{url} is no serial port ({text}); ports here: {_ports()}"
-
-
-def available() -> dict[str, str]:
-    """Serial ports of this machine: device name and what the operating system calls it."""
-    from serial.tools import list_ports
-
-    return {str(p.device): str(p.description) for p in list_ports.comports()}
-
-
-def _ports() -> str:
-    return ", ".join(sorted(available())) or "none"

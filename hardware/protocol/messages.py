@@ -8,6 +8,7 @@ import math
 from enum import IntEnum, IntFlag
 from typing import Annotated
 
+from hardware.parts import STANDARD_GRAVITY
 from hardware.protocol.wire import Wire, message
 
 PROTOCOL = 1
@@ -32,8 +33,6 @@ ACCELEROMETER_RANGE_G = 4  # AFS_SEL 1: 32768 counts
 DLPF = 2  # gyro bandwidth 98 Hz
 DLPF_HIGHEST = 6
 SERIAL_NONE, SERIAL_BLANK = 0, 0xFFFF_FFFF  # no number yet; how an erased EEPROM says so
-GYRO_DELAY_S = (0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3)  # by DLPF setting
-STANDARD_GRAVITY = 9.80665
 
 # Arduino names: digital pins by number, analog pins as 14 + n (A0 = 14).
 SERVO_PINS = (9, 10, 3)  # OC1A, OC1B, OC2B
@@ -43,8 +42,10 @@ SWITCH_PINS = (2, 4, 5, 7)
 IMU_ADDRESSES = (0x68, 0x69)
 
 TICK = TICK_NS / 1e9
-GYRO_SCALE = math.radians(GYRO_RANGE_DPS) / 32_768
-ACCELEROMETER_SCALE = ACCELEROMETER_RANGE_G * STANDARD_GRAVITY / 32_768
+PWM_PERIOD = PWM_PERIOD_US / 1e6
+IMU_COUNTS = 32_768  # at full scale: registers of 16 bit, signed
+GYRO_SCALE = math.radians(GYRO_RANGE_DPS) / IMU_COUNTS
+ACCELEROMETER_SCALE = ACCELEROMETER_RANGE_G * STANDARD_GRAVITY / IMU_COUNTS
 
 
 class Board(IntEnum):

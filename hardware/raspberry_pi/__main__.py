@@ -4,7 +4,7 @@ import argparse
 import signal
 import sys
 
-from hardware.device.server import TcpPort
+from hardware.device import TcpPort
 from hardware.frames import HardwareError
 from hardware.raspberry_pi.gateway import PORT, Gateway, serial_number
 from hardware.raspberry_pi.pwm import KernelPwm

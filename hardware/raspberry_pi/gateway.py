@@ -6,15 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware.device.device import Device, Sample
-from hardware.device.server import Port
+from hardware.device import LOOP_US, Device, Port, Sample
 from hardware.protocol import Board, constants
 from hardware.raspberry_pi.pwm import KernelPwm
 from hardware.raspberry_pi.sensors import Bus, Imu, Mcp3008, Sampler
 
 PORT = 5555
 BUILD = 0x5249_0100  # "RI", version 1.0: the gateway is Python, there is no image to hash
-TICK_US = 1000
 _CENTRE = constants.ADC_LEVELS // 2
 _SLEEPLESS_US = 200_000  # after a longer pause the deadlines start anew
 _IMUS_S = 20e-3  # both take 1 to 4 ms; held any longer, the potentiometers wait for them no more
@@ -209,7 +207,7 @@ class Gateway:
         try:
             while not self._stopped:
                 self.step()
-                deadline += TICK_US
+                deadline += LOOP_US
                 wait = deadline - self.now_us()
                 if wait < -_SLEEPLESS_US:
                     deadline = self.now_us()

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from hardware.link.link import Gap, LinkStatistics
+from hardware.link import Gap, LinkStatistics
 from hardware.protocol import Counters, Decoder, Encoder, Frame, Message
 
 
 class Line(Protocol):
-    """Messages to and from a device; `hardware.link.link.Link` is one."""
+    """Messages to and from a device; `hardware.link.Link` is one."""
 
     generation: int
     polled_ns: int

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-from hardware.link.link import Gap
+from hardware.link import Gap
 
 
 class Phase(StrEnum):

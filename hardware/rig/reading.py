@@ -4,9 +4,9 @@ from math import radians
 from typing import cast
 
 from hardware.frames import SensorFrame, Triple
-from hardware.protocol import Hello, Telemetry, constants
-
-COUNTS = 32_768
+from hardware.parts import STANDARD_GRAVITY
+from hardware.protocol import Hello, Telemetry
+from hardware.protocol.messages import IMU_COUNTS
 
 
 class Converter:
@@ -14,8 +14,8 @@ class Converter:
 
     def __init__(self, hello: Hello) -> None:
         self.tick = hello.tick_ns * 1e-9
-        self.gyro = radians(hello.gyro_range_dps) / COUNTS
-        self.accelerometer = hello.accelerometer_range_g * constants.STANDARD_GRAVITY / COUNTS
+        self.gyro = radians(hello.gyro_range_dps) / IMU_COUNTS
+        self.accelerometer = hello.accelerometer_range_g * STANDARD_GRAVITY / IMU_COUNTS
         self.adc = 1.0 / hello.adc_levels
 
     def frame(self, t: Telemetry, time_ns: int, device_us: int) -> SensorFrame:

@@ -11,6 +11,7 @@ from hardware.calibration.result import Calibration, nominal
 from hardware.faults import Fault
 from hardware.frames import GimbalCommand, GimbalState, HardwareError, Pair, SensorFrame
 from hardware.fusion import BaseMap, Fusion, Noise
+from hardware.parts import GYRO_DELAY_S
 from hardware.protocol import (
     LAYOUT,
     PROTOCOL,
@@ -61,7 +62,7 @@ class Rig:
 
     Parameters
     ----------
-    line : `hardware.link.link.Link` or `LockstepLine`
+    line : `hardware.link.Link` or `LockstepLine`
     calibration : of this rig; the drawings' values when left out
     clock : experiment time [ns], the one the line uses
     wait : lets time pass [ns] while `connect` waits; lockstep advances the device here
@@ -425,7 +426,7 @@ class Rig:
         if not self._obeys(t.flags):
             return None
         if not self._delay_known and self.hello is not None and t.flags & Flags.HOLDER_IMU:
-            low_pass = constants.GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
+            low_pass = GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
             self.gyro_delay = low_pass + t.imu_age_us[0] * 1e-6
             self.fusion.set_gyro_delay(self.gyro_delay)
             self._delay_known = True

@@ -26,6 +26,7 @@ PACKAGES = "apt install gcc gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
 CYCLES_PER_US = constants.CLOCK_HZ // 1_000_000
 HOLDER, BASE = 0, 1
 _IMU_25_DEGREES = round((25 - 36.53) * 340)  # RM-MPU-6000A-00, 4.19
+_CONFIG = 0x1A  # RM-MPU-6000A-00, 4.3: bits 0…2 are the low-pass setting
 _SERIAL, _SERIAL_CHECK = 16, 0x5A  # place in the EEPROM, and what its check byte begins with
 _BUFFER = 1 << 14
 _PULSES = 64
@@ -247,8 +248,12 @@ class SimulatedNano:
         self._c.nano_hang(self._open())
 
     def imu_register(self, sensor: int, register: int) -> int:
-        """Return a register of an MPU6050 as the firmware left it (0x1A is the DLPF setting)."""
+        """Return a register of an MPU6050 as the firmware left it."""
         return int(self._c.nano_imu_register(self._open(), sensor, register))
+
+    def dlpf(self, sensor: int) -> int:
+        """Return the low-pass setting of an MPU6050, 0…6, as the firmware left it."""
+        return self.imu_register(sensor, _CONFIG) & 7
 
     def _open(self) -> int:
         if self._nano is None:

@@ -102,13 +102,13 @@ def test_thirty_thousand_rows_of_forty_scalars_read_fast(tmp_path, capsys):
             recorder.commit(tick * runs.PERIOD_NS, tick)
     took = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()  # others may take the processor
         run = recording.read(tmp_path / "long.rrd")
-        took.append(time.perf_counter() - start)
+        took.append(time.process_time() - start)
     width = sum(len(series.components) for series in run.series.values())
     with capsys.disabled():
         print(f"\n30 000 x {width} read in {1e3 * min(took):.0f} ms")
-    assert min(took) < 1.0  # 0.15 s on a quiet machine; the bound only catches another order
+    assert min(took) < 1.0  # 0.15 s of CPU; the bound only catches another order
 
 
 def test_no_recording_is_refused_in_one_line(tmp_path):

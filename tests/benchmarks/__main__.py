@@ -2,13 +2,14 @@
 
 import sys
 
-from tests.benchmarks import desk, flight, process, realtime
+from tests.benchmarks import controller, desk, flight, process, realtime
 
 
 def main() -> int:
     """Print the table of the sections asked for; all without arguments."""
     sections = {
         "flight": flight.table,
+        "controller": controller.table,
         "process": process.table,
         "desk": desk.table,
         "realtime": realtime.table,

@@ -13,8 +13,7 @@ import select
 import sys
 import time
 
-from hardware.device.server import PtyPort, TcpPort
-from hardware.emulator import Device, Sample
+from hardware.device import Device, PtyPort, Sample, TcpPort
 from hardware.protocol import Board
 from twin.loop import realtime
 

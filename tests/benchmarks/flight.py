@@ -9,12 +9,13 @@ import mujoco
 import numpy as np
 
 from tests.benchmarks.timing import paired, ratio, row
-from twin.control import AttitudeController, Hold, control_config, launch_direction
-from twin.experiments.session import DRAIN_LOCKSTEP_NS
+from twin.control import AttitudeController, Hold, launch_direction
+from twin.experiments.provenance import DRAIN_LOCKSTEP_NS
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
 from twin.physics import native
+from twin.plant.authority import control_config
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
 from twin.recorder import Recorder

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import numpy as np
 import serial
 
-from hardware.emulator import Device
+from hardware.device import Device
 from hardware.protocol import Board, Encoder, Ping
 from twin.loop import realtime
 

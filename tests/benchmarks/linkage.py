@@ -14,7 +14,7 @@ import numpy as np
 
 from twin.config import Identify, Step
 from twin.evaluation.linkage import identify_linkage
-from twin.experiments.fly import step
+from twin.experiments.step import step
 
 FRICTION = 0.006  # N·m, mjcf/mechanism.xml
 START = ("gimbal_servo_x.frictionloss=0.0045", "gimbal_servo_y.frictionloss=0.0045")

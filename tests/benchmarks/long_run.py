@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from twin.experiments.session import DRAIN_LOCKSTEP_NS
+from twin.experiments.provenance import DRAIN_LOCKSTEP_NS
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Sequence, SimulatedGimbal

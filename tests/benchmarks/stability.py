@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 
 from hardware.frames import GimbalCommand
-from twin.control import AttitudeController, Hold, control_config, fixed_point, launch_of
+from twin.control import AttitudeController, Hold
 from twin.control.attitude import interpolate
-from twin.control.authority import thrust_curve
 from twin.loop.seats import Pilot, SimulatedGimbal
 from twin.physics import aerodynamics as air
 from twin.physics import native
 from twin.physics.aerodynamics.stability import Stability
+from twin.plant.authority import control_config, fixed_point, launch_of, thrust_curve
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
 

@@ -1,13 +1,14 @@
-"""Truth drawn from the filter's own model by independent means: fine steps and a real quantiser."""
+"""Data sampled from the filter's own model by independent means: fine steps, a real quantiser."""
 
 from math import exp, radians
 
 import numpy as np
 
-from hardware.fusion.axis import Noise, predict, process_noise, transition, update
+from hardware.fusion.kalman import GimbalFilter, Noise
 
 FINE = 100  # steps per frame: what a step of 20 µs leaves out is 3 % of the gyro's variance
-FRAME = 0.002
+FRAME_US = 2000
+FRAME = FRAME_US * 1e-6
 LSB = radians(240.0) / 1024
 
 
@@ -16,28 +17,31 @@ def run_matched(seeds, frames=400, seed=0):
 
     Truth is integrated in steps of 20 µs with the rate straight between them, the gyro's low-pass
     exactly for such a rate, and the potentiometers go through a 10-bit quantiser: none of the
-    filter's matrices makes the data.
+    filter's matrices makes the data. The two axes of a filter serve two seeds, an even number.
     """
     n = Noise()
     rng = np.random.default_rng(seed)
     spread = np.array([radians(0.3), 0.5, radians(2.0), 0.5])
     x = spread * rng.standard_normal((seeds, 4))
-    estimate, P = np.zeros((seeds, 4)), np.tile(np.diag(spread**2), (seeds, 1, 1))
-    F, Q = transition(FRAME, n.gyro_delay), process_noise(FRAME, n)
+    filters = [GimbalFilter(n) for _ in range(seeds // 2)]
+    for f in filters:
+        for axis in (0, 1):
+            f.set_axis(axis, np.zeros(4), np.diag(spread**2))
     gyro_sigma = n.gyro / FRAME**0.5
-    R = np.diag([n.potentiometer * radians(240.0)] * 2 + [gyro_sigma]) ** 2
-    R = np.tile(R, (seeds, 1, 1))
-    gain, use = np.ones(seeds), np.ones((seeds, 3), dtype=bool)
+    variance = (np.array([n.potentiometer * radians(240.0)] * 2 + [gyro_sigma]) ** 2).tolist() * 2
     out = np.empty((seeds, frames))
     for k in range(frames):
         _move(x, n, rng)
-        predict(estimate, P, F, Q)
         volts = x[:, :1] + rng.normal(0, 0.6 * LSB, (seeds, 2))
         pots = (np.floor(volts / LSB) + 0.5) * LSB
         gyro = x[:, 3] + x[:, 2] + rng.normal(0, gyro_sigma, seeds)
-        update(estimate, P, np.column_stack([pots, gyro]), R, gain, use)
-        e = (estimate - x)[:, :3]
-        out[:, k] = np.einsum("ni,ni->n", e, np.linalg.solve(P[:, :3, :3], e[:, :, None])[:, :, 0])
+        z = np.column_stack([pots, gyro]).reshape(-1, 6).tolist()
+        for f, measured in zip(filters, z, strict=True):
+            f.predict(FRAME_US)
+            f.update(measured, variance, (0.0, 0.0), 1.0, (True,) * 6)
+        e = (np.concatenate([f.x for f in filters]) - x)[:, :3]
+        P = np.concatenate([f.P for f in filters])[:, :3, :3]
+        out[:, k] = np.einsum("ni,ni->n", e, np.linalg.solve(P, e[:, :, None])[:, :, 0])
     return out
 
 

@@ -14,12 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.device.server import PtyPort, TcpPort
+from hardware.device import PtyPort, Server, ServerError, TcpPort, serve
 from hardware.emulator import (
     Emulator,
     FaultNameError,
-    Server,
-    ServerError,
     Servo,
     ServoParameters,
     UnpluggedError,
@@ -27,11 +25,11 @@ from hardware.emulator import (
     quiet,
     reference_rig,
     sample_rig,
-    serve,
     valid_names,
 )
 from hardware.emulator.bench import OPEN_WIRE_TIME
-from hardware.emulator.sensors import GYRO_NOISE, TRAVEL, ImuPair, Mpu6050, Potentiometer
+from hardware.emulator.sensors import ImuPair, Mpu6050, Potentiometer
+from hardware.parts import GYRO_DELAY_S, GYRO_NOISE, POTENTIOMETER_TRAVEL
 from hardware.protocol import (
     Arm,
     Command,
@@ -230,7 +228,7 @@ def test_adc_rounds_down_to_one_of_1024_codes():
     device = Emulator(quiet(reference_rig()))
     codes = device.bench.potentiometer_codes()
     assert codes == (512, 512, 512, 512)
-    angle = 10.4 * TRAVEL / 1024
+    angle = 10.4 * POTENTIOMETER_TRAVEL / 1024
     assert int(Potentiometer().fraction(angle) * 1024) == 522
 
 
@@ -250,7 +248,7 @@ def test_gyro_noise_has_the_datasheets_density():
 def test_gyro_is_late_by_the_delay_of_its_setting(dlpf):
     imus = ImuPair((Mpu6050(bias_walk=0.0),) * 2, np.random.default_rng(1))
     imus._noise[:] = 0
-    truth, delay = np.zeros(12), constants.GYRO_DELAY_S[dlpf]
+    truth, delay = np.zeros(12), GYRO_DELAY_S[dlpf]
     imus.advance(1e-3, truth, delay)
     lag = 0.0
     for k in range(200):
@@ -287,7 +285,7 @@ def test_imu_counts_are_as_old_as_the_telemetry_says():
     lag = []
     device.observer = lambda *_: lag.append(2.0 * plant.time)
     frames = _Host(device).telemetry(500)
-    late = constants.GYRO_DELAY_S[constants.DLPF]
+    late = GYRO_DELAY_S[constants.DLPF]
     for name, k in (("holder_gyro", 0), ("base_gyro", 1)):
         read = np.array([getattr(m, name)[0] for m in frames[100:]]) * constants.GYRO_SCALE
         behind = np.array(lag[100 : 100 + len(read)]) - read
@@ -483,8 +481,9 @@ def _serving(port):
 
 
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
+@pytest.mark.realtime
 def test_served_rig_answers_over_a_real_port(kind):
-    from hardware.link.link import Link
+    from hardware.link import Link
 
     port = PtyPort() if kind == "pty" else TcpPort()
     server, thread = _serving(port)

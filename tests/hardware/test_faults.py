@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hardware.emulator import Emulator, parse, sample_rig
-from hardware.emulator.trial import random_steps, run
 from hardware.emulator.truth import exact_calibration
 from hardware.faults import SENSORS, TRANSITIONS, Monitor, Prediction, Reading, Sign, State
 from hardware.faults.states import NAMED
 from hardware.frames import GimbalCommand
 from hardware.protocol import Flags, default_config
 from hardware.rig import in_process
+from tests.hardware.trial import random_steps, run
 
 SEED, ONSET, END = 21, 3.0, 5.0
 
@@ -112,7 +112,7 @@ def test_gyro_at_rest_behind_a_slow_low_pass_is_not_frozen(dlpf, period):
 def test_gyro_that_is_no_longer_read_is_not_used_and_is_named():
     monitor = _monitor()
     for k in range(12):
-        stale = replace(_frame(gyro=(1e-3 * k, 0, 0)), fresh=False)
+        stale = _frame(gyro=(1e-3 * k, 0, 0))._replace(fresh=False)
         remedy = monitor.inspect(stale, _expected())
         assert remedy.use_gyro == (False, False)
     assert [(f.sensor, f.kind) for f in monitor.faults] == [("gyro", "frozen")]
@@ -299,7 +299,7 @@ def test_uncalibrated_rig_notes_from_where_it_sees_a_wrong_potentiometer():
 def test_calibrated_rig_has_nothing_to_note():
     monitor = _monitor()
     assert monitor.note == ""
-    monitor.inspect(_frame(), replace(_expected(), tolerance=(radians(0.3),) * 4))
+    monitor.inspect(_frame(), _expected()._replace(tolerance=(radians(0.3),) * 4))
     assert monitor.note == ""
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hardware.device.device import Device
+from hardware.device import Device
 from hardware.firmware.build import SKETCH, build_hash
 from hardware.protocol import (
     Arm,

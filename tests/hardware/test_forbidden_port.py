@@ -13,7 +13,7 @@ from tests.conftest import ROOT
 NOBODY = 65534
 OPEN = """
 import os, sys
-from hardware.link.link import Link, LinkError
+from hardware.link import Link, LinkError
 if os.geteuid() == 0:
     os.seteuid(int(sys.argv[2]))  # root may open everything
 try:

@@ -13,8 +13,9 @@ import pytest
 import serial
 
 from hardware.frames import HardwareError
-from hardware.link import link as link_module
-from hardware.link.link import RETRY_NS, Link, LinkError
+from hardware.link import Link, LinkError
+from hardware.link import port as port_module
+from hardware.link.link import RETRY_NS
 from hardware.protocol import (
     Arm,
     Command,
@@ -97,6 +98,7 @@ def test_messages_go_both_ways_over_a_pty(pty):
 
 
 @posix
+@pytest.mark.realtime
 def test_polling_an_idle_port_returns_at_once(pty):
     with Link(str(pty.name)) as link:
         start = time.perf_counter()
@@ -120,6 +122,7 @@ def test_an_idle_port_is_neither_read_nor_waited_for(pty, monkeypatch):
 
 
 @posix
+@pytest.mark.realtime
 def test_a_message_that_a_full_line_took_in_part_is_completed_first(pty):
     os.set_blocking(pty.device, False)
 
@@ -203,6 +206,7 @@ def test_a_closed_link_stays_closed(pty):
 
 
 @posix
+@pytest.mark.realtime
 def test_a_device_that_never_reads_refuses_messages_and_does_not_hang(pty):
     with Link(str(pty.name)) as link:
         deadline = time.monotonic() + 5
@@ -241,7 +245,7 @@ def test_a_forbidden_port_is_told_with_the_group_to_join(monkeypatch):
     def refuse(*_args, **_settings):
         raise serial.SerialException(errno.EACCES, "could not open port: Permission denied")
 
-    monkeypatch.setattr(link_module.serial, "serial_for_url", refuse)
+    monkeypatch.setattr(port_module.serial, "serial_for_url", refuse)
     with pytest.raises(LinkError, match="usermod -aG dialout"):
         Link("/dev/ttyUSB0")
 
@@ -279,6 +283,7 @@ def test_an_address_where_nobody_listens_is_told_with_what_to_start():
         Link(url)
 
 
+@pytest.mark.realtime
 def test_messages_go_both_ways_over_a_socket(server):
     with Link(_url(server)) as link:
         peer, _ = server.accept()
@@ -317,6 +322,7 @@ def test_a_server_that_goes_and_comes_back_is_a_gap(server):
 
 
 @posix
+@pytest.mark.realtime
 def test_a_500_hz_stream_arrives_whole(pty):
     blank = Telemetry(
         *(0, 0, (0,) * 4, *[(0,) * 3] * 4, (0, 0), (3000,) * 3, 0, (0, 0), 0, 0, 0, 0, 0, 0)
@@ -336,6 +342,7 @@ def test_a_500_hz_stream_arrives_whole(pty):
         assert link.statistics.decoder.lost == 0
 
 
+@pytest.mark.realtime
 def test_a_lost_socket_is_closed_without_holding_up_the_loop(server):
     link = Link(_url(server))
     began = time.monotonic()

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from hardware.calibration import nominal
-from hardware.device.server import PtyPort
-from hardware.emulator import Emulator, Server, parse, sample_rig
+from hardware.device import PtyPort, Server
+from hardware.emulator import Emulator, parse, sample_rig
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import GimbalCommand
+from hardware.parts import GYRO_DELAY_S
 from hardware.protocol import (
     Arm,
     Board,
@@ -119,10 +120,10 @@ def test_another_low_pass_changes_the_delay_the_fusion_reckons_with(skewed):
     rig.connect()
     _advance(rig, device, 20)
     age = 620e-6
-    assert rig.fusion.noise.gyro_delay == pytest.approx(constants.GYRO_DELAY_S[2] + age)
+    assert rig.fusion.noise.gyro_delay == pytest.approx(GYRO_DELAY_S[2] + age)
     rig.configure(replace(default_config(), dlpf=5))
     _advance(rig, device, 20)
-    assert rig.fusion.noise.gyro_delay == pytest.approx(constants.GYRO_DELAY_S[5] + age)
+    assert rig.fusion.noise.gyro_delay == pytest.approx(GYRO_DELAY_S[5] + age)
 
 
 def test_close_drives_to_neutral(skewed):
@@ -422,8 +423,9 @@ def test_counts_become_si_units_by_the_scales_of_hello():
     assert (frame.time_ns, frame.device_us, frame.flags) == (5, 6, 3)
 
 
+@pytest.mark.realtime
 def test_rig_over_a_real_pty_survives_a_pull():
-    from hardware.link.link import Link
+    from hardware.link import Link
 
     device = Emulator(injections=(parse("link:unplug:0.4@1.0"),))
     server = Server(device, PtyPort())

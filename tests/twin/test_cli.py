@@ -69,16 +69,16 @@ MISTAKES = [
     ("fly --set gimbal_propellant.mass=0.2", "motor_propellant_mass"),
     ("fly --set gimbal_x.damping=-1", "0 or more"),
     ("fly --integrator ab4 --dt 0.002", "0.001 s"),
-    ("fly --dt 0", "0 < dt"),
-    ("fly --dt -0.001", "0 < dt"),
-    ("fly --dt 0.1", "0 < dt"),
+    ("fly --dt 0", "from 1e-06 to 0.005 s"),
+    ("fly --dt -0.001", "from 1e-06 to 0.005 s"),
+    ("fly --dt 0.1", "from 1e-06 to 0.005 s"),
     ("fly --dt nan", "finite"),
-    ("fly --control-hz 333", "Hz would be"),
+    ("fly --control-hz 333", "for example 333.333 Hz"),
     ("fly --duration-s inf", "finite"),
-    ("fly --seed -1", "whole number"),
-    (f"fly --seed {'9' * 400}", "whole number"),
-    ("fly --duration-s 0", "0 to 36000"),
-    ("fly --duration-s 1e300", "0 to 36000"),
+    ("fly --seed -1", "must be from 0"),
+    (f"fly --seed {'9' * 400}", "must be from 0"),
+    ("fly --duration-s 0", "0.001 to 36000 s"),
+    ("fly --duration-s 1e300", "0.001 to 36000 s"),
     ("fly --control-hz 1e-300", "0.1 to 100000"),
     ("fly --dt 0.01 --control-hz 100", "0.005"),
     ("fly --off-axis-deg 15 0", "--programme point"),
@@ -94,7 +94,7 @@ MISTAKES = [
     ("fly --gimbal rope", "linkage"),
     ("fly --target 0 0 -100", "30°"),
     ("fly --programme point --off-axis-deg 45 0", "30°"),
-    ("fly --programme point --target-range-m -5", "greater than zero"),
+    ("fly --programme point --target-range-m -5", "from 1 to 100000 m"),
     ("step --amplitude-deg 11", "stops"),
     ("step --repeats 0", "repeats"),
     ("step --hold-s 0", "hold"),
@@ -106,12 +106,12 @@ MISTAKES = [
     ("fly --repeat 2.5", "--repeat: '2.5' is not a whole number"),
     ("fly --gimbal", "--gimbal: its value is missing"),
     ("fly --off-axis-deg 1", "--off-axis-deg: 2 values are needed"),
-    ("fly --integrator ab9", "--integrator: no ab9; there are 'implicitfast'"),
+    ("fly --integrator ab9", "--integrator ab9: must be one of 'implicitfast'"),
 ]
 
 
 @pytest.mark.parametrize(("command", "says"), MISTAKES, ids=[c for c, _ in MISTAKES])
-def test_a_mistake_is_told_in_one_line_with_exit_2_and_leaves_nothing_behind(
+def test_a_mistake_is_reported_in_one_line_with_exit_2_and_leaves_nothing_behind(
     capsys, here, command, says
 ):
     for name, text in FILES.items():
@@ -127,7 +127,7 @@ def test_a_mistake_is_told_in_one_line_with_exit_2_and_leaves_nothing_behind(
 
 def test_the_rate_a_mistake_suggests_is_accepted(capsys, here):
     _, _, err = run(capsys, "fly", "--control-hz", "333")
-    suggested = re.search(r"; ([\d.]+) Hz would be", err).group(1)
+    suggested = re.search(r"for example ([\d.]+) Hz", err).group(1)
     code, _, err = run(capsys, "fly", "--control-hz", suggested, "--duration-s", "0.1")
     assert (code, err) == (0, "")
 
@@ -140,7 +140,7 @@ def test_a_flight_of_one_tick_towards_a_point_has_a_distance(capsys, here):
     assert json.loads(out)["closest_approach_m"] == pytest.approx(461, abs=1)  # hypot(300, 350)
 
 
-@pytest.mark.parametrize("clock", ["lockstep", "wall"])
+@pytest.mark.parametrize("clock", ["lockstep", pytest.param("wall", marks=pytest.mark.realtime)])
 def test_an_interrupted_run_says_where_it_is_kept(capsys, here, monkeypatch, clock):
     def pressed(self, time_ns):
         if time_ns >= 200_000_000:

@@ -41,6 +41,7 @@ def test_a_missed_deadline_returns_at_once_and_says_by_how_much():
     assert late >= 4 * MS
 
 
+@pytest.mark.realtime
 def test_lockstep_never_waits():
     with Lockstep() as clock:
         began = time.monotonic_ns()

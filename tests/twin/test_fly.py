@@ -13,7 +13,8 @@ from analysis.recording import reader as recording
 from analysis.transfer_function import TransferFunctionModel
 from twin.config import Fly, Step
 from twin.errors import TwinError
-from twin.experiments.fly import fly, step
+from twin.experiments.fly import fly
+from twin.experiments.step import step
 from twin.plant.compose import MJCF
 from twin.plant.model import REFERENCE_GIMBAL
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.recording import read
+from hardware.events import RigLost
+from hardware.faults import Fault
 from hardware.frames import GimbalState
 from tests.hardware.test_base import STILL
 from tests.twin.test_cli import run as command
@@ -40,11 +42,12 @@ def test_while_all_is_well_it_is_not_there(policy):
 def fails(readings, how):
     if how == "sensor":
         readings.health = "gyro frozen"
+        readings.faults = (Fault("gyro", "frozen", 0.1),)
         return ILL
     readings.frames = []
     if how == "cable":
         readings.ready = False
-        readings.news.append(("WARN", "rig lost: unplugged"))
+        readings.events.append(RigLost("unplugged"))
     return WELL
 
 
@@ -59,7 +62,7 @@ def test_each_fault_is_named_and_answered_with_zero(how, told):
     assert guard.update(0.15, state) == (0.0, 0.0)
     assert told in guard.fault
     assert told in guard.over()
-    assert any(level == "ERROR" and told in text for level, text in readings.news)
+    assert [(e.level, told in e.text) for e in guard.events] == [("ERROR", True)]
 
 
 def test_a_short_silence_is_no_fault():
@@ -82,7 +85,7 @@ def test_ignored_faults_are_told_all_the_same():
     guard, readings = guarded("ignore")
     assert guard.update(0.1, fails(readings, "sensor")) == (0.1, -0.1)
     assert guard.over() is None
-    assert any("ignored" in text for _, text in readings.news)
+    assert "ignored" in guard.events[0].text
 
 
 FLY = "fly --gimbal emulator --programme doublet --at-s 0.3"

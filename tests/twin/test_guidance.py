@@ -16,15 +16,13 @@ from twin.control import (
     FixedPoint,
     Hold,
     Step,
-    control_config,
-    fixed_point,
-    launch_of,
     off_axis,
 )
 from twin.errors import TwinError
 from twin.loop.seats import Pilot, SimulatedGimbal
 from twin.physics import native
 from twin.physics.motor import Depletion
+from twin.plant.authority import control_config, fixed_point, launch_of
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
 

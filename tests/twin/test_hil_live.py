@@ -53,6 +53,7 @@ def served(*options):
 
 
 @pytest.mark.parametrize("options", PORTS)
+@pytest.mark.realtime
 def test_a_killed_flight_loses_less_than_a_fifth_of_a_second_and_can_be_viewed(tmp_path, options):
     out = tmp_path / "fly.rrd"
     with served(*options) as url:

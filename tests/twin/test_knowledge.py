@@ -22,7 +22,7 @@ needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(miss
 def made(tmp_path_factory):
     """Recordings of the shipped model (steps, multisine) and of the linkage."""
     from twin.config import Step
-    from twin.experiments.fly import step
+    from twin.experiments.step import step
 
     folder = tmp_path_factory.mktemp("made")
     short = {"repeats": 1, "hold_s": 0.5}
@@ -243,7 +243,7 @@ def test_a_model_from_pulses_predicts_another_multisine_of_a_linear_rig(capsys, 
     a mean wait for the pulse frame is not the wait of each command.
     """
     from twin.config import Step
-    from twin.experiments.fly import step
+    from twin.experiments.step import step
 
     for name, seed in (("fitted", 0), ("other", 7)):
         step(
@@ -262,7 +262,7 @@ def test_a_model_from_pulses_predicts_another_multisine_of_a_linear_rig(capsys, 
 
 
 MISTAKES = [
-    ("identify", "name a recording"),
+    ("identify", "needs a recording"),
     ("identify missing.rrd", "missing.rrd"),
     ("identify text.rrd", "not a Rerun recording"),
     ("identify run.csv", "--time t"),
@@ -279,15 +279,15 @@ MISTAKES = [
     ("identify run.csv --time t --input u --angle pot --out /proc/a/m.json", "cannot write"),
     ("identify constant.csv --time t --input u --angle pot", "never changes"),
     ("identify back.csv --time t --input u --angle pot", "stamps must increase"),
-    ("identify steps.rrd --unit deg", "--unit: only for tables"),
+    ("identify steps.rrd --unit deg", "--unit is only for tables"),
     ("identify steps.rrd --angle gimbal/measured", "gimbal/measured"),
     ("identify steps.rrd --from-pulses", "no sensors/pulse"),
     ("identify run.csv --time t --input u --angle pot --max-delay-ms -5", "--max-delay-ms -5"),
     ("identify run.csv --time t --input u --angle pot --max-delay-ms 0", "--max-delay-ms 0"),
-    ("identify run.csv --time t --input u --angle pot --max-delay-ms 1e6", "at most"),
-    ("identify run.csv --time t --input u --angle pot --gyro-delay-ms 5", "--rate names a gyro"),
+    ("identify run.csv --time t --input u --angle pot --max-delay-ms 1e6", "to 60000 ms"),
+    ("identify run.csv --time t --input u --angle pot --gyro-delay-ms 5", "needs --rate (the gyro"),
     ("identify run.csv --time t --input u --angle pot --before some", "--before some"),
-    ("identify run.csv --time t --input u --angle pot --time-scale 0", "time scale of 0"),
+    ("identify run.csv --time t --input u --angle pot --time-scale 0", "must be from 1e-12"),
     ("identify ms.csv --time t --input u --angle pot", "--time-scale 0.001"),
     ("identify run.csv --time t --input u --angle pot --commands late.csv", "--before 0"),
     ("identify run.csv --time t --input u --angle pot --commands early.csv", "one clock"),
@@ -295,7 +295,7 @@ MISTAKES = [
         "identify run.csv --time t --input u --angle pot --commands early.csv --input-stamps exact",
         "not with --commands",
     ),
-    ("identify steps.rrd --before 0", "--before: only for tables"),
+    ("identify steps.rrd --before 0", "--before is only for tables"),
     ("identify run.csv --from-pulses --time t --input u --angle pot", "is a table"),
     ("identify --linkage steps.rrd multisine.rrd", "takes one recording"),
     ("identify --linkage run.csv --time t --input u --angle pot", "x and y"),
@@ -303,14 +303,14 @@ MISTAKES = [
     ("report", "name one recording"),
     ("report run.csv", "--time t"),
     ("report run.csv --time t --input u", "angle"),
-    ("report steps.rrd --unit deg", "--unit: only for tables"),
+    ("report steps.rrd --unit deg", "--unit is only for tables"),
     ("report steps.rrd --out page.txt", ".html"),
     ("report steps.rrd --model missing.json", "missing.json"),
     ("compare", "0 recordings"),
     ("compare steps.rrd", "gimbal/measured"),
     ("compare run.csv", "a table with one motion"),
     ("compare run.csv steps.rrd", "--time t"),
-    ("compare steps.rrd linkage.rrd --angle pot", "--angle: only for tables"),
+    ("compare steps.rrd linkage.rrd --angle pot", "--angle is only for tables"),
     ("compare steps.rrd missing.rrd", "missing.rrd"),
     ("compare steps.rrd linkage.rrd --out c.txt", ".rrd"),
     ("compare steps.rrd linkage.rrd --fail-below nan", "finite"),
@@ -345,7 +345,7 @@ def test_a_comparison_reports_the_delay_between_two_motions_and_checks_the_fit(
 ):
     """One model with 7 ms more delay; 0.2 ms: rows come every 2 ms and are interpolated."""
     from twin.config import Step
-    from twin.experiments.fly import step
+    from twin.experiments.step import step
 
     shipped = TransferFunctionModel.read(REFERENCE_GIMBAL)
     late = replace(

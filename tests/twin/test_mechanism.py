@@ -8,9 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco.introspect import structs
-from numba import cfunc, types
+from numba import types
 from numpy.testing import assert_allclose
 
+from analysis.compiled import cfunc
 from twin.physics.mechanism import (
     Kinematics,
     MechanismError,
@@ -262,13 +263,17 @@ def test_two_values_set_the_servos_apart():
     assert_allclose(model.actuator_gainprm[:, 4], [1.8, 0.9])
 
 
-@cfunc(types.void(types.voidptr, types.voidptr))
-def passive(model, data):
-    dead_bands(address(model), address(data))
+@pytest.fixture(scope="module")
+def passive():
+    @cfunc(types.void(types.voidptr, types.voidptr))
+    def callback(model, data):
+        dead_bands(address(model), address(data))
+
+    return callback
 
 
 @pytest.fixture
-def native():
+def native(passive):
     before = mujoco.get_mjcb_passive()
     mujoco.set_mjcb_passive(passive.ctypes)
     yield

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from twin.errors import TwinError
-from twin.physics.motor import Depletion, Motor, MotorError, apply_motor, parse, read
+from twin.physics.motor import Depletion, Motor, MotorError, apply_motor, load, parse, read
 from twin.physics.motor.grain import Grain
 
 MJCF = Path(__file__).resolve().parents[2] / "mjcf"
@@ -37,21 +37,23 @@ def test_several_motors_in_a_file_are_chosen_by_name(tmp_path: Path) -> None:
     file = tmp_path / "two.eng"
     file.write_text(GOOD + GOOD.replace("X1", "Y2"))
     assert [motor.name for motor in read(file)] == ["X1", "Y2"]
-    assert Motor.from_eng(file, "Y2").name == "Y2"
+    assert load(file, "Y2").name == "Y2"
     for name, says in (
-        (None, "2 motors, X1, Y2; cut it down to the one that is meant"),
-        ("Z", "no motor 'Z'; there are X1, Y2"),
+        (None, "2 motors: X1, Y2; give a file with one of them"),
+        ("Z", "no motor 'Z'; the file holds X1, Y2"),
     ):
         with pytest.raises(MotorError, match=says):
-            Motor.from_eng(file, name)
+            load(file, name)
 
 
-@pytest.mark.parametrize(("name", "says"), [(None, "2 motors, X1, X1"), ("X1", "2 motors 'X1'")])
+@pytest.mark.parametrize(
+    ("name", "says"), [(None, "2 motors: X1, X1"), ("X1", "2 motors called 'X1'")]
+)
 def test_two_motors_of_one_name_are_refused(tmp_path: Path, name: str | None, says: str) -> None:
     file = tmp_path / "two.eng"
     file.write_text(GOOD + GOOD.replace(" 10", " 20"))
-    with pytest.raises(MotorError, match=f"{says}.*cut it down"):
-        Motor.from_eng(file, name)
+    with pytest.raises(MotorError, match=f"{says}.*a file with one"):
+        load(file, name)
 
 
 @pytest.mark.parametrize(
@@ -155,11 +157,11 @@ def test_impulse_of_a_real_curve_is_that_of_its_header(
     file = shared_data / "motors" / f"{name}.eng"
     stated = re.search(r"total impulse ([\d.]+)", file.read_text())
     assert stated
-    assert Motor.from_eng(file).impulse == pytest.approx(float(stated[1]), rel=tolerance)
+    assert load(file).impulse == pytest.approx(float(stated[1]), rel=tolerance)
 
 
 def test_reference_motor_is_the_one_in_the_vehicle(flight: mujoco.MjModel) -> None:
-    motor = Motor.from_eng(MJCF / "motors" / "reference.eng")
+    motor = load(MJCF / "motors" / "reference.eng")
     before = flight.numeric_data.copy()
     masses, inertias = flight.body_mass.copy(), flight.body_inertia.copy()
     apply_motor(flight, motor)
@@ -170,8 +172,8 @@ def test_reference_motor_is_the_one_in_the_vehicle(flight: mujoco.MjModel) -> No
 
 
 def test_reference_motor_has_the_figures_of_the_real_one(shared_data: Path) -> None:
-    ours = Motor.from_eng(MJCF / "motors" / "reference.eng")
-    real = Motor.from_eng(shared_data / "motors" / "AeroTech_H13ST.eng")
+    ours = load(MJCF / "motors" / "reference.eng")
+    real = load(shared_data / "motors" / "AeroTech_H13ST.eng")
     assert ours.impulse == pytest.approx(real.impulse, rel=3e-3)
     t = np.linspace(0, 15.4, 500)
     assert np.sqrt(np.mean((ours.thrust_at(t) - real.thrust_at(t)) ** 2)) < 0.1  # N of 14
@@ -197,7 +199,7 @@ def test_a_thinned_curve_keeps_impulse_end_and_shape() -> None:
 
 @pytest.mark.parametrize("name", ["AeroTech_G12ST", "AeroTech_G25W", "Estes_F15"])
 def test_a_motor_fits_the_same_before_and_after_compiling(shared_data: Path, name: str) -> None:
-    motor = Motor.from_eng(shared_data / "motors" / f"{name}.eng")
+    motor = load(shared_data / "motors" / f"{name}.eng")
     spec = mujoco.MjSpec.from_file(str(MJCF / "flight.xml"))
     apply_motor(spec, motor)
     before, after = spec.compile(), mujoco.MjModel.from_xml_path(str(MJCF / "flight.xml"))
@@ -303,7 +305,7 @@ def test_centre_of_the_remaining_grain_is_where_mujoco_puts_it(flight: mujoco.Mj
 
 
 def test_burnt_fraction_is_that_of_the_motor(flight: mujoco.MjModel) -> None:
-    motor = Motor.from_eng(MJCF / "motors" / "reference.eng")
+    motor = load(MJCF / "motors" / "reference.eng")
     flight.numeric("motor_ignition").data[0] = 2.0
     depletion = Depletion(flight)
     for t in np.linspace(-1, 20, 50):

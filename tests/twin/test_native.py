@@ -9,13 +9,13 @@ import pytest
 from mujoco.batch import Batch
 
 from twin.control.attitude import interpolate
-from twin.control.authority import control_config
 from twin.physics import aerodynamics as air
 from twin.physics import native
 from twin.physics.motor import Depletion
 from twin.physics.native import index, layout, ramp
 from twin.physics.native.names import NUMERICS, SITES
-from twin.recorder import rows
+from twin.plant.authority import control_config
+from twin.plant.flow import Flow
 
 FLIGHT = Path(__file__).resolve().parents[2] / "mjcf" / "flight.xml"
 
@@ -618,12 +618,8 @@ def test_recorded_flow_and_thrust_are_those_that_act(model: mujoco.MjModel) -> N
     data.qvel[:6] = 12, -7, 40, 1.5, -2.0, 4.0
     mujoco.mj_forward(model, data)
     vehicle = model.body("vehicle").id
-    out = np.zeros(9)
-    rows._flow(
-        out, 5.0, data.qpos[:3], data.qvel[:3], data.qpos[3:7], data.qvel[3:6], data.xipos,
-        model.body_mass, rows._members(model, vehicle), np.array([0, 0, 1.0]), np.zeros(2),
-        *rows._tables(model),
-    )  # fmt: skip
+    flow = Flow(model, data, data.qpos[:3], data.qvel[:3], data.qpos[3:7], data.qvel[3:6])
+    flow.derive(5_000_000_000)
     com = data.subtree_com[vehicle]
     arm = com - data.xpos[vehicle]
     rotation = data.xmat[vehicle].reshape(3, 3)
@@ -634,7 +630,9 @@ def test_recorded_flow_and_thrust_are_those_that_act(model: mujoco.MjModel) -> N
     exponent = model.numeric("wind_exponent").data[0]
     wind = 8 * (com[2] / 10) ** exponent * heading + 8 * 0.3 * np.array(gust)
     # the forces act on the axis; the gimbal askew puts the centre of mass about 1 mm beside it
-    assert out[2] == pytest.approx(np.linalg.norm(velocity - wind), rel=5e-4)
+    assert flow.signals["vehicle/airspeed"] == pytest.approx(
+        np.linalg.norm(velocity - wind), rel=5e-4
+    )
     cosine = rotation[:, 2] @ (velocity - wind) / np.linalg.norm(velocity - wind)
-    assert out[3] == pytest.approx(np.arccos(cosine), rel=5e-4)
-    assert out[4] == 0.0  # not lit yet
+    assert flow.signals["vehicle/angle_of_attack"] == pytest.approx(np.arccos(cosine), rel=5e-4)
+    assert flow.thrust == 0.0  # not lit yet

@@ -214,6 +214,7 @@ while True:
 """
 
 
+@pytest.mark.realtime
 def test_a_killed_process_loses_at_most_one_write(tmp_path):
     path, every = tmp_path / "a.rrd", 100_000_000
     process = subprocess.Popen(

@@ -11,9 +11,10 @@ from analysis.comparison.flights import FlightPath, flight_path
 from analysis.recording import read
 from tests.twin.test_cli import run as command
 from twin.config import Fly
+from twin.experiments.flight import FlightResult
 from twin.experiments.repeat import repeat as study
+from twin.experiments.repeat import result as results
 from twin.experiments.repeat.repeat import repeat
-from twin.experiments.summary import FlightResult
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +87,7 @@ def test_a_first_flight_unlike_the_others_is_no_repetition(monkeypatch, tmp_path
     assert not seat.repeats
     assert len(seat.paths) == 5
     assert seat.figures[0].n == 5
-    assert study._count(seat) == "5 flights"
+    assert results._count(seat) == "5 flights"
     assert seat.spread.distance[-1] == pytest.approx(np.sqrt(0.2))
 
 
@@ -142,9 +143,9 @@ def test_a_turntables_flights_are_compared_with_models_that_turn_the_same_way(tm
     [
         ("--repeat 0", "1 to 1000"),
         ("--repeat 5000", "1 to 1000"),
-        ("--repeat 3 --out a.rrd", "a folder, or the report"),
-        ("--repeat 3 --gimbal linkage --unit 2", "about a rig"),
-        ("--gimbal linkage --on-fault neutral", "about a rig"),
+        ("--repeat 3 --out a.rrd", "must be a folder or a page"),
+        ("--repeat 3 --gimbal linkage --unit 2", "needs a rig"),
+        ("--gimbal linkage --on-fault neutral", "needs a rig"),
     ],
 )
 def test_what_cannot_be_repeated_is_one_line(capsys, tmp_path, monkeypatch, more, told):

@@ -11,15 +11,16 @@ from analysis.convergence import Trajectory, distance
 from analysis.delays import Delays
 from analysis.recording import Recording, TimeSeries
 from hardware.frames import GimbalCommand, GimbalState
-from twin.config import Fly, Step, as_properties
-from twin.control import AttitudeController, control_config
-from twin.experiments.flight import setpoint
-from twin.experiments.session import make_plant
+from twin.config import Fly, Step
+from twin.control import AttitudeController
+from twin.experiments.assembly import make_plant
+from twin.experiments.programme import setpoint
 from twin.experiments.timing import DelayedGimbal, rerun_of, verdict
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
 from twin.physics import native
+from twin.plant.authority import control_config
 
 TICK_NS = 2_000_000  # so that 10, 20 and 40 ms are whole ticks of a plain queue
 END_NS = 5_000_000_000
@@ -83,7 +84,7 @@ def recording(config, path, late):
         series("timing/sensor_age", np.full(n, late / 2), "s"),
         series("timing/round_trip", np.full(n, late), "s"),
     )
-    properties = {"command": "fly", "configuration": as_properties(config)}
+    properties = {"command": "fly", "configuration": config.as_properties()}
     return Recording(properties, MappingProxyType({s.name: s for s in signals}))
 
 

@@ -9,14 +9,14 @@ import pytest
 
 from analysis.recording import read
 from hardware.emulator import sample_rig
+from hardware.events import HealthChanged, RigBack, RigLost, SensorFault, SensorRecovered
 from hardware.frames import GimbalCommand
 from hardware.simavr.nano import missing
 from twin.config import Step
 from twin.config.seats import check_seat, is_port, is_rig
 from twin.errors import TwinError
-from twin.experiments.fly import step
+from twin.experiments.step import step
 from twin.hil import BenchPlant, RigOptions, open_rig
-from twin.hil import correction as drawing
 from twin.physics import native
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
@@ -142,23 +142,19 @@ class TestRigGimbal:
         # backlash (±0.1° at the gimbal), dead band (±0.11°) and friction; lines alone are 0.7° off
         assert abs(off).max() < 0.4, off
 
-    def test_straightening_is_undone_by_bending(self, bench_twin):
-        plan = drawing(bench_twin.mj)
-        for angle in ((0.1, -0.05), (-0.13, 0.13), (0.0, 0.0)):
-            np.testing.assert_allclose(plan.bent(plan.straightened(angle)), angle, atol=1e-9)
-
     def test_a_pulled_cable_is_a_gap_and_not_the_end(self):
         told, pulses, healthy = [], [], []
         with seated(faults=("link:unplug:0.4@1.6",)) as (seat, plant):
             device = seat.rig.line.device
 
             def look(state):
-                told.extend(text for _, text in seat.readings.news)
+                told.extend(e for e in seat.readings.events if not isinstance(e, HealthChanged))
                 healthy.append(state.healthy)
                 pulses.append((device.time_us * 1e-6, device.device.pulse))
 
             drive(seat, plant, lambda time: (radians(5), 0.0), 2.0, look)
-        assert [t.split()[1] for t in told] == ["lost:", "back"]
+        assert [type(event) for event in told] == [RigLost, RigBack]
+        assert told[1].away_s == pytest.approx(0.4, abs=0.1)
         assert healthy[0]
         assert not all(healthy)
         assert healthy[-1]
@@ -166,6 +162,26 @@ class TestRigGimbal:
         # the command's own timeout is 0.1 s
         assert {p[:2] for t, p in pulses if 1.72 < t < 1.98} == {neutral[:2]}
         assert pulses[-1][1][0] != neutral[0]  # it steers again
+
+    def test_a_sensor_that_fails_and_recovers_is_reported_twice_by_name(self):
+        events = []
+        with seated(faults=("potentiometer_x_a:open@1.5-1.9",)) as (seat, plant):
+
+            def look(state):
+                events.extend((plant.time_ns * 1e-9, e) for e in seat.readings.events)
+
+            drive(seat, plant, swing, 4.5, look)
+        sensor = "potentiometer_x_a"
+        (failed, fault), (back, recovered) = (
+            e for e in events if isinstance(e[1], SensorFault | SensorRecovered)
+        )
+        assert (fault.sensor, fault.level) == (sensor, "WARN")
+        assert recovered == SensorRecovered(sensor)
+        assert 0.5 < failed < 1.1  # 0.9 s of the rig's time pass before time zero
+        assert back > failed + 2.0  # trusted again after 2 s without evidence
+        health = [e.health for _, e in events if isinstance(e, HealthChanged)]
+        assert (health[0], health[-1]) == ("ok", "ok")
+        assert any(sensor in text for text in health)
 
 
 class TestStep:

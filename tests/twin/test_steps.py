@@ -8,7 +8,7 @@ import pytest
 from analysis.transfer_function import TransferFunctionModel
 from tests.twin.test_cli import run
 from twin.config import Step
-from twin.experiments.fly import step
+from twin.experiments.step import step
 
 OMEGA, ZETA, DELAY = 40.0, 0.5, 0.012
 SHORT = {"repeats": 1, "duration_s": 4.0, "band_hz": (0.5, 10.0), "smallest_deg": 1.0}
@@ -85,7 +85,7 @@ def test_every_signal_runs_on_the_linkage_and_tells_finite_figures_or_why_not(tm
         ("step --signal chirp --band-hz 1 400", "125 at most"),
         ("step --band-hz 5 1", "lower frequency first"),
         ("step --signal staircase --smallest-deg 0", "--smallest-deg 0"),
-        ("step --rate-limit-deg-s -1", "greater than zero"),
+        ("step --rate-limit-deg-s -1", "from 0.001"),
         ("step --signal triangle --duration-s 1e9", "0.1 to 600"),
         ("step --repeats 10000", "3600 are the most"),
         ("step --amplitude-deg nan", "finite"),

@@ -166,8 +166,8 @@ def test_two_flights_of_one_seed_are_equal(tmp_path):
 @pytest.mark.parametrize(
     ("line", "told"),
     [
-        ("fly --attitude base-gyro", "has no base with a gyro"),
-        ("fly --gimbal emulator --scene turntable", "for --attitude base-gyro"),
+        ("fly --attitude base-gyro", "base-gyro needs a rig"),
+        ("fly --gimbal emulator --scene turntable", "needs --attitude base-gyro"),
         ("fly --attitude gyro", "base-gyro"),
     ],
 )

@@ -1,4 +1,4 @@
-"""`twin doctor`: what this machine has of what the twin can use, and what to do about the rest."""
+"""`twin doctor`: what this machine provides, what is missing, and what to do about it."""
 
 import os
 import platform
@@ -12,6 +12,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
+from twin.config import Doctor
+from twin.config.result import Result, Rows
+
 Level = Literal["ok", "note", "missing"]
 PACKAGES = ("tvc-twin", "mujoco", "numba", "numpy", "scipy", "control", "rerun-sdk", "pyserial")
 AVR_TOOLS = ("avr-g++", "avr-size", "simavr")
@@ -20,19 +23,19 @@ ROOT_USER = 0
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at.
+    """One item examined.
 
     Attributes
     ----------
-    topic : what was looked at
+    topic : item
     level : `ok`, `note` (works, could be better) or `missing` (something will not run)
-    found : what is there
+    state : what is present
     remedy : what to do about it; empty where nothing is to be done
     """
 
     topic: str
     level: Level
-    found: str
+    state: str
     remedy: str = ""
 
 
@@ -44,20 +47,29 @@ def examine() -> list[Finding]:
     return findings
 
 
-def table(findings: list[Finding]) -> str:
-    """Findings as lines for a terminal."""
-    marks = {"ok": "ok     ", "note": "note   ", "missing": "missing"}
-    lines = []
-    for finding in findings:
-        lines.append(f"{marks[finding.level]}  {finding.topic:<18} {finding.found}")
-        if finding.remedy:
-            lines.append(f"{'':<28} → {finding.remedy}")
-    return "\n".join(lines)
+@dataclass(frozen=True)
+class DoctorResult(Result):
+    """Everything that was examined."""
+
+    findings: tuple[Finding, ...]
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values."""
+        return {"findings": [asdict(finding) for finding in self.findings]}
+
+    def rows(self) -> Rows:
+        """One row a finding, and one for what to do about it."""
+        rows: Rows = []
+        for f in self.findings:
+            rows.append((f.level, f"{f.topic:<18} {f.state}"))
+            if f.remedy:
+                rows.append(("", f"{'':<18} → {f.remedy}"))
+        return rows
 
 
-def as_dict(findings: list[Finding]) -> dict[str, object]:
-    """Findings for machines."""
-    return {"findings": [asdict(finding) for finding in findings]}
+def doctor(config: Doctor) -> DoctorResult:  # noqa: ARG001  the signature of a verb
+    """Examine this machine; an examination that fails is itself a finding."""
+    return DoctorResult(tuple(examine()))
 
 
 def _guarded(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
@@ -84,7 +96,7 @@ def _native() -> Iterator[Finding]:
 
 
 def _rendering() -> Iterator[Finding]:
-    """Try each GL backend in a process of its own: the choice is made once, at import."""
+    """Try each GL backend in a separate process: the choice is made once, at import."""
     program = (
         "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco/>');"
         "r = mujoco.Renderer(m, 32, 32); r.update_scene(mujoco.MjData(m)); r.render()"
@@ -142,9 +154,9 @@ def _real_time() -> Iterator[Finding]:
 
 
 def _ports() -> Iterator[Finding]:
-    from hardware.link import link
+    from hardware.link import available
 
-    ports = link.available()
+    ports = available()
     if not ports:
         yield Finding("serial ports", "note", "none", "plug a Nano in, or use `--gimbal linkage`")
     for device, description in ports.items():

@@ -1,25 +1,28 @@
-"""What each command can be told; the command line is derived from these.
+"""Settings of every verb; the command line and the Python functions are derived from them.
 
 >>> Fly(programme="step").real_time
 False
 """
 
-from twin.config.evaluation import (
-    Columns,
-    Compare,
-    Converge,
-    Doctor,
-    Identify,
-    Replay,
-    Report,
-    View,
-)
+from twin.config.base import Settings
+from twin.config.evaluation import Columns, Compare, Doctor, Identify, Report, View
+from twin.config.options import Run
 from twin.config.rig import Calibrate, Mirror, Rig
-from twin.config.runs import Fly, Run, Step, as_properties, heeded, with_model
+from twin.config.runs import (
+    OBJECT,
+    Converge,
+    Fly,
+    Replay,
+    Step,
+    added,
+    with_model,
+    without_ineffective,
+)
 from twin.config.types import LARGEST_DT, TURNTABLE, Integrator, OnFault, Programme, Signal
 
 __all__ = [
     "LARGEST_DT",
+    "OBJECT",
     "TURNTABLE",
     "Calibrate",
     "Columns",
@@ -36,10 +39,11 @@ __all__ = [
     "Report",
     "Rig",
     "Run",
+    "Settings",
     "Signal",
     "Step",
     "View",
-    "as_properties",
-    "heeded",
+    "added",
     "with_model",
+    "without_ineffective",
 ]

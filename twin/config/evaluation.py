@@ -1,271 +1,176 @@
-"""What the commands that make knowledge of recordings can be told."""
+"""Settings of the verbs that read recordings and tables."""
 
-from dataclasses import dataclass, fields
+from dataclasses import KW_ONLY, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-import tyro
-
-from twin.config.types import Flag, Integrator, refuse_no_number
+from twin.config.base import Settings
+from twin.config.options import Output, Parameters
+from twin.config.types import POSITIONAL, REPEATABLE, Flag, Port, Range
 from twin.errors import TwinError
+
+Files = Annotated[tuple[Path, ...], REPEATABLE]
+Milliseconds = Annotated[float, Range(0.0, 60_000.0, "ms")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Columns:
-    """Which columns of a table (.csv, .tsv, .txt, .mat) are what; a recording knows its own."""
+class Columns(Settings):
+    """Columns of a table (.csv, .tsv, .txt, .mat); a recording needs none of these."""
+
+    group: ClassVar[str] = "table"
 
     time: str | None = None
-    """Column of time stamps of a table."""
+    """Column of the time stamps."""
     input: str | None = None
-    """Columns of commands, separated by commas."""
+    """Columns of the commands, separated by commas."""
     angle: str | None = None
-    """Columns of measured angles, separated by commas."""
+    """Columns of the measured angles, separated by commas; of a recording the signal,
+    gimbal/measured if omitted."""
     unit: str | None = None
-    """Of the columns: rad, deg, mrad or turn; rad without it."""
+    """Unit of the angle columns: rad, deg, mrad or turn; rad if omitted."""
     input_unit: str | None = None
-    """Of the commands, where it is another."""
-    time_scale: float | None = None
+    """Unit of the command columns; as `--unit` if omitted."""
+    time_scale: Annotated[float, Range(1e-12, 1e9, "s")] | None = None
     """Seconds per unit of the time column, for example 1e-3."""
     commands: Path | None = None
-    """Table of the commands with time stamps of their own. Without it they change at the sample
-    that first shows them."""
+    """Table of the commands with their own time stamps; if omitted, a command begins at the sample
+    that first shows it."""
     input_stamps: Literal["exact", "sampled"] | None = None
-    """Without `--commands`: they were given at the sample that first shows them (exact), as in the
-    log of the loop that gives them, or at any time since the sample before (sampled). Without it
-    as `exact`, with delays uncertain by a period."""
+    """Without `--commands`: each command was given at the sample that first shows it (exact, as in
+    the log of the control loop itself), or at any time since the sample before (sampled). If
+    omitted, as exact with delays uncertain by one sampling period."""
     before: str | None = None
-    """Commands that held before the first row, separated by commas, in their unit."""
+    """Commands in force before the first row, separated by commas, in the unit of the commands."""
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def given(self) -> tuple[str, ...]:
         """Flags about columns that were given."""
-        given = (f.name for f in fields(Columns) if getattr(self, f.name) is not None)
-        return tuple(f"--{name.replace('_', '-')}" for name in given)
+        names = (f.name for f in fields(Columns) if getattr(self, f.name) is not None)
+        return tuple(f"--{name.replace('_', '-')}" for name in names)
 
 
 @dataclass(frozen=True)
-class Identify(Columns):
-    """Make a model of a gimbal from what it was told and what was measured of it."""
+class Identify(Columns, Output, Parameters):
+    """Estimate a model of a gimbal from its commands and measured angles and rates."""
 
-    sources: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    group: ClassVar[str] = "estimation"
+
+    sources: Annotated[tuple[Path, ...], POSITIONAL]
     """Recordings (.rrd) or tables (.csv, .tsv, .txt, .mat), fitted together."""
+    _: KW_ONLY
     linkage: Flag = False
-    """Fit the servo and mechanism parameters of the MJCF instead, for `--set-from`."""
-    poles: int = 2
-    """Of every transfer function."""
-    zeros: int = 0
-    """Of every transfer function, fewer than poles."""
+    """Fit servo and mechanism parameters of the MJCF model instead, for `--set-from`."""
+    poles: Annotated[int, Range(1, 12)] = 2
+    """Poles of every transfer function."""
+    zeros: Annotated[int, Range(0, 11)] = 0
+    """Zeros of every transfer function, fewer than poles."""
     delay: str = "free"
-    """`free`, or the known transport delay [s]."""
-    max_delay_ms: float | None = None
-    """Longest delay searched; 100 ms or ten samples without it."""
+    """Transport delay: free (estimated), or its known value [s]."""
+    max_delay_ms: Annotated[float, Range(1e-3, 60_000.0, "ms")] | None = None
+    """Longest delay searched [ms]; the longer of 100 ms and ten samples if omitted."""
     select_order: Flag = False
-    """Choose poles and zeros on steps held out; `--poles` and `--zeros` are then ignored."""
+    """Choose the numbers of poles and zeros on held-out steps; `--poles` and `--zeros` are
+    ignored."""
     servo: Flag = False
-    """Fit servos with bounded speed, dead band and backlash."""
+    """Fit servos with speed limit, dead band and backlash."""
     structure: Literal["best", "speed", "command"] = "best"
-    """Of such a servo: its own loop saturates (speed), or its command is made ramps (command)."""
+    """Structure with `--servo`: the servo's own loop saturates (speed), or its command is
+    rate-limited (command)."""
     coupling: Literal["auto", "none", "full"] = "auto"
-    """Cross channels: where an axis follows the other's command by 2 %, never, or always."""
+    """Cross channels: where an axis follows the other's command by 2 % (auto), never, or always."""
     rate: str | None = None
-    """Columns of gyro rates, per second; of a recording the signal, for example sensors/gyro. So
-    does `--angle` name one, gimbal/measured without it."""
+    """Columns of gyro rates, per second; of a recording the signal, for example sensors/gyro."""
     from_pulses: Flag = False
-    """Take the pulses of a rig for its commands, from when they were in force: the delay is then
-    without the wait for the next pulse frame."""
-    gyro_delay_ms: float = 0.0
-    """Delay of the gyro's own filter, taken out of `--rate`."""
+    """Take a rig's pulse widths as commands, from the time they took effect; the delay then
+    excludes the wait for the next pulse frame."""
+    gyro_delay_ms: Annotated[float, Range(0.0, 1000.0, "ms")] = 0.0
+    """Delay of the gyro's own low-pass [ms], removed from `--rate`."""
     initial: Literal["rest", "free"] = "rest"
-    """Whether the gimbal stood still when a record starts, or may have moved."""
-    check: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
+    """Whether the gimbal was at rest when a record starts, or may have moved (free)."""
+    check: Files = ()
     """Another recording or table, only to be predicted. Repeatable."""
     both: Flag = False
-    """Write the model of a single axis for x and y alike, so that it can be flown."""
+    """Write the model of a single axis for both axes, so that it can be flown."""
     parameters: tuple[str, ...] = ()
-    """Which parameters `--linkage` fits; the servo's and the joints' without it."""
+    """Parameters that `--linkage` fits; those of servos and joints if omitted."""
     mechanism: Path | None = None
-    """MJCF file in place of the reference mechanism, for `--linkage`."""
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """NAME=VALUE, where `--linkage` starts or what it takes as known. Repeatable."""
-    set_from: Path | None = None
-    """JSON file of such names and values."""
+    """MJCF file of the gimbal mechanism for `--linkage`; the reference mechanism if omitted."""
     out: Path | None = None
-    """File to write (.json); runs/model.json, or runs/set.json with `--linkage`, without it."""
-    json: Flag = False
-    """Print the numbers as one JSON object instead of a summary."""
+    """File to write (.json); runs/model.json, or runs/set.json with `--linkage`, if omitted."""
 
-    def __post_init__(self) -> None:
-        """Refuse what is no number.
+    def validate(self) -> None:
+        """Refuse settings without effect or in contradiction.
 
         Raises
         ------
         TwinError : the flag and its value
         """
-        refuse_no_number(self)
+        super().validate()
+        if not self.sources:
+            raise TwinError("twin identify needs a recording or table")
         if self.from_pulses and self.linkage:
-            raise TwinError("--from-pulses: --linkage takes a recording's pulses by itself")
+            raise TwinError("--from-pulses excludes --linkage, which always uses the pulses")
         if self.gyro_delay_ms and not self.rate:
-            raise TwinError(f"--gyro-delay-ms {self.gyro_delay_ms:g}: of what? --rate names a gyro")
-        if self.gyro_delay_ms < 0.0:
-            raise TwinError(f"--gyro-delay-ms {self.gyro_delay_ms:g}: no filter is ahead of time")
-        if self.max_delay_ms is not None and self.max_delay_ms <= 0.0:
-            raise TwinError(f"--max-delay-ms {self.max_delay_ms:g}: must be more than 0")
+            raise TwinError("--gyro-delay-ms needs --rate (the gyro columns)")
         if self.out is not None and self.out.suffix.lower() != ".json":
-            raise TwinError(f"--out {self.out}: what is identified is a .json file")
+            raise TwinError(f"--out {self.out}: must be a .json file")
 
 
 @dataclass(frozen=True)
-class Compare(Columns):
-    """Put two motions of a gimbal side by side: simulated and measured, rig and model."""
+class Compare(Columns, Output):
+    """Compare two motions of a gimbal, for example simulated and measured."""
 
-    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    group: ClassVar[str] = "comparison"
+
+    recordings: Annotated[tuple[Path, ...], POSITIONAL]
     """The reference and the other, recordings or tables; or one recording that holds measured and
     simulated angles."""
-    fail_below: float | None = None
-    """End with 1 if the fit of an axis is below this many percent."""
-    longest_delay_ms: float = 250.0
-    """Longest delay of one motion behind the other that is looked for."""
+    _: KW_ONLY
+    fail_below: Annotated[float, Range(-1e6, 100.0, "%")] | None = None
+    """Exit with 1 if the fit of an axis is below this value [%]."""
+    longest_delay_ms: Milliseconds = 250.0
+    """Longest delay of one motion behind the other that is searched [ms]."""
     out: Path | None = None
-    """Recording of both and their difference; runs/compare.rrd without it."""
-    json: Flag = False
-    """Print the numbers as one JSON object instead of a summary."""
-
-    def __post_init__(self) -> None:
-        """Refuse what is no number.
-
-        Raises
-        ------
-        TwinError : the flag and its value
-        """
-        refuse_no_number(self)
+    """Recording of both and their difference; runs/compare.rrd if omitted."""
 
 
 @dataclass(frozen=True)
-class Replay:
-    """Fly a recorded run again: bit for bit, or with something changed to see what it would do."""
+class Report(Columns, Output):
+    """Write one page about recordings of a gimbal: figures, plots and their comparison."""
 
-    recording: Annotated[Path, tyro.conf.Positional]
-    """A recording (.rrd) of `twin fly` or `twin step`."""
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """NAME=VALUE on top of what was set then, for example a gain of the controller. Repeatable."""
-    integrator: Integrator | None = None
-    """Another integrator."""
-    dt: float | None = None
-    """Another physics step [s]."""
-    gimbal: Literal["linkage", "transfer-function", "emulator", "firmware"] | None = None
-    """Another model in the gimbal seat, or a simulated rig; what was recorded of a rig stands in
-    for it otherwise."""
-    control_hz: float | None = None
-    """Another rate of the controller."""
-    seed: int | None = None
-    """Another seed."""
-    force: Flag = False
-    """Also where versions or the model are others than they were."""
-    out: Path | None = None
-    """Recording to write; beside the old one, .replay.rrd, without it."""
-    json: Flag = False
-    """Print the numbers as one JSON object instead of a summary."""
+    group: ClassVar[str] = "report"
 
-    def __post_init__(self) -> None:
-        """Refuse what is no number.
-
-        Raises
-        ------
-        TwinError : the flag and its value
-        """
-        refuse_no_number(self)
-
-
-@dataclass(frozen=True)
-class Report(Columns):
-    """Write one page about recordings of a gimbal: figures, plots, and how they compare."""
-
-    recordings: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    recordings: Annotated[tuple[Path, ...], POSITIONAL]
     """Recordings or tables; the first is the reference, usually the hardware."""
-    model: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
-    """Identified model (JSON) that answers the first recording's commands. Repeatable."""
+    _: KW_ONLY
+    model: Files = ()
+    """Identified model (JSON) to simulate with the commands of the first recording. Repeatable."""
     title: str = "Gimbal report"
-    """Of the page."""
+    """Title of the page."""
     out: Path | None = None
-    """Page to write (.html); runs/report.html without it."""
-    json: Flag = False
-    """Print the numbers as one JSON object instead of a summary."""
-
-    def __post_init__(self) -> None:
-        """Refuse what is no number.
-
-        Raises
-        ------
-        TwinError : the flag and its value
-        """
-        refuse_no_number(self)
+    """Page to write (.html); runs/report.html if omitted."""
 
 
 @dataclass(frozen=True)
-class Converge:
-    """Vary a flight's time step over integrators: errors, orders, and what real time allows."""
-
-    flight: Literal["baseline", "closed-loop"] = "baseline"
-    """Free flight with the gimbal at rest, where everything is smooth; or steered from the launch
-    on."""
-    gimbal: Literal["linkage", "transfer-function"] = "transfer-function"
-    """Who moves the gimbal of the steered flight."""
-    model: Path | None = None
-    """Identified model (JSON) for `--gimbal transfer-function`; the shipped one without it."""
-    vehicle: Path | None = None
-    """MJCF file in place of the reference vehicle."""
-    mechanism: Path | None = None
-    """MJCF file in place of the reference mechanism."""
-    motor: Path | None = None
-    """RASP .eng file in place of the vehicle's own motor."""
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """NAME=VALUE, any named model parameter. Repeatable."""
-    set_from: Path | None = None
-    """JSON file of such names and values."""
-    integrators: tuple[Integrator, ...] = ("ab1", "ab2", "ab3", "ab4", "implicitfast", "rk4")
-    """Which to compare."""
-    dt_ms: tuple[float, ...] = ()
-    """Time steps; 20 to 2.5 ms for the baseline, 4 to 0.5 ms for the closed loop without it."""
-    integrator: Integrator = "ab2"
-    """Whose flights the figure shows, and the verdict is about."""
-    tolerance_m: float = 0.1
-    """Largest error of the path that counts as converged."""
-    duration_s: float = 3.0
-    """Length of the flight at most."""
-    control_hz: float = 250.0
-    """Rate of the controller."""
-    seed: int = 0
-    """Of everything random."""
-    out: Path | None = None
-    """Page to write (.html); runs/converge.html without it."""
-    json: Flag = False
-    """Print the numbers as one JSON object instead of a summary."""
-
-    def __post_init__(self) -> None:
-        """Refuse what is no number.
-
-        Raises
-        ------
-        TwinError : the flag and its value
-        """
-        refuse_no_number(self)
-
-
-@dataclass(frozen=True)
-class View:
+class View(Settings):
     """Open a recording in the Rerun viewer."""
 
-    recording: Annotated[Path, tyro.conf.Positional]
-    """A recording (.rrd)."""
+    group: ClassVar[str] = "viewer"
+
+    recording: Annotated[Path, POSITIONAL]
+    """Recording (.rrd)."""
+    _: KW_ONLY
     web: Flag = False
     """Serve it to a browser on this machine instead of opening a window."""
-    port: int = 9090
-    """Port of `--web`, on loopback only."""
+    port: Annotated[Port, Range(1, 65535)] = 9090
+    """Port of `--web` on 127.0.0.1."""
 
 
-@dataclass(frozen=True)
-class Doctor:
-    """Say what this machine has, what it lacks, and what to do about it."""
+@dataclass(frozen=True, kw_only=True)
+class Doctor(Settings):
+    """Report what this machine provides, what is missing, and what to do about it."""
+
+    group: ClassVar[str] = "doctor"
 
     json: Flag = False
     """Print the findings as one JSON object."""

@@ -1,107 +1,111 @@
-"""What the desk's commands can be told: rig, calibrate, mirror."""
+"""Settings of the verbs about rigs: rig, calibrate, mirror."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-import tyro
-
-from twin.config.runs import Run
+from twin.config.options import Output, Parameters, Run, SimulatedRig
 from twin.config.seats import is_rig
-from twin.config.types import Flag, Kind
+from twin.config.types import Duration, Flag, Frequency, Kind, Port, Range, Seed
+from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
 
-@dataclass(frozen=True)
-class Rig:
-    """Serve a simulated rig in real time, to this machine only, until it is interrupted."""
+@dataclass(frozen=True, kw_only=True)
+class Rig(SimulatedRig, Parameters):
+    """Serve a simulated rig in real time on a port of this machine, until interrupted."""
+
+    group: ClassVar[str] = "service"
 
     kind: Kind = "emulator"
-    """The firmware's behaviour in Python, or the real firmware on a simulated Nano."""
-    port: int | None = None
-    """TCP port on 127.0.0.1, 0 for a free one; a pseudo-terminal without it."""
+    """A rig emulated in Python, or the real firmware on a simulated Arduino Nano (firmware)."""
+    port: Port | None = None
+    """TCP port on 127.0.0.1, 0 for a free one; a pseudo-terminal if omitted."""
     link: Path | None = None
-    """Name to give the pseudo-terminal, for example /tmp/rig."""
+    """Name of a symbolic link to the pseudo-terminal, for example /tmp/rig."""
     scene: Literal["bench", "turntable"] = "bench"
-    """What it stands on: clamped, or on a base that its third servo turns."""
-    fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """TARGET:KIND[:VALUE][@START[-END]], for example potentiometer_x_a:glitch:0.2. Repeatable."""
-    unit: int | None = None
-    """Which of many rigs, every tolerance drawn; the rig exactly as drawn without it."""
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """NAME=VALUE, any named parameter of the mechanism. Repeatable."""
-    seed: int = 0
-    """Of the sensors' noise."""
-    duration_s: float | None = None
-    """How long to serve."""
+    """Clamped (bench), or on a base that a third servo turns (turntable)."""
+    seed: Seed = 0
+    """Random seed of the sensor noise."""
+    duration_s: Duration | None = None
+    """Time to serve [s]; until interrupted if omitted."""
     json: Flag = False
-    """Print where it is served as one JSON object."""
+    """Print the port as one JSON object."""
+
+    def validate(self) -> None:
+        """Refuse two ports at once.
+
+        Raises
+        ------
+        TwinError : the flags
+        """
+        super().validate()
+        if self.port is not None and self.link is not None:
+            raise TwinError("--link is the name of a pseudo-terminal; it excludes --port")
 
 
-@dataclass(frozen=True)
-class Calibrate:
-    """Drive a rig to its four limit switches and write what its pulses and readings mean."""
+SwitchAngle = Annotated[float, Range(-45.0, 45.0, "°")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate(SimulatedRig, Output):
+    """Drive a rig to its four limit switches and write its calibration file."""
+
+    group: ClassVar[str] = "calibration"
 
     gimbal: str = "emulator"
-    """The rig: emulator, firmware, or a port such as /dev/ttyUSB0 or socket://127.0.0.1:5555."""
+    """Rig: emulator, firmware, or a port such as /dev/ttyUSB0 or socket://127.0.0.1:5555."""
+    switch_deg: tuple[SwitchAngle, SwitchAngle, SwitchAngle, SwitchAngle] | None = None
+    """Angles at which the switches +x, -x, +y and -y close [°]; those of the printed calibration
+    frame if omitted."""
+    repeats: Annotated[int, Range(1, 100)] = 3
+    """Approaches per switch and position of the other servo."""
+    seed: Seed = 0
+    """Random seed: noise of a simulated rig, and order of the approaches."""
     out: Path = Path("calibration.json")
-    """File to write."""
-    switch_deg: tuple[float, float, float, float] | None = None
-    """Angles at which switches +x, -x, +y, -y close; those of the printed calibration rig
-    without it."""
-    repeats: int = 3
-    """Approaches per switch and place of the other servo."""
-    fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """What is wrong with a simulated rig. Repeatable."""
-    unit: int | None = None
-    """Which of many simulated rigs; the rig exactly as drawn without it."""
-    seed: int = 0
-    """Of a simulated rig's noise, and of the approaches."""
-    json: Flag = False
-    """Print the calibration as one JSON object instead of a summary."""
+    """Calibration file to write."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mirror(Run):
-    """Let the MuJoCo gimbal follow a rig's live readings, or those on a tape, and record both."""
+    """Let the simulated gimbal follow a rig's live readings, or a recording, and record both."""
+
+    group: ClassVar[str] = "mirror"
 
     scene: str = "bench"
-    """A shipped scene, or an MJCF file."""
     gimbal: str = "emulator"
-    """The rig: emulator, firmware, or a port such as /dev/ttyUSB0 or socket://127.0.0.1:5555."""
+    """Rig: emulator, firmware, or a port such as /dev/ttyUSB0 or socket://127.0.0.1:5555."""
     steer: Literal["keys", "joystick"] | None = None
-    """Steer with the arrow keys (space: zero, q: end) or the rig's joystick; only watch without
-    it."""
-    tape: Path | None = None
-    """Follow a recorded run (.rrd) instead of a rig, as fast as it goes unless --clock wall."""
-    duration_s: float | None = None
-    """How long; until it is interrupted without it."""
-    serve: int | None = None
-    """Port on this machine where the Rerun viewer may watch live."""
-    dt: float | None = 0.0005
-    """Physics step [s]."""
-    control_hz: float = 2000.0
-    """Rate at which the rig is looked at."""
+    """Steer with the arrow keys (space: zero, q: end) or with the rig's joystick; only observe if
+    omitted."""
+    playback: Path | None = None
+    """Follow this recording (.rrd) instead of a rig; as fast as possible unless `--clock wall`."""
+    duration_s: Duration | None = None
+    """Time to run [s]; until interrupted if omitted."""
+    serve: Port | None = None
+    """Port on this machine for a live Rerun viewer."""
+    dt: TimeStep | None = 0.0005
+    """Physics time step [s]."""
+    control_hz: Frequency = 2000.0
+    """Rate at which the rig is polled [Hz]."""
 
-    def __post_init__(self) -> None:
-        """Refuse what fits nothing.
+    def validate(self) -> None:
+        """Refuse what is neither a rig nor a recording.
 
         Raises
         ------
         TwinError : the flag and its value
         """
-        super().__post_init__()
-        if self.tape is None and not is_rig(self.gimbal):
+        super().validate()
+        if self.playback is None and not is_rig(self.gimbal):
             raise TwinError(
-                f"--gimbal {self.gimbal}: twin mirror follows a rig (emulator, firmware or a"
-                " port) or a --tape"
+                f"--gimbal {self.gimbal}: twin mirror needs a rig (emulator, firmware or a port)"
+                " or --playback FILE"
             )
-        if self.tape is not None and self.steer is not None:
-            raise TwinError(f"--steer {self.steer}: a tape cannot be steered")
-        if self.duration_s is not None and not self.duration_s > 0:
-            raise TwinError(f"--duration-s {self.duration_s}: must be greater than zero")
+        if self.playback is not None and self.steer is not None:
+            raise TwinError(f"--steer {self.steer}: a recording cannot be steered")
 
     @property
     def real_time(self) -> bool:
-        """Whether the run keeps pace with the wall clock; only a tape may go faster."""
-        return self.clock == "wall" or (self.clock is None and self.tape is None)
+        """Whether the run keeps pace with the wall clock; only a playback may go faster."""
+        return self.clock == "wall" or (self.clock is None and self.playback is None)

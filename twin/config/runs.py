@@ -1,173 +1,110 @@
-"""What runs of the twin can be told: flights and steps."""
+"""Settings of flights and step tests, and of what is derived from them."""
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, ClassVar, Literal, TypeVar
 
-import tyro
-
-from twin.config.seats import OF_SERVOS, check_seat, is_port, is_rig
+from twin.config.options import FaultResponse, Output, Parameters, Run
+from twin.config.seats import OF_SERVOS, is_rig
 from twin.config.types import (
-    LARGEST_DT,
-    LARGEST_SEED,
-    LONGEST_FLIGHT,
+    POSITIONAL,
     TRANSFER_FUNCTION,
     TURNTABLE,
+    Axis,
+    Count,
+    Degrees,
+    Duration,
     Flag,
+    Frequency,
     Integrator,
-    OnFault,
     Programme,
+    Range,
+    Seed,
     Signal,
-    refuse_no_number,
 )
+from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
-
-@dataclass(frozen=True)
-class Run:
-    """What every run of the twin can be told."""
-
-    scene: str = "flight"
-    """A shipped scene, or an MJCF file."""
-    gimbal: str = "linkage"
-    """Who moves the gimbal: servos and pushrods (linkage), an identified model (transfer-function),
-    or a rig: a simulated one (emulator, or firmware on a simulated Nano), or a port such as
-    /dev/ttyUSB0, COM3 or socket://127.0.0.1:5555."""
-    model: Path | None = None
-    """Identified model (JSON) for `--gimbal transfer-function`, or of the rig, for what is said
-    about its timing; the shipped one without it."""
-    calibration: Path | None = None
-    """Calibration (JSON) of the rig; what the drawings say without it."""
-    fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """What is wrong with a simulated rig, for example potentiometer_x_a:glitch:0.2. Repeatable."""
-    unit: int | None = None
-    """Which of many simulated rigs, every tolerance drawn; the rig exactly as drawn without it."""
-    vehicle: Path | None = None
-    """MJCF file in place of the reference vehicle."""
-    mechanism: Path | None = None
-    """MJCF file in place of the reference mechanism."""
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
-    """NAME=VALUE, any named model parameter, for example gimbal_holder.mass=0.05. Repeatable."""
-    set_from: Path | None = None
-    """JSON file of such names and values."""
-    integrator: Integrator = "implicitfast"
-    """How the physics steps."""
-    dt: float | None = None
-    """Physics step [s]; the scene's own, 1 ms, without it."""
-    clock: Literal["lockstep", "wall"] | None = None
-    """As fast as it goes, or in real time; without it a rig on a port decides for real time."""
-    seed: int = 0
-    """Of everything random."""
-    out: Path | None = None
-    """Recording to write; runs/<command>.rrd without it."""
-    json: Flag = False
-    """Print the numbers as one JSON object instead of a summary."""
-
-    def __post_init__(self) -> None:
-        """Refuse what is no number.
-
-        Raises
-        ------
-        TwinError : the flag and its value
-        """
-        refuse_no_number(self)
-        if self.dt is not None and not 0 < self.dt <= LARGEST_DT:
-            raise TwinError(
-                f"--dt {self.dt:g}: the physics step must lie in 0 < dt ≤ {LARGEST_DT} s"
-            )
-        if not 0 <= self.seed < LARGEST_SEED:
-            raise TwinError(f"--seed {str(self.seed)[:20]}: a seed is a whole number from 0")
-        check_seat(self.gimbal)
-        if is_port(self.gimbal) and self.clock == "lockstep":
-            raise TwinError(f"--clock lockstep: a rig at {self.gimbal} lives in real time")
-        _check_rig_flags(self)
-        if self.model is not None and not (self.gimbal == TRANSFER_FUNCTION or is_rig(self.gimbal)):
-            raise TwinError(
-                f"--model is for --gimbal transfer-function, or a rig that it is a model of, not"
-                f" {self.gimbal}"
-            )
-
-    @property
-    def plant_scene(self) -> str:
-        """Scene of what is simulated beside a rig."""
-        return self.scene
-
-    @property
-    def rig_scene(self) -> str:
-        """Scene that a rig stands on."""
-        return "bench"
-
-    @property
-    def real_time(self) -> bool:
-        """Whether the run keeps pace with the wall clock."""
-        return self.clock == "wall" or (self.clock is None and is_port(self.gimbal))
+Distance = Annotated[float, Range(-1e5, 1e5, "m")]
+Direction = Annotated[float, Range(-180.0, 180.0, "°")]
+OBJECT = "object:"  # how a recording names a controller that was given as a Python object
 
 
-@dataclass(frozen=True)
-class Fly(Run):
+@dataclass(frozen=True, kw_only=True)
+class Fly(FaultResponse, Run):
     """Fly the vehicle headless and record it."""
 
-    motor: Path | None = None
-    """RASP .eng file in place of the vehicle's own motor."""
-    programme: Programme = "hold"
-    """What the attitude is to do: hold the launch direction, step, doublet, pitch over, or steer to
-    a point."""
-    target: tuple[float, float, float] | None = None
-    """A fixed point to steer to: east, north, up from the launch point [m]."""
-    target_range_m: float = 500.0
-    """Distance of the point of `--programme point`."""
-    off_axis_deg: tuple[float, float] = (0.0, 0.0)
-    """Its direction from the launch direction: to the right, and up."""
-    amplitude_deg: float = 5.0
-    """Of the step, doublet or pitch-over."""
-    at_s: float = 3.0
-    """When the step, doublet or pitch-over begins."""
-    control_hz: float = 250.0
-    """Rate of the controller."""
-    duration_s: float = 120.0
-    """Longest flight; it ends earlier on the ground, or once a point has been passed."""
-    attitude: Literal["truth", "base-gyro"] = "truth"
-    """What the controller sees of the attitude: the simulated vehicle (truth), or what gyro and
-    accelerometer say on the base of a rig that a third servo turns as the vehicle turns about its
-    x axis (base-gyro, the thesis's turntable)."""
-    about: Literal["level", "x"] | None = None
-    """Axis that step, doublet and pitch-over turn the nose about: level, across the launch
-    direction, or the vehicle's own x, which a turntable plays (with base-gyro)."""
-    on_fault: OnFault | None = None
-    """When a rig fails or one of its sensors does: servos to neutral and end the flight (as without
-    it), go on with the servos at neutral, or ignore it."""
-    repeat: int = 1
-    """How often to fly, each time with the next seed: spread of path and answers, and with a rig
-    the same for its models; writes a page."""
+    group: ClassVar[str] = "flight"
 
-    def __post_init__(self) -> None:
-        """Refuse what cannot be flown, and flags that would be silently without effect.
+    motor: Path | None = None
+    """Motor file (RASP .eng); the vehicle's own motor if omitted."""
+    programme: Programme = "hold"
+    """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
+    point."""
+    controller: str | None = None
+    """Own controller in place of the attitude loop, FILE.py:NAME: a class or object with
+    update(time, gimbal, vehicle) -> (x, y) [rad]. The file is executed."""
+    target: tuple[Distance, Distance, Distance] | None = None
+    """Fixed point to steer to: east, north and up from the launch point [m]."""
+    target_range_m: Annotated[float, Range(1.0, 1e5, "m")] = 500.0
+    """Distance of the point of `--programme point` from the launch point [m]."""
+    off_axis_deg: tuple[Direction, Direction] = (0.0, 0.0)
+    """Direction of that point from the launch direction: right and up [°]."""
+    amplitude_deg: Degrees = 5.0
+    """Amplitude of the step, doublet or pitch-over [°]."""
+    at_s: Annotated[float, Range(0.0, 36_000.0, "s")] = 3.0
+    """Time at which the step, doublet or pitch-over begins [s]."""
+    about: Literal["level", "x"] | None = None
+    """Axis about which step, doublet and pitch-over turn the nose: horizontal, across the launch
+    direction (level), or the vehicle's x axis (x, as a turntable can play it); x with `--attitude
+    base-gyro`, level otherwise, if omitted."""
+    attitude: Literal["truth", "base-gyro"] = "truth"
+    """Attitude that the controller sees: that of the simulated vehicle (truth), or the estimate
+    from the IMU on the base of a rig that a third servo turns like the vehicle (base-gyro, the
+    turntable of the thesis)."""
+    control_hz: Frequency = 250.0
+    """Rate of the controller [Hz]."""
+    duration_s: Duration = 120.0
+    """Longest flight [s]; it ends earlier on the ground or past the point."""
+    repeat: Count = 1
+    """Number of flights, each with the next seed; more than one writes a page with the spread of
+    paths, for a rig beside both models."""
+
+    def validate(self) -> None:
+        """Refuse settings without effect or in contradiction.
 
         Raises
         ------
         TwinError : the flag and its value
         """
-        super().__post_init__()
-        if not 0 < self.duration_s <= LONGEST_FLIGHT:
-            raise TwinError(f"--duration-s {self.duration_s:g}: must lie in 0 to {LONGEST_FLIGHT}")
+        super().validate()
         if self.target is not None and self.programme not in ("hold", "point"):
             raise TwinError(f"--programme {self.programme} and --target exclude each other")
-        self._check_attitude()
-        if self.off_axis_deg != (0.0, 0.0) and (self.programme != "point" or self.target):
-            raise TwinError("--off-axis-deg places the point of --programme point; nothing else")
-
-    def _check_attitude(self) -> None:
         if self.attitude == "base-gyro" and not is_rig(self.gimbal):
             raise TwinError(
-                f"--attitude base-gyro: --gimbal {self.gimbal} has no base with a gyro (emulator,"
-                " firmware and ports have)"
+                "--attitude base-gyro needs a rig (--gimbal emulator, firmware or a port);"
+                f" --gimbal is {self.gimbal}"
             )
         if self.scene == TURNTABLE and self.attitude != "base-gyro":
-            raise TwinError("--scene turntable is where a rig stands for --attitude base-gyro")
+            raise TwinError("--scene turntable needs --attitude base-gyro")
+        if self.off_axis_deg != (0.0, 0.0) and (self.programme != "point" or self.target):
+            raise TwinError("--off-axis-deg needs --programme point, without --target")
+        if self.controller is not None and ":" not in self.controller:
+            raise TwinError(
+                f"--controller {self.controller}: must be FILE.py:NAME, for example own.py:Loop"
+            )
+
+    @property
+    def controller_file(self) -> Path | None:
+        """File of an own controller; None for the attitude loop and for a Python object."""
+        if self.controller is None or self.controller.startswith(OBJECT):
+            return None
+        return Path(self.controller.rpartition(":")[0])
 
     @property
     def turns_about(self) -> str:
-        """Axis of the programme, as told or as the attitude seat has it."""
+        """Axis of the programme, as given or as the attitude seat has it."""
         return self.about or ("x" if self.attitude == "base-gyro" else "level")
 
     @property
@@ -181,95 +118,135 @@ class Fly(Run):
         return TURNTABLE if self.attitude == "base-gyro" else "bench"
 
 
-@dataclass(frozen=True)
-class Step(Run):
-    """Excite a clamped gimbal and record its response."""
+@dataclass(frozen=True, kw_only=True)
+class Step(FaultResponse, Run):
+    """Command a clamped gimbal with a test signal and record its response."""
+
+    group: ClassVar[str] = "signal"
 
     scene: str = "bench"
-    """A shipped scene, or an MJCF file."""
     signal: Signal = "steps"
-    """What it is told: steps back and forth, ever smaller steps (staircase), a logarithmic sweep, a
-    pseudo-random binary sequence, many sines at once, slow ramps, or ramps with a bend."""
-    amplitude_deg: float = 5.0
-    """Largest angle, either way from zero."""
-    axis: Literal["x", "y", "both"] = "both"
-    """Axis excited; `both` takes one after the other."""
-    repeats: int = 3
+    """Test signal: steps back and forth, ever smaller steps (staircase), a logarithmic sweep
+    (chirp), a pseudo-random binary sequence (prbs), many sines at once (multisine), slow ramps
+    (triangle), or ramps with a change of slope (dog-leg)."""
+    amplitude_deg: Degrees = 5.0
+    """Largest angle, either way from zero [°]."""
+    axis: Axis = "both"
+    """Axis excited; `both` excites one after the other."""
+    repeats: Annotated[int, Range(1, 10_000)] = 3
     """Steps per axis and direction, or periods of the other signals."""
-    hold_s: float = 0.8
-    """Time between two steps, and at rest before and after any signal."""
-    duration_s: float = 20.0
-    """Length of one chirp, triangle or dog-leg."""
-    band_hz: tuple[float, float] = (0.2, 10.0)
-    """Lowest and highest frequency of chirp, prbs and multisine."""
-    smallest_deg: float = 0.05
-    """Last and smallest step of the staircase."""
-    rate_limit_deg_s: float | None = None
-    """Fastest change of the command; jumps stay jumps without it."""
-    control_hz: float = 500.0
-    """Rate of commands and of recorded rows."""
-    on_fault: OnFault | None = None
-    """When a rig fails or one of its sensors does: servos to neutral and end the run (as without
-    it), go on with the servos at neutral, or ignore it."""
+    hold_s: Annotated[float, Range(0.01, 100.0, "s")] = 0.8
+    """Time between two steps, and at rest before and after any signal [s]."""
+    duration_s: Annotated[float, Range(0.1, 600.0, "s")] = 20.0
+    """Length of one chirp, triangle or dog-leg [s]."""
+    band_hz: tuple[
+        Annotated[float, Range(0.01, 1000.0, "Hz")], Annotated[float, Range(0.01, 1000.0, "Hz")]
+    ] = (0.2, 10.0)
+    """Lowest and highest frequency of chirp, prbs and multisine [Hz]."""
+    smallest_deg: Degrees = 0.05
+    """Last and smallest step of the staircase [°]."""
+    rate_limit_deg_s: Annotated[float, Range(1e-3, 1e6, "°/s")] | None = None
+    """Largest rate of the command [°/s]; unlimited if omitted."""
+    control_hz: Frequency = 500.0
+    """Rate of commands and of recorded rows [Hz]."""
 
 
-def _check_rig_flags(config: Run) -> None:
-    """Refuse flags that would be silently without effect."""
-    given = {
-        "--calibration": config.calibration is not None,
-        "--fault": bool(config.fault),
-        "--unit": config.unit is not None,
-        "--on-fault": getattr(config, "on_fault", None) is not None,
-    }
-    for flag, present in given.items():
-        if present and not is_rig(config.gimbal):
-            raise TwinError(
-                f"{flag} is about a rig; --gimbal {config.gimbal} is none (emulator, firmware and"
-                " ports are)"
-            )
+@dataclass(frozen=True)
+class Replay(Output, Parameters):
+    """Repeat a recorded run: bit for bit, or with changed settings."""
+
+    group: ClassVar[str] = "replay"
+
+    recording: Annotated[Path, POSITIONAL]
+    """Recording (.rrd) of `twin fly` or `twin step`."""
+    _: KW_ONLY
+    gimbal: Literal["linkage", "transfer-function", "emulator", "firmware"] | None = None
+    """Another gimbal source; if omitted, the recorded readings of a rig take its place."""
+    integrator: Integrator | None = None
+    """Another integrator."""
+    dt: TimeStep | None = None
+    """Another physics time step [s]."""
+    control_hz: Frequency | None = None
+    """Another rate of the controller [Hz]."""
+    seed: Seed | None = None
+    """Another random seed."""
+    controller: str | None = None
+    """Own controller of the recorded flight, FILE.py:NAME; a file named in a recording is never
+    executed."""
+    force: Flag = False
+    """Also if the versions of libraries or the model differ from those recorded."""
+    out: Path | None = None
+    """Recording to write; RECORDING.replay.rrd if omitted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Converge(Output, Parameters):
+    """Vary the time step of a flight: error and order of each integrator, and real-time limits."""
+
+    group: ClassVar[str] = "study"
+
+    flight: Literal["baseline", "closed-loop"] = "baseline"
+    """Free flight with the gimbal at rest (baseline), or with the attitude loop from the launch on
+    (closed-loop)."""
+    gimbal: Literal["linkage", "transfer-function"] = "transfer-function"
+    """Gimbal source of the closed-loop flight."""
+    integrators: tuple[Integrator, ...] = ("ab1", "ab2", "ab3", "ab4", "implicitfast", "rk4")
+    """Integrators to compare."""
+    dt_ms: tuple[Annotated[float, Range(1e-3, 20.0, "ms")], ...] = ()
+    """Time steps [ms]; 20 to 2.5 for baseline, 4 to 0.5 for closed-loop if omitted."""
+    integrator: Integrator = "ab2"
+    """Integrator that the figure and the verdict are about."""
+    tolerance_m: Annotated[float, Range(1e-9, 1e6, "m")] = 0.1
+    """Largest error of the path that counts as converged [m]."""
+    duration_s: Annotated[float, Range(1e-2, 3600.0, "s")] = 3.0
+    """Longest flight [s]."""
+    control_hz: Frequency = 250.0
+    """Rate of the controller [Hz]."""
+    seed: Seed = 0
+    """Random seed."""
+    vehicle: Path | None = None
+    """MJCF file of the vehicle; the reference vehicle if omitted."""
+    mechanism: Path | None = None
+    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
+    model: Path | None = None
+    """Identified model (JSON) for `--gimbal transfer-function`; the shipped model if omitted."""
+    motor: Path | None = None
+    """Motor file (RASP .eng); the vehicle's own motor if omitted."""
+    out: Path | None = None
+    """Page to write (.html); runs/converge.html if omitted."""
 
 
 R = TypeVar("R", bound=Run)
 
 
 def with_model(config: R, gimbal: str, **changes: object) -> R:
-    """The same run with a model in the gimbal seat; what is about a rig alone goes.
+    """The same run with a model in the gimbal seat, without the settings of a rig.
 
-    So do parameters of servos and rods where an identified model takes their place.
+    Parameters of servos and rods are dropped where an identified model takes their place.
     """
     rig: dict[str, object] = {"calibration": None, "fault": (), "unit": None, "clock": "lockstep"}
     if isinstance(config, Fly):
         rig |= {"attitude": "truth", "scene": config.plant_scene, "about": config.turns_about}
-    if isinstance(config, Fly | Step):
+    if hasattr(config, "on_fault"):
         rig["on_fault"] = None
-    if gimbal != TRANSFER_FUNCTION:
-        rig["model"] = None
+    if gimbal == TRANSFER_FUNCTION:
+        rig["set"] = _without_servos(config)
     else:
-        rig |= _without_servos(config, changes)
+        rig["model"] = None
     return replace(config, **{**rig, "gimbal": gimbal, **changes})  # type: ignore[arg-type]
 
 
-def heeded(config: Run) -> Run:
-    """A recorded run without overrides that changed nothing in it and are refused by now."""
+def without_ineffective(config: R) -> R:
+    """A recorded run without parameters that had no effect in it and are refused by now."""
     if config.gimbal != TRANSFER_FUNCTION:
         return config
-    return replace(config, **_without_servos(config, {}))  # type: ignore[arg-type]
+    return replace(config, set=_without_servos(config))
 
 
-def _without_servos(config: Run, changes: dict[str, object]) -> dict[str, object]:
-    """Overrides of a run but those of servos and rods; takes what it adds out of `changes`."""
-    from twin.plant import overrides
-
-    given = overrides.parse(config.set, config.set_from)
-    kept = {name: value for name, value in given.items() if not name.startswith(OF_SERVOS)}
-    if len(kept) == len(given):
-        return {}
-    now = changes.pop("set", config.set)
-    assert isinstance(now, tuple)
-    added = now[len(config.set) :]  # asked for of this run, so to be refused
-    return {"set": (*(f"{n}={v!r}" for n, v in kept.items()), *added), "set_from": None}
+def added(config: R, parameters: Mapping[str, float]) -> R:
+    """The same run with more parameters, which take precedence."""
+    return replace(config, set=tuple({**config.overrides, **parameters}.items()))
 
 
-def as_properties(config: Run) -> dict[str, object]:
-    """Return a run's configuration as JSON values, for the recording."""
-    return {k: str(v) if isinstance(v, Path) else v for k, v in asdict(config).items()}
+def _without_servos(config: Run) -> tuple[tuple[str, float], ...]:
+    return tuple((n, v) for n, v in config.set if not n.startswith(OF_SERVOS))

@@ -1,15 +1,9 @@
-"""Names, limits and checks that several commands share."""
+"""Names, limits and markers that the settings of several verbs share."""
 
 import math
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import tyro
-
-from twin.errors import TwinError
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
 
 Signal = Literal["steps", "staircase", "chirp", "prbs", "multisine", "triangle", "dog-leg"]
 Programme = Literal["hold", "step", "doublet", "pitch-over", "point"]
@@ -17,22 +11,69 @@ Seat = Literal["linkage", "transfer-function"]
 Kind = Literal["emulator", "firmware"]
 OnFault = Literal["end", "neutral", "ignore"]
 Integrator = Literal["implicitfast", "euler", "rk4", "ab1", "ab2", "ab3", "ab4"]
-# s; at 8 ms the rail of the ramp is no longer stable, and rods gape by a third of a millimetre at 4
+Axis = Literal["x", "y", "both"]
+
+TURNTABLE, TRANSFER_FUNCTION = "turntable", "transfer-function"
+SMALLEST_DT = 1e-6  # s; a thousandth of the usual step, far below every time constant of the models
+# s; at 8 ms the rail of the ramp is no longer stable, at 4 ms rods open by a third of a millimetre
 LARGEST_DT = 0.005
 LONGEST_FLIGHT = 36_000.0  # s
-LARGEST_SEED = 2**53  # whole numbers that a model's numerics hold exactly
-TURNTABLE, TRANSFER_FUNCTION = "turntable", "transfer-function"
-Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]  # --json, and no --no-json
+LARGEST_SEED = 2**53 - 1  # whole numbers that a model's numerics hold exactly
+LARGEST_UNIT = 2**32 - 1
 
 
-def refuse_no_number(config: "DataclassInstance") -> None:
-    """Refuse a NaN or an infinity in any field.
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Limits of a number, for `Annotated[float, Range(...)]`.
 
-    Raises
-    ------
-    TwinError : the flag and its value
+    Attributes
+    ----------
+    low, high : smallest and largest allowed value
+    unit : of both, for the message
+    size : whether the limits apply to the absolute value
     """
-    for name, value in asdict(config).items():
-        for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and not math.isfinite(number):
-                raise TwinError(f"--{name.replace('_', '-')} {number}: must be finite")
+
+    low: float = -math.inf
+    high: float = math.inf
+    unit: str = ""
+    size: bool = False
+
+    def __contains__(self, value: float) -> bool:
+        """Whether a number lies within the limits."""
+        return self.low <= (abs(value) if self.size else value) <= self.high
+
+    def __str__(self) -> str:
+        """Both limits in words."""
+        unit = f" {self.unit}" if self.unit else ""
+        what = "of a size " if self.size else ""
+        if math.isinf(self.high):
+            return f"{what}at least {self.low:g}{unit}"
+        if math.isinf(self.low):
+            return f"{what}at most {self.high:g}{unit}"
+        high = int(self.high) if float(self.high).is_integer() else self.high
+        return f"{what}from {self.low:g} to {high}{unit}"
+
+
+class Marker:
+    """How a setting appears on the command line; see `twin.cli.arguments`."""
+
+
+POSITIONAL: Final = Marker()
+REPEATABLE: Final = Marker()
+FLAG: Final = Marker()
+
+Flag = Annotated[bool, FLAG]
+"""True where the flag is given; there is no `--no-flag`."""
+Texts = Annotated[tuple[str, ...], REPEATABLE]
+Overrides = Annotated[tuple[tuple[str, float], ...], REPEATABLE]
+"""Named parameters and their values; also accepted as `NAME=VALUE` texts or as a mapping."""
+GivenOverrides = Overrides | Mapping[str, float] | Sequence[str]
+
+Seed = Annotated[int, Range(0, LARGEST_SEED)]
+Unit = Annotated[int, Range(0, LARGEST_UNIT)]
+Port = Annotated[int, Range(0, 65535)]
+Step = Annotated[float, Range(SMALLEST_DT, LARGEST_DT, "s")]
+Frequency = Annotated[float, Range(0.1, 1e5, "Hz")]
+Duration = Annotated[float, Range(1e-3, LONGEST_FLIGHT, "s")]
+Count = Annotated[int, Range(1, 1000)]
+Degrees = Annotated[float, Range(1e-3, 180.0, "°", size=True)]

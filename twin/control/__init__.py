@@ -4,7 +4,6 @@ Everything works on arrays (..., n): one vehicle or ten thousand run through the
 """
 
 from twin.control.attitude import AttitudeController, ControlConfig
-from twin.control.authority import control_config, fixed_point, launch_of, steer_to
 from twin.control.guidance import FixedPoint
 from twin.control.pid import PID, LowPass, PIDGains
 from twin.control.setpoint import (
@@ -31,10 +30,6 @@ __all__ = [
     "PitchOver",
     "Setpoint",
     "Step",
-    "control_config",
-    "fixed_point",
     "launch_direction",
-    "launch_of",
     "off_axis",
-    "steer_to",
 ]

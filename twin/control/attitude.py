@@ -8,13 +8,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.control.pid import low_pass, pid
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
+LARGEST_COMMAND = math.radians(8.0)  # either way from zero; the stops of the gimbal are at 10°
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,7 @@ class ControlConfig:
     ki: float = 10.0
     kd: float = 8.0
     cutoff: float = 80.0
-    limit: float = math.radians(8.0)
+    limit: float = LARGEST_COMMAND
     rate_limit: float = 0.0
     error_limit: float = 0.5
     authority_time: tuple[float, ...] = (0.0,)
@@ -63,7 +64,7 @@ def _demand(good: bool, name: str, value: float, wanted: str) -> None:
         raise TwinError(f"control {name} is {value:g}; it must be finite and {wanted}")
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def missing_rotation(attitude: Array, nose: Array) -> tuple[float, float]:
     """Rotation about body x and y that takes the nose to the wanted direction [rad].
 
@@ -82,7 +83,7 @@ def missing_rotation(attitude: Array, nose: Array) -> tuple[float, float]:
     return -by / across * angle, bx / across * angle
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def interpolate(t: float, times: Array, values: Array) -> float:
     """Value at t of a table, linear between its entries and held outside."""
     n = len(times)
@@ -95,7 +96,7 @@ def interpolate(t: float, times: Array, values: Array) -> float:
     return float(values[k - 1] + share * (values[k] - values[k - 1]))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _update(
     t: float, dt: float, attitude: Array, rate: Array, nose: Array, gains: Array,
     times: Array, authority: Array, state: Array, error: Array, out: Array,

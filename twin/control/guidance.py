@@ -11,9 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
+from hardware.parts import STANDARD_GRAVITY as GRAVITY
 from twin.control.attitude import interpolate
 from twin.control.setpoint import UP, Vector, unit
 from twin.errors import TwinError
@@ -21,7 +22,6 @@ from twin.errors import TwinError
 Array = NDArray[np.float64]
 CONE = math.radians(30.0)
 _SLACK = 1e-6  # rad; a point placed at exactly 30° must pass
-GRAVITY = 9.80665  # m/s², standard
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class FixedPoint:
         return out
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _time_to_go(distance: float, speed: float, push: float) -> float:
     """Time over a distance at a speed that grows by `push` [m/s²]; no longer than at constant."""
     root = speed * speed + 2.0 * push * distance
@@ -99,7 +99,7 @@ def _time_to_go(distance: float, speed: float, push: float) -> float:
     return 2.0 * distance / (speed + math.sqrt(root))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _directions(
     t: float, position: Array, velocity: Array, fixed: Array, times: Array, thrusts: Array,
     out: Array,

@@ -4,15 +4,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.compiled import njit
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def low_pass(state: float, value: float, cutoff: float, dt: float) -> float:
     """Advance ωc/(s + ωc) by one step of a held input; exact for any dt, off at ωc ≤ 0."""
     if cutoff <= 0.0:
@@ -20,7 +20,7 @@ def low_pass(state: float, value: float, cutoff: float, dt: float) -> float:
     return value + (state - value) * math.exp(-cutoff * dt)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def pid(
     error: float, slope: float, integral: float, kp: float, ki: float, kd: float,
     low: float, high: float, dt: float,
@@ -78,7 +78,7 @@ class LowPass:
         return self.value
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _update_all(
     setpoint: Array, measured: Array, state: Array, gains: Array, dt: float, out: Array
 ) -> None:

@@ -24,6 +24,7 @@ from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
 from twin.config import Compare
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
 from twin.evaluation.words import screen
@@ -43,7 +44,7 @@ _FIGURES = (
 
 
 @dataclass(frozen=True)
-class CompareResult:
+class CompareResult(Result):
     """Two motions side by side, and the recording that shows them.
 
     Attributes

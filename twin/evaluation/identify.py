@@ -19,6 +19,7 @@ from analysis.identify import (
 from analysis.recording import Measurement
 from twin.config import Identify
 from twin.config.paths import writable
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
 from twin.evaluation.words import quantity, screen
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class IdentifyResult:
+class IdentifyResult(Result):
     """An identified model, the file it went to, and how well it predicts what it was not fitted to.
 
     Attributes

@@ -12,17 +12,19 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
+from hardware.frames import AXES
 from twin.config import Identify
 from twin.config.paths import writable
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import given
 from twin.evaluation.linkage_data import moves_of
 from twin.evaluation.words import quantity, screen
-from twin.experiments.session import compiled
 from twin.physics import native
 from twin.physics.mechanism.servo import apply_servo
 from twin.plant import overrides
-from twin.plant.model import AXES, ModelConfig, load
+from twin.plant.compiled import compiled
+from twin.plant.model import ModelConfig, load
 
 if TYPE_CHECKING:
     from analysis.linkage.fit import LinkageFit
@@ -58,7 +60,7 @@ SHORTEST_DELAY, LONGEST_DELAY = -0.005, 0.06  # s
 
 
 @dataclass(frozen=True)
-class PhysicsResult:
+class PhysicsResult(Result):
     """Fitted parameters of the linkage and the override file they went to.
 
     Attributes
@@ -121,7 +123,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     out = writable(config.out or Path("runs/set.json"))
     if len(config.sources) != 1:
         raise TwinError(f"--linkage: {len(config.sources)} sources; it takes one recording")
-    known = overrides.parse(config.set, config.set_from)
+    known = config.overrides
     source = given(config, config.sources)
     with compiled():
         bench = _Bench(config, known)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from analysis.identify.pulses import PulseFrames, fitted, lateness, pulse_frames
 from analysis.linkage.problem import LinkageError, Moves
 from analysis.recording import Measurement
+from hardware.frames import AXES
 from twin.physics.mechanism import Kinematics
-from twin.plant.model import AXES
 
 Array = NDArray[np.float64]
 Shaft = Callable[[Array], Array]

@@ -7,13 +7,14 @@ from analysis.report import ReportNumbers, report
 from analysis.transfer_function import TransferFunctionModel
 from twin.config import Report
 from twin.config.paths import writable
+from twin.config.result import Result
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
 from twin.evaluation.words import screen
 
 
 @dataclass(frozen=True)
-class ReportResult:
+class ReportResult(Result):
     """The page and its numbers."""
 
     numbers: ReportNumbers

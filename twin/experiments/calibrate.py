@@ -12,9 +12,10 @@ from hardware.calibration import Calibration, CalibrationError, CalibrationRig, 
 from hardware.calibration.file import to_dict
 from hardware.protocol import constants
 from twin.config import Calibrate
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
-from twin.experiments.session import compiled
-from twin.hil import RigGimbal, RigOptions, open_rig, switch_angles
+from twin.hil import RigGimbal, RigOptions, mechanism_map, open_rig, switch_angles
+from twin.plant.compiled import compiled
 from twin.plant.model import ModelConfig, load
 
 COMMAND_NS = 10_000_000
@@ -22,10 +23,11 @@ STEP_NS = 2_000_000
 NAMING_NS = 1_000_000_000
 PATIENCE_NS = 3_000_000_000  # without a frame: cable out, or a rig that has died
 FIGURE = 1.96  # standard deviations of a 95 % interval
+REPORTED = (0.0, radians(8.0))  # angles at which the map's uncertainty is given
 
 
 @dataclass(frozen=True)
-class CalibrationResult:
+class CalibrationResult(Result):
     """A calibration and where it was written.
 
     Attributes
@@ -40,11 +42,17 @@ class CalibrationResult:
     duration_s: float
 
     def as_dict(self) -> dict[str, Any]:
-        """The file's content, and where it is."""
-        return {"file": self.file, "duration_s": self.duration_s, **to_dict(self.calibration)}
+        """The file's content, its path, and the map's uncertainty at 0 and 8° on both axes."""
+        sigma = [[degrees(s) for s in self.calibration.sigma((a, a))] for a in REPORTED]
+        return {
+            "file": self.file,
+            "duration_s": self.duration_s,
+            "angle_sigma_deg": sigma,
+            **to_dict(self.calibration),
+        }
 
-    def text(self) -> str:
-        """One screen, with 95 % intervals."""
+    def rows(self) -> Rows:
+        """The calibration as a table, with 95 % intervals."""
         c = self.calibration
         rows = [("rig", f"{c.rig:08x}, calibrated in {self.duration_s:.0f} s")]
         for k, axis in enumerate("xy"):
@@ -59,14 +67,23 @@ class CalibrationResult:
                 (f"servo {axis}", f"{gain * 1e3:.2f} ± {error * 1e3:.2f} °/ms"),
                 (f"from servo {'yx'[k]}", f"{slip * 1e3:.2f} °/ms"),
                 (f"hysteresis {axis}", loose),
+                (f"between switches {axis}", f"{degrees(c.deviation[k]):.2f}° rms off the map"),
+                (f"commanded {axis}", self._uncertainty(k)),
             ]
         for name, p in zip(("x_a", "x_b", "y_a", "y_b"), c.potentiometers, strict=True):
             line = f"zero {p.zero:.4f}, {degrees(p.gain):.1f}° over its track"
             rows.append((f"potentiometer {name}", line))
         bias = ", ".join(f"{degrees(b):.2f}" for b in c.gyro.bias)
         rows.append(("gyro bias", f"{bias} °/s"))
-        rows += [("calibration", self.file), ("", f"twin mirror --calibration {self.file} …")]
-        return "\n".join(f"{name:<20}{value}" for name, value in rows)
+        if c.note:
+            rows.append(("note", c.note))
+        return [*rows, ("calibration", self.file), ("", f"twin mirror --calibration {self.file}")]
+
+    def _uncertainty(self, axis: int) -> str:
+        sigmas = (FIGURE * degrees(self.calibration.sigma((a, a))[axis]) for a in REPORTED)
+        return ", ".join(
+            f"± {s:.2f}° at {degrees(a):g}°" for a, s in zip(REPORTED, sigmas, strict=True)
+        )
 
 
 def calibrate(config: Calibrate) -> CalibrationResult:
@@ -94,10 +111,9 @@ def calibrate(config: Calibrate) -> CalibrationResult:
 
 
 def _rig(config: Calibrate) -> CalibrationRig:
-    if config.repeats < 1:
-        raise TwinError(f"--repeats {config.repeats}: must be at least 1")
+    bench = load(ModelConfig(scene="bench")).mj
     if config.switch_deg is None:
-        angles = switch_angles(load(ModelConfig(scene="bench")).mj)
+        angles = switch_angles(bench)
     else:
         a, b, c, d = (radians(v) for v in config.switch_deg)
         angles = (a, b, c, d)
@@ -106,7 +122,12 @@ def _rig(config: Calibrate) -> CalibrationRig:
                 f"--switch-deg {' '.join(f'{v:g}' for v in config.switch_deg)}: must be the angles"
                 " of +x, -x, +y, -y, such as 9 -9 9 -9"
             )
-    return CalibrationRig(switch_angle=angles, repeats=config.repeats, seed=config.seed)
+    return CalibrationRig(
+        switch_angle=angles,
+        repeats=config.repeats,
+        seed=config.seed,
+        linearisation=mechanism_map(bench).linearisation,
+    )
 
 
 def _numbered(seat: RigGimbal) -> int:

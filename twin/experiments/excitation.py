@@ -1,12 +1,12 @@
-"""What a gimbal is told in a test: one description, evaluated at the ticks of any gimbal seat.
+"""Test signals for a gimbal: one description, evaluated at the control ticks of any gimbal.
 
-Every signal is a list of levels held from tick to tick, so the same description moves servos in
-MuJoCo, an identified model and a rig over a wire, and the recording holds what each was told.
+Every signal is a list of levels held from tick to tick, so the same description commands servos in
+MuJoCo, an identified model and a rig on a line, and the recording holds the commands of each.
 
-A rig takes up commands when its next pulse frame begins, 50 times a second, so a command waits 0 to
-20 ms. Held levels would all wait alike if their holds were multiples of the frame, and a delay
-identified from them would be that of one phase. So their changes are spread evenly over the phases
-of a frame: the identified delay is the mean, and repeats of one step see different waits.
+A rig applies commands when its next pulse frame begins, 50 times a second, so a command waits 0 to
+20 ms. Levels held for a multiple of the frame would all wait equally long, and a delay
+identified from them would be that of one phase. Changes are therefore spread evenly over the phases
+of a frame: the identified delay is the mean, and repeats of one step have different waits.
 """
 
 import math
@@ -18,9 +18,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.frames import AXES
+from hardware.protocol import constants
 from twin.config import Signal
 from twin.errors import TwinError
-from twin.plant.model import AXES
 
 Array = NDArray[np.float64]
 
@@ -31,16 +32,16 @@ LONGEST = 3600.0  # s of one test
 CLEAN = 0.443  # a held random level's power is halved at 0.443 of its clock rate (sinc² = 1/2)
 REGISTER = (3, 16)  # stages of the shift register; SciPy has primitive polynomials for 2 to 32
 FINER = 1.0 / math.sqrt(2.0)  # ratio of neighbouring steps of a staircase
-FRAME = 0.02  # s; between two pulses of a hobby servo, `hardware.protocol` PWM_PERIOD_US
+FRAME = constants.PWM_PERIOD  # s; between two pulses of a hobby servo
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """One test of a gimbal, whoever sits in the seat.
+    """One test signal.
 
     Attributes
     ----------
-    signal : what kind
+    signal : kind of signal
     amplitude : largest angle either way from zero [rad]
     axis : axis excited; `both` takes one after the other
     repeats : steps per direction, periods, or sweeps
@@ -54,7 +55,7 @@ class Excitation:
 
     Raises
     ------
-    TwinError : a value that cannot be, with the flag it came from
+    TwinError : a value out of range, with its flag
     """
 
     signal: Signal = "steps"
@@ -71,10 +72,10 @@ class Excitation:
     def __post_init__(self) -> None:
         if self.signal not in get_args(Signal):
             valid = ", ".join(get_args(Signal))
-            raise TwinError(f"--signal {self.signal}: there are {valid}")
+            raise TwinError(f"--signal {self.signal}: must be one of {valid}")
         if not 0 < self.amplitude <= LARGEST_ANGLE * (1.0 + 1e-12):
             raise TwinError(
-                f"--amplitude-deg {math.degrees(self.amplitude):g}: must lie in 0 to 10, the stops"
+                f"--amplitude-deg {math.degrees(self.amplitude):g}: must be from 0 to 10, the stops"
             )
         if not 0.01 <= self.hold <= 100:
             raise TwinError(f"--hold-s {self.hold:g}: must lie in 0.01 to 100")
@@ -100,16 +101,16 @@ class Excitation:
             raise TwinError(f"--seed {self.seed}: must be a whole number from 0 to 2⁶³ − 1")
 
     def plan(self, tick: float) -> "Plan":
-        """Commands for a seat that is told a new angle every `tick` [s].
+        """Commands for a gimbal that takes a new angle every `tick` [s].
 
         Raises
         ------
-        TwinError : a frequency the ticks cannot carry, or more than an hour of commands
+        TwinError : a frequency too high for the ticks, or more than an hour of commands
         """
         if self.signal in ("chirp", "prbs", "multisine") and self.band[1] > 0.25 / tick:
             raise TwinError(
                 f"--band-hz {self.band[0]:g} {self.band[1]:g}: at {1.0 / tick:g} commands a second"
-                f" the upper one can be {0.25 / tick:g} at most"
+                f" the upper one must be at most {0.25 / tick:g}"
             )
         chosen = (0, 1) if self.axis == "both" else (AXES.index(self.axis),)
         if self.signal in _LEVELS:
@@ -140,25 +141,25 @@ class Excitation:
         hold, frame = _ticks(self.hold, tick), _frame(tick)
         moves = self.repeats * len(levels)
         self._check((moves + 2) * (hold + frame) * axes * tick)
-        told = np.concatenate([[0.0], np.tile(levels, self.repeats)])
+        sequence = np.concatenate([[0.0], np.tile(levels, self.repeats)])
         turns, now = [], 0
         for axis in range(axes):
             phases = _phases(self.repeats, len(levels), np.random.default_rng([self.seed, axis]))
             counts = []
             for phase in (phases * frame).astype(int):
-                # no hold is shorter than asked; it ends when the frame next has that phase
+                # no hold is shorter than asked for; it ends when the frame next has that phase
                 counts.append(hold + int(phase - now - hold) % frame)
                 now += counts[-1]
             counts.append(2 * hold)  # the last level and the rest, both zero
             now += counts[-1]
-            turns.append(np.repeat(told, counts))
+            turns.append(np.repeat(sequence, counts))
         return turns
 
     def _check(self, seconds: float) -> None:
         if seconds > LONGEST:
             raise TwinError(
-                f"--signal {self.signal} with these flags takes {seconds:.0f} s;"
-                f" {LONGEST:.0f} are the most"
+                f"--signal {self.signal}: takes {seconds:.0f} s with these settings; must be"
+                f" at most {LONGEST:.0f} s"
             )
 
 
@@ -188,7 +189,7 @@ def _ticks(seconds: float, tick: float) -> int:
 
 
 def _frame(tick: float) -> int:
-    """Phases of a pulse frame that commands of this tick can meet."""
+    """Number of phases of a pulse frame at which commands of this tick can begin."""
     return max(1, round(FRAME / tick))
 
 
@@ -212,7 +213,7 @@ def _steps(e: Excitation) -> Array:
 
 
 def _staircase(e: Excitation) -> Array:
-    """Ever smaller steps, √2 apart: each leaves zero and returns, so it must cross any play."""
+    """Ever smaller steps, √2 apart: each leaves zero and returns, so it crosses any backlash."""
     count = 1 + round(math.log(e.smallest / e.amplitude) / math.log(FINER))
     return _back_and_forth(np.geomspace(e.amplitude, e.smallest, count))
 
@@ -269,12 +270,12 @@ def _multisine(e: Excitation, tick: float) -> Array:
 
 
 def _triangle(e: Excitation, tick: float) -> Array:
-    """Slow and straight to both ends, so that the way up and the way down can be compared."""
+    """Slow ramps to both ends, so that rising and falling motion can be compared."""
     return _corners(e, tick, np.array([0.0, 0.25, 0.75, 1.0]), np.array([0.0, 1.0, -1.0, 0.0]))
 
 
 def _dog_leg(e: Excitation, tick: float) -> Array:
-    """Ramps with a bend, to either side: lag at two speeds, and what friction makes of the bend.
+    """Ramps with a change of slope, either way: lag at two speeds, and friction at the change.
 
     Fast to half the angle, on at a third of that speed, hold, the same back, hold.
     """

@@ -1,80 +1,107 @@
-"""One flight: what it is to do, when it is over, and what it amounted to."""
+"""One flight: when it is over, and its result."""
 
 import math
 from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.config import Fly
-from twin.control import PROGRAMMES, Setpoint, fixed_point, launch_of, steer_to
-from twin.errors import TwinError
-from twin.experiments.summary import FlightResult
+from twin.config.result import Result, Rows
+from twin.experiments.programme import Vector, start_of
+from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.loop.loop import Outcome
 from twin.plant.plant import Plant
-from twin.recorder.rows import Rows
+
+if TYPE_CHECKING:
+    from analysis.timing import Verdict
 
 Array = NDArray[np.float64]
-Vector = tuple[float, float, float]
 PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
 STUCK_NS = 1_000_000_000  # a vehicle at rest on its ramp for so long after burnout stays there
 AT_REST = 0.1  # m/s
 
 
-def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | None]:
-    """Setpoint programme of a flight, and the world point it steers to if any [m].
+@dataclass(frozen=True)
+class FlightResult(Result):
+    """A flight in numbers; None where a number has no meaning for it.
 
-    Raises
-    ------
-    TwinError : numbers that make no programme, a point outside the cone, or no gimbal to steer with
+    Attributes
+    ----------
+    recording : file written
+    ended : why the flight ended
+    mass_kg : at launch
+    flight_time_s : from time zero to the end
+    max_speed_m_s : of the gimbal pivot
+    powered_slant_range_m : distance from the launch point when the motor burned out
+    max_height_m : above the launch point
+    target_m : point steered to, east north up from the launch point
+    closest_approach_m : to that point
+    attitude_error_rms_deg : angle between nose and setpoint while the motor burned
+    physics_steps, physics_s : steps taken, and the time they took
+    wall_s : time of the whole command
+    warnings : MuJoCo's warnings with their counts
+    fault : what went wrong with the rig first; None where nothing did
+    turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU
+        measured, while the motor burned; None without a turntable
+    timing : whether real time left the flight valid; None in lockstep
     """
-    _refuse_steering_without_gimbal(config, model)
-    if config.target is None and config.programme != "point":
-        launch, _ = launch_of(model)
-        axis = _body_x(model) if config.turns_about == "x" else None
-        if config.programme == "hold":
-            return PROGRAMMES["hold"](launch=launch, axis=axis), None
-        angle = math.radians(config.amplitude_deg)
-        kind = PROGRAMMES[config.programme]
-        found = kind(launch=launch, axis=axis, amplitude=angle, begin=config.at_s)  # type: ignore[call-arg]
-        return found, None
-    if config.target is not None:
-        start = _start(model)
-        x, y, z = (o + t for o, t in zip(start, config.target, strict=True))
-        steering = steer_to(model, (x, y, z))
-    else:
-        if not config.target_range_m > 0:
-            raise TwinError(f"--target-range-m {config.target_range_m}: must be greater than zero")
-        right, up = (math.radians(angle) for angle in config.off_axis_deg)
-        steering = fixed_point(model, right, up, config.target_range_m)
-    return steering, steering.target
 
+    recording: str
+    ended: str
+    mass_kg: float
+    flight_time_s: float
+    max_speed_m_s: float
+    powered_slant_range_m: float | None
+    max_height_m: float
+    target_m: tuple[float, float, float] | None
+    closest_approach_m: float | None
+    attitude_error_rms_deg: float | None
+    loop_closure_max_um: float | None
+    physics_steps: int
+    physics_s: float
+    wall_s: float
+    warnings: dict[str, int]
+    fault: str | None = None
+    turntable_rms_deg: float | None = None
+    timing: "Verdict | None" = None
 
-def _refuse_steering_without_gimbal(config: Fly, model: mujoco.MjModel) -> None:
-    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "gimbal_x") >= 0:
-        return
-    if config.target is not None or config.programme != "hold":
-        what = "--target" if config.target is not None else f"--programme {config.programme}"
-        raise TwinError(
-            f"{what}: this vehicle's motor is fixed (it has no joint 'gimbal_x'), so it can only"
-            " fly as it is launched, --programme hold"
-        )
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was wrong with the rig."""
+        return self.fault is None
 
+    def as_dict(self) -> dict[str, object]:
+        """JSON values, in SI units unless the name gives another."""
+        timing = None if self.timing is None else self.timing.as_dict()
+        return {**asdict(replace(self, timing=None)), "timing": timing}
 
-def _start(model: mujoco.MjModel) -> Vector:
-    q = int(model.joint("vehicle").qposadr[0])
-    x, y, z = model.qpos0[q : q + 3]
-    return float(x), float(y), float(z)
-
-
-def _body_x(model: mujoco.MjModel) -> Vector:
-    """The vehicle's x axis at the launch, in the world."""
-    q = int(model.joint("vehicle").qposadr[0])
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, model.qpos0[q + 3 : q + 7])
-    return float(matrix[0]), float(matrix[3]), float(matrix[6])
+    def rows(self) -> Rows:
+        """The flight as a table."""
+        rows = [
+            ("ended", f"{self.ended}, after {self.flight_time_s:.2f} s"),
+            ("launch mass", f"{self.mass_kg:.3f} kg"),
+            ("top speed", f"{self.max_speed_m_s:.1f} m/s"),
+            ("height", f"{self.max_height_m:.0f} m"),
+        ]
+        if self.powered_slant_range_m is not None:
+            rows.append(("range at burnout", f"{self.powered_slant_range_m:.0f} m"))
+        if self.closest_approach_m is not None and self.target_m is not None:
+            place = ", ".join(f"{c:.0f}" for c in self.target_m)
+            rows.append(("closest approach", f"{self.closest_approach_m:.2f} m to ({place}) m"))
+        if self.attitude_error_rms_deg is not None:
+            rows.append(("attitude error", f"{self.attitude_error_rms_deg:.2f}° rms under power"))
+        if self.turntable_rms_deg is not None:
+            error = f"{self.turntable_rms_deg:.2f}° rms under power, by the base IMU"
+            rows.append(("attitude estimate", error))
+        if self.loop_closure_max_um is not None:
+            rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
+        rows.append(computing_row(self.wall_s, self.physics_steps, self.physics_s))
+        rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
+        return rows + recording_rows(self.recording)
 
 
 def _numeric(model: mujoco.MjModel, name: str) -> Array:
@@ -82,17 +109,17 @@ def _numeric(model: mujoco.MjModel, name: str) -> Array:
 
 
 class Flight:
-    """Watches a flight tick by tick; decides when it is over and sums it up.
+    """Watches a flight tick by tick, decides when it is over, and gives its result.
 
     Attributes
     ----------
-    announce : told time [ns] and text of what happens
-    burnout_ns : when the motor has burned out [ns]
+    announce : called with time [ns] and text of every event
+    burnout_ns : time of burnout [ns]
     """
 
-    def __init__(self, plant: Plant, rows: Rows, error: Array, target: Vector | None) -> None:
-        self._plant, self._rows, self._error = plant, rows, error
-        self._start = _start(plant.model)
+    def __init__(self, plant: Plant, error: Array, target: Vector | None) -> None:
+        self._plant, self._error = plant, error
+        self._start = start_of(plant.model)
         self._target = None if target is None else np.array(target)
         self.burnout_ns = round(_burnout(plant.model) * 1e9)
         self._ignition_ns = round(float(_numeric(plant.model, "motor_ignition")[0]) * 1e9)
@@ -110,25 +137,25 @@ class Flight:
         self.announce: Callable[[int, str], None] = lambda *_: None
 
     def watch(self, time_ns: int) -> None:
-        """Take note of the plant's state at this tick."""
+        """Record what the result needs of this tick."""
         plant = self._plant
         x, y, z = plant.position.tolist()
         self._position.append((x, y, z))
         vx, vy, vz = plant.velocity.tolist()
         speed = vx * vx + vy * vy + vz * vz
         self._speed = max(self._speed, speed)
-        if self._rows.closure[0] > self._closure or self._rows.closure[1] > self._closure:
-            self._closure = float(self._rows.closure.max())
+        if plant.closure[0] > self._closure or plant.closure[1] > self._closure:
+            self._closure = float(plant.closure.max())
         if time_ns <= self.burnout_ns:
             ex, ey = self._error.tolist()
             self._errors.append(ex * ex + ey * ey)
         elif self._burnout_range is None:
             self._burnout_range = math.dist((x, y, z), self._start)
-            self._tell(time_ns, "burnout", self._burnout_range, vx, vy, vz)
+            self._report(time_ns, "burnout", self._burnout_range, vx, vy, vz)
         away = math.dist((x, y, z), self._start)
         if self._on_ramp and away > self._ramp and time_ns >= self._ignition_ns:
             self._on_ramp = False
-            self._tell(time_ns, "left the ramp", self._ramp, vx, vy, vz)
+            self._report(time_ns, "left the ramp", self._ramp, vx, vy, vz)
         if self._on_ramp and speed > AT_REST**2:
             self._moved_ns = max(time_ns, self.burnout_ns)
         if self._target is not None:
@@ -138,7 +165,7 @@ class Flight:
             elif distance < self._closest:
                 self._closest, self._closest_ns = distance, time_ns
 
-    def _tell(self, time_ns: int, what: str, distance: float, *velocity: float) -> None:
+    def _report(self, time_ns: int, what: str, distance: float, *velocity: float) -> None:
         speed = math.hypot(*velocity)
         self.announce(time_ns, f"{what} at {speed:.1f} m/s, {distance:.1f} m from the launch point")
 
@@ -155,7 +182,7 @@ class Flight:
         return None
 
     def result(self, recording: Path, outcome: Outcome, wall_s: float) -> FlightResult:
-        """Sum the flight up."""
+        """The flight in numbers."""
         plant = self._plant
         track = np.array(self._position)
         target = None if self._target is None else self._target - self._start
@@ -182,7 +209,7 @@ class Flight:
 
 
 def _burnout(model: mujoco.MjModel) -> float:
-    """When the motor has burned out [s]: the last point of its curve with thrust before it."""
+    """Time of burnout [s]: the last point of the thrust curve with thrust before it."""
     time, thrust = _numeric(model, "motor_time"), _numeric(model, "motor_thrust")
     last = int(np.flatnonzero(thrust > 0)[-1]) + 1 if (thrust > 0).any() else 0
     return float(time[min(last, time.size - 1)] + _numeric(model, "motor_ignition")[0])

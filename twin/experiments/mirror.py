@@ -1,54 +1,45 @@
-"""`twin mirror`: the MuJoCo gimbal follows what a rig measures, live or from a tape."""
+"""`twin mirror`: the simulated gimbal follows what a rig measures, live or recorded."""
 
 import time
 from array import array
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hardware.events import RigBack, RigLost
 from hardware.protocol import Board
 from twin.config import Mirror
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
-from twin.experiments.session import (
-    compiled,
-    make_clock,
-    make_plant,
-    make_recorder,
-    rig_options,
-    steps_per_tick,
-)
+from twin.experiments.session import Session
 from twin.experiments.signals import until_signal
-from twin.hil import RigGimbal, open_rig
+from twin.experiments.summary import recording_rows
+from twin.hil import RigGimbal
+from twin.hil.playback import Tape as Playback
 from twin.hil.teleop import Keys, Stick, Watch
-from twin.loop.loop import Controller, Gimbal, Seats, run
+from twin.loop.loop import Controller
 from twin.loop.readings import Readings
-from twin.plant.plant import Plant
-from twin.recorder.rows import Rows
-
-if TYPE_CHECKING:
-    from twin.hil.playback import Tape
 
 ENDLESS_NS = 1 << 62
-# The rig is looked at more often than rows are worth keeping, so that no frame waits for its tick.
+# The rig is polled more often than rows are needed, so that no frame waits for its tick.
 ROW_NS = 2_000_000
 # A write of the recorder holds the loop up for milliseconds: seldom, but for a watching viewer.
 DRAIN_NS, DRAIN_LIVE_NS = 2_000_000_000, 100_000_000
 
 
 @dataclass(frozen=True)
-class MirrorResult:
-    """What a mirror saw.
+class MirrorResult(Result):
+    """What a mirror followed.
 
     Attributes
     ----------
-    rig : what it was
-    ended : why
+    rig : its seat, board and serial number
+    ended : reason of the end
     frames : sensor frames followed
     pose_age_ms : median and 99th percentile of the time from a device's stamp to the pose that
-        shows it; None without readings or for a tape
+        shows it; None without readings or for a recording
     lost, crc_errors : frames
     gaps_s : times without the rig
     health : last state of connection and sensors
@@ -70,8 +61,8 @@ class MirrorResult:
         """JSON values."""
         return asdict(self)
 
-    def text(self) -> str:
-        """One screen."""
+    def rows(self) -> Rows:
+        """The run as a table."""
         rows = [
             ("rig", self.rig),
             ("ended", f"{self.ended}, after {self.duration_s:.2f} s"),
@@ -83,19 +74,14 @@ class MirrorResult:
         if self.gaps_s:
             times = ", ".join(f"{g:.2f}" for g in self.gaps_s)
             rows.append(("without the rig", f"{len(self.gaps_s)} times: {times} s"))
-        rows += [
-            ("health", self.health),
-            ("recording", self.recording),
-            ("", f"twin view {self.recording}"),
-        ]
-        return "\n".join(f"{name:<18}{value}" for name, value in rows)
+        return [*rows, ("health", self.health), *recording_rows(self.recording)]
 
 
 class _Witness:
     """Counts frames and notes the age of each pose, once the plant has taken the tick's step."""
 
     def __init__(self, readings: Readings, now_ns: Callable[[], int] | None) -> None:
-        self._readings, self._now = readings, now_ns
+        self.readings, self._now = readings, now_ns
         self.frames = 0
         self.ages = array("q")
         self.gaps: list[float] = []
@@ -103,12 +89,12 @@ class _Witness:
         self._seen_ns = 0
 
     def look(self, time_ns: int) -> None:
-        r = self._readings
+        r = self.readings
         self.frames += sum(f.time_ns >= 0 for f in r.frames)
-        for level, text in r.news:
-            if level == "WARN" and text.startswith("rig lost"):
+        for event in r.events:
+            if isinstance(event, RigLost):
                 self._since = time_ns
-            elif self._since is not None and text.startswith("rig back"):
+            elif self._since is not None and isinstance(event, RigBack):
                 self.gaps.append((time_ns - self._since) * 1e-9)
                 self._since = None
         self._seen_ns = time_ns
@@ -128,57 +114,46 @@ class _Witness:
 
 
 def mirror(config: Mirror) -> MirrorResult:
-    """Follow a rig, or a tape, until it is interrupted or its time is over.
+    """Follow a rig, or a recording, until interrupted or the time is over.
 
     Raises
     ------
     TwinError, HardwareError, AnalysisError : in one line, what cannot be opened and what to do
     """
     began = time.perf_counter()
-    with ExitStack() as stack:
-        stack.enter_context(compiled())
-        plant = _follower(config)
-        steps = steps_per_tick(config.control_hz, plant)
+    with Session(config, "mirror", config.control_hz, timed=False) as s, ExitStack() as stack:
+        plant = s.plant
+        if plant.twin.gimbal != "follow":
+            raise TwinError(f"--scene {config.scene}: has no gimbal to follow a rig with")
         keys = stack.enter_context(Keys()) if config.steer == "keys" else None
         ended = stack.enter_context(until_signal())
-        if config.tape is None:
-            rig = stack.enter_context(open_rig(rig_options(config, watch=not config.steer), plant))
-            gimbal: Gimbal = rig
-            readings, controller = rig.readings, _controller(config, keys, rig)
-            witness = _Witness(readings, rig.now_ns)
-            length, name = ENDLESS_NS, _name(config, rig)
+        length = ENDLESS_NS
+        if config.playback is None:
+            s.connect(watch=not config.steer)
+            assert s.rig is not None
+            controller, name = _controller(config, keys, s.rig), _name(config, s.rig)
+            witness = _Witness(s.rig.readings, s.rig.now_ns)
         else:
-            tape = _tape(config, plant)
-            gimbal, readings, controller = tape, tape.readings, tape
-            witness = _Witness(readings, None)
-            length = tape.duration_ns + steps * plant.dt_ns  # the last reading belongs to a tick
-            name = f"tape {config.tape}"
+            tape = Playback(config.playback, plant)
+            s.seat(tape, tape.readings)
+            controller, name = tape, f"recording {config.playback}"
+            witness = _Witness(tape.readings, None)
+            length = tape.duration_ns + s.tick_ns  # the last reading belongs to a tick
         if config.duration_s is not None:
             length = min(length, round(config.duration_s * 1e9))
-        rows = Rows(plant, readings=readings)
         drain = DRAIN_NS if config.serve is None else DRAIN_LIVE_NS
-        recorder = stack.enter_context(
-            make_recorder(config, "mirror", plant.twin, rows, serve=config.serve, drain_ns=drain)
-        )
-        rows.bind(recorder)
-        clock = stack.enter_context(make_clock(real_time=config.real_time))
+        recorder = s.record(serve=config.serve, drain_ns=drain)
+        readings, rows = witness.readings, s.rows
 
         def write(time_ns: int) -> None:
-            if readings.frames or readings.news or time_ns % ROW_NS == 0:
+            if readings.frames or readings.events or time_ns % ROW_NS == 0:
                 rows.write(time_ns)
 
         def over() -> str | None:
             witness.look(plant.time_ns)
             return "q" if keys is not None and keys.ended else ended()
 
-        outcome = run(
-            Seats(plant, gimbal, controller, clock),
-            steps_per_tick=steps,
-            duration_ns=length,
-            command=rows.command,
-            each_tick=(write,),
-            stop=over,
-        )
+        outcome = s.run(controller, length, each_tick=(write,), stop=over)
         recorder.event(plant.time_ns, f"mirror ended: {outcome.ended}")
     return MirrorResult(
         recording=str(recorder.path),
@@ -195,13 +170,6 @@ def mirror(config: Mirror) -> MirrorResult:
     )
 
 
-def _follower(config: Mirror) -> Plant:
-    plant = make_plant(config)
-    if plant.twin.gimbal != "follow":
-        raise TwinError(f"scene {config.scene!r} has no gimbal to follow a rig with")
-    return plant
-
-
 def _controller(config: Mirror, keys: Keys | None, rig: RigGimbal) -> Controller:
     if keys is not None:
         return keys
@@ -213,10 +181,3 @@ def _name(config: Mirror, rig: RigGimbal) -> str:
     assert hello is not None
     board = Board(hello.board).name.lower() if hello.board in list(Board) else str(hello.board)
     return f"{config.gimbal} ({board} {hello.serial:08x})"
-
-
-def _tape(config: Mirror, plant: Plant) -> "Tape":
-    from twin.hil.playback import Tape
-
-    assert config.tape is not None
-    return Tape(config.tape, plant)

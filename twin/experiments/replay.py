@@ -1,8 +1,7 @@
-"""`twin replay`: fly a recorded run again, bit for bit, or with something changed.
+"""`twin replay`: repeat a recorded run, bit for bit or with changed settings.
 
-The recording's properties are the configuration. Where a rig had the gimbal seat, its recorded
-frames take its place, fused again; nothing else is taken from the file but the arrays that the new
-run is compared with.
+The recording's properties are the settings. Its recorded frames take the place of a rig and are
+fused again; the only other data used are the arrays that the new run is compared with.
 """
 
 from collections.abc import Mapping
@@ -13,17 +12,20 @@ from pathlib import Path
 import numpy as np
 
 from analysis.recording import Recording, read
-from twin.config import Fly, Replay, Run, Step, heeded, with_model
+from twin.config import OBJECT, Fly, Replay, Run, Step, added, with_model, without_ineffective
 from twin.config.recorded import configuration_of
+from twin.config.result import Result, Rows
 from twin.config.seats import MODELS, is_port, is_rig
 from twin.errors import TwinError
-from twin.experiments.fly import fly, step
-from twin.experiments.session import VERSIONS, compiled, make_plant
-from twin.experiments.summary import FlightResult, StepResult
+from twin.experiments.assembly import make_plant
+from twin.experiments.flight import FlightResult
+from twin.experiments.fly import fly
+from twin.experiments.provenance import VERSIONS
+from twin.experiments.step import StepResult, step
+from twin.plant.compiled import compiled
 
-WIDTH = 28
-TAPED = "(the rig's recorded angles flew: nothing answers a difference, and it grows)"
-CLOCKED = "timing/"  # what the wall clock alone decides
+RECORDED_ANGLES = "(the rig's recorded angles do not react to a difference, so it grows)"
+CLOCKED = "timing/"  # signals that the wall clock alone decides
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,8 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class ReplayResult:
-    """A run flown again, compared with what was recorded.
+class ReplayResult(Result):
+    """A repeated run, compared with the recorded one.
 
     Attributes
     ----------
@@ -54,7 +56,8 @@ class ReplayResult:
     changed : settings that differ, with old and new value
     differences : by signal
     missing : signals only one of the two has
-    taped : the gimbal's angles were those of a recorded rig, whatever was commanded
+    recorded_angles : whether the gimbal's angles were those of a recorded rig, whatever was
+        commanded
     """
 
     recording: str
@@ -64,7 +67,7 @@ class ReplayResult:
     missing: tuple[str, ...]
     before: Mapping[str, float]
     after: Mapping[str, float]
-    taped: bool = False
+    recorded_angles: bool = False
 
     @property
     def identical(self) -> bool:
@@ -85,43 +88,49 @@ class ReplayResult:
             "changed": {k: list(v) for k, v in self.changed.items()},
             "differences": [asdict(d) for d in self.differences],
             "missing": list(self.missing),
-            "recorded_angles": self.taped,
+            "recorded_angles": self.recorded_angles,
             "before": dict(self.before),
             "after": dict(self.after),
         }
 
-    def text(self) -> str:
-        """One screen."""
-        lines = [f"{'replayed':<{WIDTH}}{self.recording}"]
-        lines += [f"{k:<{WIDTH}}{a} → {b}" for k, (a, b) in self.changed.items()]
+    def rows(self) -> Rows:
+        """The comparison as a table."""
+        rows = [("replayed", self.recording)]
+        rows += [(k, f"{a} → {b}") for k, (a, b) in self.changed.items()]
         if self.identical:
-            count = len(self.differences)
-            lines.append(f"{'result':<{WIDTH}}identical, every bit of {count} signals")
+            rows.append(("result", f"identical, every bit of {len(self.differences)} signals"))
         else:
-            word = "differs" if self.changed else "NOT repeated, though nothing was changed"
-            lines.append(f"{'result':<{WIDTH}}{word}")
-            if self.taped:
-                lines.append(f"{'':<{WIDTH}}{TAPED}")
-            lines += [_line(d) for d in self.differences if not d.equal]
-            lines += [f"{name:<{WIDTH}}only in one of the two" for name in self.missing]
-            lines += [
-                f"{k:<{WIDTH}}{self.before[k]:.4g} → {self.after[k]:.4g}"
+            verdict = "differs" if self.changed else "NOT repeated, although nothing was changed"
+            rows.append(("result", verdict))
+            if self.recorded_angles:
+                rows.append(("", RECORDED_ANGLES))
+            rows += [(d.signal, _difference_text(d)) for d in self.differences if not d.equal]
+            rows += [(name, "only in one of the two") for name in self.missing]
+            rows += [
+                (k, f"{self.before[k]:.4g} → {self.after[k]:.4g}")
                 for k in self.before
                 if k in self.after and self.before[k] != self.after[k]
             ]
-        return "\n".join([*lines, f"{'recording':<{WIDTH}}{self.replayed}"])
+        return [*rows, ("recording", self.replayed)]
 
 
-def replay(config: Replay) -> ReplayResult:
-    """Fly a recorded run again and compare.
+def replay(config: Replay, controller: object | None = None) -> ReplayResult:
+    """Repeat a recorded run and compare the two.
+
+    Parameters
+    ----------
+    controller : own controller object in place of `config.controller`
 
     Raises
     ------
-    TwinError : the recording cannot be flown again here, or not without `--force`
-    AnalysisError : it is no sound recording
+    TwinError : the recording cannot be repeated, or not without `--force`
+    AnalysisError : it is not a valid recording
     """
     old = read(config.recording)
-    recorded = heeded(configuration_of(old))
+    recorded = without_ineffective(configuration_of(old))
+    if controller is not None:
+        config = replace(config, controller=f"{OBJECT}{type(controller).__name__}")
+    _check_controller(recorded, config)
     asked = _changed(recorded, config)
     if not config.force:
         _check(old, recorded, config.recording)
@@ -129,23 +138,46 @@ def replay(config: Replay) -> ReplayResult:
     if out.resolve() == config.recording.resolve():
         raise TwinError(f"--out {out}: the replay must not overwrite what it repeats")
     # a rig that is named anew is simulated anew; otherwise its recorded frames stand in for it
-    tape = old if is_rig(asked.gimbal) and config.gimbal is None else None
-    result = _flown(replace(asked, out=out), tape)
+    playback = old if is_rig(asked.gimbal) and config.gimbal is None else None
+    result = _flown(replace(asked, out=out), playback, controller)
     new = read(result.recording)
     return ReplayResult(
         recording=str(config.recording),
         replayed=result.recording,
-        changed=_settings(recorded, asked),
+        changed=_settings(recorded, asked) | _edited(old, new),
         differences=differences(old, new),
         missing=tuple(sorted(n for n in set(old.series) ^ set(new.series) if _counts(n))),
         before=_figures(old),
         after=_figures(new),
-        taped=tape is not None,
+        recorded_angles=playback is not None,
     )
 
 
+def _check_controller(recorded: Run, config: Replay) -> None:
+    """Demand an own controller where there was one: a file named in a recording is not executed."""
+    before = getattr(recorded, "controller", None)
+    if before is not None and config.controller is None:
+        raise TwinError(
+            f"{config.recording} was flown with the own controller {before}; a file named in a"
+            " recording is not executed, so give --controller FILE.py:NAME"
+        )
+
+
+def _edited(old: Recording, new: Recording) -> dict[str, tuple[str, str]]:
+    """An own controller whose file is another one than when the run was recorded."""
+    before, after = (_digest(recording, "controller") for recording in (old, new))
+    return {} if before == after else {"controller's SHA-256": (before, after)}
+
+
+def _digest(recording: Recording, file: str) -> str:
+    """First digits of the SHA-256 of a file that a run was given."""
+    files = recording.properties.get("files")
+    kept = files.get(file) if isinstance(files, dict) else None
+    return str(kept.get("sha256"))[:12] if isinstance(kept, dict) and kept else "none"
+
+
 def differences(old: Recording, new: Recording) -> tuple[Difference, ...]:
-    """Compare every signal that both hold and the wall clock does not decide."""
+    """Compare every signal of both that does not depend on the wall clock."""
     return tuple(
         _difference(name, old, new)
         for name in sorted(set(old.series) & set(new.series))
@@ -174,7 +206,7 @@ def _counts(name: str) -> bool:
 
 
 def _check(old: Recording, recorded: Run, path: Path) -> None:
-    """Refuse what would not be the same run: other libraries, or another model."""
+    """Refuse a run with other versions of libraries, or another model."""
     versions = old.properties.get("versions")
     versions = versions if isinstance(versions, dict) else {}
     other = [
@@ -184,18 +216,18 @@ def _check(old: Recording, recorded: Run, path: Path) -> None:
     ]
     if other:
         raise TwinError(
-            f"{path} was flown with {', '.join(other)}; --force replays it all the same"
+            f"{path} was flown with {', '.join(other)}; --force replays it nevertheless"
         )
     try:
         with compiled():
             digest = make_plant(recorded, getattr(recorded, "motor", None)).twin.sha256
     except TwinError as error:
-        raise TwinError(f"{path} cannot be flown again as it was: {error}") from None
+        raise TwinError(f"{path} cannot be repeated unchanged: {error}") from None
     if digest != old.properties.get("model_sha256"):
         raise TwinError(
-            f"{path} was flown with another model than its files make today (SHA-256"
+            f"{path} was flown with a model that differs from that of its files (SHA-256"
             f" {str(old.properties.get('model_sha256'))[:12]}…, here {digest[:12]}…);"
-            " --force replays it all the same"
+            " --force replays it nevertheless"
         )
 
 
@@ -204,60 +236,61 @@ def _changed(recorded: Run, config: Replay) -> Run:
     # a port lives in real time, but its recorded frames do not
     clock = None if is_port(recorded.gimbal) else "lockstep"
     changes: dict[str, object] = {"clock": clock, "json": False}
-    for name in ("integrator", "dt", "gimbal", "control_hz", "seed"):
+    for name in ("integrator", "dt", "gimbal", "control_hz", "seed", "controller"):
         value = getattr(config, name)
         if value is None:
             continue
         if name not in {f.name for f in fields(recorded)}:
-            raise TwinError(f"--{name.replace('_', '-')}: this recording has no such setting")
+            raise TwinError(f"--{name.replace('_', '-')}: the recorded run has no such setting")
         changes[name] = value
-    if config.set:
-        changes["set"] = (*recorded.set, *config.set)  # the later of two wins
     if config.gimbal in MODELS:
-        return with_model(recorded, **changes)  # type: ignore[arg-type]
-    return replace(recorded, **changes)  # type: ignore[arg-type]
+        changed = with_model(recorded, **changes)  # type: ignore[arg-type]
+    else:
+        changed = replace(recorded, **changes)  # type: ignore[arg-type]
+    return added(changed, config.overrides)
 
 
 def _settings(recorded: Run, asked: Run) -> dict[str, tuple[str, str]]:
     silent = ("out", "json", "clock")
     pairs = ((f.name, getattr(recorded, f.name), getattr(asked, f.name)) for f in fields(recorded))
-    return {n: (_told(a), _told(b)) for n, a, b in pairs if n not in silent and a != b}
+    return {n: (_text(a), _text(b)) for n, a, b in pairs if n not in silent and a != b}
 
 
-def _told(value: object) -> str:
+def _text(value: object) -> str:
     if isinstance(value, tuple):
-        return " ".join(map(str, value)) or "nothing"
+        pairs = (f"{v[0]}={v[1]:g}" if isinstance(v, tuple) else str(v) for v in value)
+        return " ".join(pairs) or "nothing"
     return "default" if value is None else str(value)
 
 
-def _flown(config: Run, tape: Recording | None) -> FlightResult | StepResult:
+def _flown(
+    config: Run, playback: Recording | None, own: object | None
+) -> FlightResult | StepResult:
     if isinstance(config, Fly):
-        return fly(config, tape)
+        return fly(config, playback, own)
     assert isinstance(config, Step)
-    return step(config, tape)
+    return step(config, playback)
 
 
 def _figures(recording: Recording) -> dict[str, float]:
-    """What a person asks of a flight first."""
-    found: dict[str, float] = {}
+    """The figures of a flight that are compared first."""
+    figures: dict[str, float] = {}
     series = recording.series
     if "vehicle/position" in series:
         position = series["vehicle/position"]
-        found["flight time [s]"] = float(position.time[-1])
-        found["height [m]"] = float(position.values[:, 2].max())
-        found["end east [m]"], found["end north [m]"] = map(float, position.values[-1, :2])
+        figures["flight time [s]"] = float(position.time[-1])
+        figures["height [m]"] = float(position.values[:, 2].max())
+        figures["end east [m]"], figures["end north [m]"] = map(float, position.values[-1, :2])
     if "control/error" in series:
         error = np.linalg.norm(series["control/error"].values, axis=1)
-        found["attitude error rms [°]"] = float(np.degrees(np.sqrt(np.nanmean(error**2))))
-    return found
+        figures["attitude error rms [°]"] = float(np.degrees(np.sqrt(np.nanmean(error**2))))
+    return figures
 
 
-def _line(d: Difference) -> str:
+def _difference_text(d: Difference) -> str:
     if d.largest is None:
-        told = "nothing at the same time"
-    elif d.largest == 0.0:
-        told = "equal where both have something, but not as long or not as often"
-    else:
-        unit = "" if d.unit == "1" else f" {d.unit}"
-        told = f"up to {d.largest:.3g}{unit} at {d.at:.3f} s"
-    return f"{d.signal:<{WIDTH}}{told}"
+        return "no common time stamps"
+    if d.largest == 0.0:
+        return "equal at common time stamps, but of another length or rate"
+    unit = "" if d.unit == "1" else f" {d.unit}"
+    return f"up to {d.largest:.3g}{unit} at {d.at:.3f} s"

@@ -6,34 +6,28 @@ import math
 import time
 from dataclasses import asdict
 
-from hardware.emulator import serve
+from hardware.device import serve
 from twin.config import Rig
-from twin.errors import TwinError
-from twin.experiments.session import compiled
 from twin.experiments.signals import until_signal
 from twin.hil import RigOptions, device
 from twin.loop import realtime
-from twin.plant import overrides
+from twin.plant.compiled import compiled
 
 
 def rig(config: Rig) -> None:
-    """Serve a simulated rig until SIGINT, SIGTERM or its time is over; prints its port first.
+    """Serve a simulated rig until SIGINT, SIGTERM or the end of its time; prints its port first.
 
     Raises
     ------
     TwinError, HardwareError : it cannot be made or served, in one line
     """
-    if config.port is not None and config.link is not None:
-        raise TwinError("--link names a pseudo-terminal; with --port the rig is served over TCP")
     life = math.inf if config.duration_s is None else config.duration_s
-    if not life > 0:
-        raise TwinError(f"--duration-s {life}: must be greater than zero")
     options = RigOptions(
         seat=config.kind,
         unit=config.unit,
         faults=config.fault,
         seed=config.seed,
-        overrides=overrides.parse(config.set),
+        overrides=config.overrides,
         scene=config.scene,
     )
     with compiled(), until_signal() as ended:
@@ -42,9 +36,9 @@ def rig(config: Rig) -> None:
             # a collection in the middle would hold the telemetry back for milliseconds
             gc.collect()
             gc.freeze()
-            with realtime.requested() as rights:  # a board on the desk waits for no other program
-                told = {"port": server.port.url, "kind": config.kind, "rights": asdict(rights)}
-                print(json.dumps(told) if config.json else server.port.url, flush=True)
+            with realtime.requested() as rights:  # a real board does not share its processor
+                place = {"port": server.port.url, "kind": config.kind, "rights": asdict(rights)}
+                print(json.dumps(place) if config.json else server.port.url, flush=True)
                 end = time.monotonic() + life
                 server.run(until=lambda: ended() is not None or time.monotonic() >= end)
         simulated.close()

@@ -1,4 +1,4 @@
-"""Commands that run until somebody ends them, and end well then."""
+"""Clean ends for verbs that run until they are interrupted."""
 
 import signal
 import threading
@@ -9,10 +9,10 @@ from types import FrameType
 
 @contextmanager
 def until_signal() -> Iterator[Callable[[], str | None]]:
-    """A predicate that tells the signal that has come, SIGINT or SIGTERM; None before.
+    """A function that returns which signal arrived, SIGINT or SIGTERM; None before.
 
-    The signals end nothing by themselves meanwhile. Off the main thread they cannot be caught, and
-    the predicate stays None.
+    The signals do not end the process meanwhile. Off the main thread they cannot be caught, and
+    the function always returns None.
     """
     came: list[str] = []
 

@@ -1,21 +1,122 @@
-"""Excitation of a gimbal: from what was asked to commands, and from the recording to figures."""
+"""`twin step`: a test signal on a clamped gimbal, and the figures of its response."""
 
 import math
+import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.config import Step
+from twin.config.result import Result, Rows
+from twin.errors import TwinError
 from twin.experiments.excitation import Excitation
-
-IN_FULL = ("peak", "peak time")  # told by --json and the report; a screen is small
+from twin.experiments.session import Session
+from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
+from twin.loop.seats import Sequence as Commands
 
 if TYPE_CHECKING:
+    from analysis.recording import Recording
     from analysis.report.figures import AxisFigures
+    from analysis.timing import Verdict
+
+IN_FULL = ("peak", "peak time")  # only with --json and in the report; a screen is small
+
+
+@dataclass(frozen=True)
+class StepResult(Result):
+    """Response of a gimbal to a test signal.
+
+    Attributes
+    ----------
+    signal : kind of test signal
+    figures : per axis what the signal can show, and notes on what could not be measured
+    excitation_s : experiment time commanded
+    fault : what went wrong with the rig first; None where nothing did
+    timing : whether real time left the run valid; None in lockstep
+    """
+
+    recording: str
+    gimbal: str
+    signal: str
+    figures: "tuple[AxisFigures, ...]"
+    excitation_s: float
+    physics_steps: int
+    physics_s: float
+    wall_s: float
+    warnings: dict[str, int]
+    fault: str | None = None
+    timing: "Verdict | None" = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was wrong with the rig."""
+        return self.fault is None
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values; `figures` has one row per axis and figure, null where not measurable."""
+        rows = [{"axis": a.axis, **f.to_dict()} for a in self.figures for f in a.figures]
+        notes = [f"{a.axis}: {note}" for a in self.figures for note in a.notes]
+        others = {k: v for k, v in vars(self).items() if k not in ("figures", "timing")}
+        others["timing"] = None if self.timing is None else self.timing.as_dict()
+        return {**others, "figures": rows, "notes": notes}
+
+    def rows(self) -> Rows:
+        """The response as a table."""
+        rows = [("gimbal", self.gimbal), ("signal", f"{self.signal}, {self.excitation_s:.1f} s")]
+        rows += lines(self.figures)
+        rows.append(computing_row(self.wall_s, self.physics_steps, self.physics_s))
+        rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
+        return rows + recording_rows(self.recording)
+
+
+def step(config: Step, playback: "Recording | None" = None) -> StepResult:
+    """Command a gimbal on the bench with a test signal and record its response.
+
+    Parameters
+    ----------
+    playback : recording whose readings take the place of a rig
+
+    Raises
+    ------
+    TwinError : something the user asked for cannot be done, in one line
+    DivergenceError : the physics left the finite numbers; the recording up to there is kept
+    """
+    began = time.perf_counter()
+    signal = excitation(config)
+    with Session(config, "step", config.control_hz, playback=playback) as s:
+        plant = s.plant
+        if plant.twin.gimbal == "fixed":
+            raise TwinError(f"--scene {config.scene}: has no gimbal to step")
+        plan = signal.plan(s.tick_ns * 1e-9)
+        s.connect()
+        commands = Commands(plan.times, plan.angles)
+        guard = s.guard(commands, config.on_fault)
+        recorder = s.record(guard)
+        s.rehearse(commands)
+        s.run(
+            guard or commands,
+            round(plan.duration * 1e9),
+            stop=guard.over if guard else lambda: None,
+        )
+        timing = s.verdict()
+    return StepResult(
+        recording=str(recorder.path),
+        gimbal=config.gimbal,
+        signal=config.signal,
+        excitation_s=plan.duration,
+        figures=figures(recorder.path),
+        physics_steps=plant.steps,
+        physics_s=plant.computing_s,
+        wall_s=time.perf_counter() - began,
+        warnings=plant.warnings(),
+        fault=guard.fault if guard else None,
+        timing=timing,
+    )
 
 
 def excitation(config: Step) -> Excitation:
-    """What the gimbal is to be told, in radians.
+    """The test signal, in radians.
 
     Raises
     ------
@@ -37,15 +138,15 @@ def excitation(config: Step) -> Excitation:
 
 
 def figures(recording: Path) -> "tuple[AxisFigures, ...]":
-    """Figures of a recording, per axis and of both; axes that were not commanded are left out."""
+    """Figures of a recording, per axis and of both; axes without commands are left out."""
     from analysis.recording import load
     from analysis.report.figures import run_figures
 
     return tuple(f for f in run_figures(load(recording)) if f.kind != "still")
 
 
-def lines(figures: "Sequence[AxisFigures]") -> list[tuple[str, str]]:
-    """One row a figure, as people read it, a column for every axis and direction."""
+def lines(figures: "Sequence[AxisFigures]") -> Rows:
+    """One row a figure, with a column for every axis and direction."""
     from analysis.report.words import amplitude_text, split, value_text
 
     cells: dict[str, dict[tuple[str, str], str]] = {}
@@ -63,14 +164,14 @@ def lines(figures: "Sequence[AxisFigures]") -> list[tuple[str, str]]:
     rows = []
     for directed in (True, False):
         columns = [c for c in sorted(heads, key=lambda c: (len(c[0]), c)) if bool(c[1]) is directed]
-        told = {n: by for n, by in cells.items() if set(by) & set(columns)}
+        shown = {n: by for n, by in cells.items() if set(by) & set(columns)}
         table = [
             [heads[c] for c in columns],
-            *([by.get(c, "") for c in columns] for by in told.values()),
+            *([by.get(c, "") for c in columns] for by in shown.values()),
         ]
         widths = [max(map(len, column)) + 2 for column in zip(*table, strict=True)]
         rows += [
             (name, "".join(f"{c:<{w}}" for c, w in zip(cells, widths, strict=True)).rstrip())
-            for name, cells in zip(["", *told] if told else (), table, strict=False)
+            for name, cells in zip(["", *shown] if shown else (), table, strict=False)
         ]
     return rows + [(f"note on {a.axis}", note) for a in figures for note in a.notes]

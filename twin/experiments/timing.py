@@ -1,7 +1,7 @@
-"""A recorded flight flown again in simulation, with its delays or on time, and the timing verdict.
+"""Timing verdict of a recorded run, from re-simulations with and without its delays.
 
-The gimbal of a recorded rig is stood in for by its identified model, so a re-run tells what delays
-did to the loop, not what the rig did.
+The identified model takes the place of a recorded rig's gimbal, so a re-simulation shows the effect
+of delays on the loop, not the behaviour of the rig.
 """
 
 import math
@@ -21,20 +21,20 @@ from hardware.protocol import BAUD, Encoder, Ping, Pong
 from twin.config import Fly, Run, with_model
 from twin.config.recorded import configuration_of
 from twin.config.seats import is_rig
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.errors import DivergenceError, TwinError
-from twin.experiments.flight import setpoint
-from twin.experiments.session import make_plant, steps_per_tick
+from twin.experiments.assembly import make_plant, steps_per_tick
+from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Gimbal, Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.plant.authority import control_config
 
 Array = NDArray[np.float64]
 SAMPLE_S = 0.1  # between the instants compared
 PWM_FRAME_S = 0.020  # of hobby servos; a command waits half of it on average
-# Nobody answers the angles of a step test, and each sample is dated by the device: a delay that
-# would spoil a loop only makes the test longer.
-UNANSWERED = Limits(delay=math.inf)
+# A step test has no feedback, and the device stamps each sample: a delay has no effect on it.
+OPEN_LOOP = Limits(delay=math.inf)
 BITS = 10  # to a byte on a serial line, with start and stop
 
 
@@ -46,7 +46,7 @@ class DelayedGimbal:
 
     Parameters
     ----------
-    gimbal : who gets the commands
+    gimbal : receives the delayed commands
     delays : over experiment time
     period_ns : of the ticks
     """
@@ -56,7 +56,7 @@ class DelayedGimbal:
         self._sent: list[tuple[float, float]] = []
 
     def send(self, command: GimbalCommand) -> None:
-        """Pass on what was commanded a delay ago; straight ahead before the first command."""
+        """Pass on the command of one delay ago; zero before the first command."""
         self._sent.append(command.angle)
         late = float(np.interp(command.time_ns * 1e-9, self._delays.time, self._delays.value))
         late = max(0.0, late)  # an estimate of the device's clock may be off by more than the delay
@@ -74,12 +74,12 @@ class DelayedGimbal:
         return len(self._sent) - 1
 
     def poll(self) -> GimbalState:
-        """As the gimbal behind it."""
+        """State of the gimbal."""
         return self._gimbal.poll()
 
 
 def rerun_of(recording: Recording, gimbal: str | None = None) -> Rerun:
-    """A function that flies a recorded flight again, for `analysis.timing`.
+    """A function that simulates a recorded flight again, for `analysis.timing`.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def rerun_of(recording: Recording, gimbal: str | None = None) -> Rerun:
 
     Raises
     ------
-    TwinError : the recording is of no flight
+    TwinError : the recording is not of a flight
     """
     asked = configuration_of(recording)
     if not isinstance(asked, Fly):
@@ -115,12 +115,14 @@ def verdict(
 
     Raises
     ------
-    AnalysisError : the recording says nothing about timing
+    AnalysisError : the recording has no timing signals
     """
     config = configuration_of(recording)
-    rerun = rerun_of(recording) if isinstance(config, Fly) else None
+    # an own controller is not executed again
+    again = isinstance(config, Fly) and config.controller is None
+    rerun = rerun_of(recording) if again else None
     if limits is None:
-        limits = Limits() if rerun else UNANSWERED
+        limits = Limits() if isinstance(config, Fly) else OPEN_LOOP
     rig = is_rig(config.gimbal)
     return assess(
         recording,
@@ -164,7 +166,7 @@ def _flown(config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Traje
         if time_ns % every == 0:
             kept.append((time_ns * 1e-9, plant.position.copy(), plant.attitude.copy()))
 
-    with suppress(DivergenceError):  # a loop delayed too long; the comparison ends where it does
+    with suppress(DivergenceError):  # an unstable loop; the comparison ends there
         run(
             Seats(plant, gimbal, pilot, Lockstep()),
             steps_per_tick=steps,

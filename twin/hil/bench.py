@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.frames import Pair, Triple
+from hardware.frames import AXES, Pair, Triple
 from twin.errors import DivergenceError, TwinError
-from twin.plant.model import AXES, TwinModel
+from twin.plant.model import TwinModel
+from twin.plant.plant import LARGEST_SPEED
 
-TURNTABLE = "turntable"
-_LARGEST_SPEED = 5e3  # rad/s; as in twin.plant.plant
+TURN = "turntable"  # joint and actuator that turn the base
 
 
 class BenchPlant:
@@ -63,11 +63,11 @@ class BenchPlant:
 
     def _turntable(self) -> tuple[int, int, int] | None:
         """Actuator, place and velocity of the joint that turns the base; None where it stands."""
-        if mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, TURNTABLE) < 0:
+        if mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, TURN) < 0:
             return None
-        joint = self.model.joint(TURNTABLE)
+        joint = self.model.joint(TURN)
         self._base_force = self._sensor("base_accelerometer")
-        servo = int(self.model.actuator(TURNTABLE).id)
+        servo = int(self.model.actuator(TURN).id)
         return servo, int(joint.qposadr[0]), int(joint.dofadr[0])
 
     def advance(self, dt: float, shaft: Triple) -> None:
@@ -85,7 +85,7 @@ class BenchPlant:
             ctrl[self._turn[0]] = shaft[2]
         mujoco.mj_step(self.model, self.data)
         speed = self._qvel
-        if not speed @ speed < _LARGEST_SPEED**2:
+        if not speed @ speed < LARGEST_SPEED**2:
             raise DivergenceError(f"the simulated rig diverged at {self.data.time:.3f} s")
 
     def angles(self) -> Pair:

@@ -1,5 +1,6 @@
 """From the name in the gimbal seat to a rig that is connected."""
 
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,19 +13,19 @@ from hardware.calibration import read as read_calibration
 from hardware.emulator import parse
 from hardware.frames import Pair, SensorFrame
 from hardware.fusion import Fusion
-from hardware.link.link import Link
+from hardware.link import Link
 from hardware.rig import Rig, in_process
+from twin.config import TURNTABLE
 from twin.config.seats import SIMULATED, check_seat, is_rig
 from twin.errors import TwinError
-from twin.hil.bench import TURNTABLE, BenchPlant
-from twin.hil.correction import Drawing
+from twin.hil.bench import BenchPlant
 from twin.hil.gimbal import RigGimbal
-from twin.hil.simulated import Device, drawing, drawn, make_device, parameters
+from twin.hil.simulated import Device, make_device, nominal_calibration, parameters
 from twin.hil.turntable import find_base
 from twin.plant.model import ModelConfig, TwinModel, load
 from twin.plant.plant import Plant
 
-OF_THE_RIG = ("gimbal_", TURNTABLE)
+RIG_PARAMETERS = ("gimbal_", TURNTABLE)  # first parts of their names; the second on a turntable
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def device(options: RigOptions) -> Device:
 
 def _model(options: RigOptions, scene: str) -> TwinModel:
     """A scene with the rig's mechanism; the bench is the one that knows the limit switches."""
-    names = OF_THE_RIG if scene == TURNTABLE else OF_THE_RIG[:1]
+    names = RIG_PARAMETERS if scene == TURNTABLE else RIG_PARAMETERS[:1]
     ours = {k: v for k, v in options.overrides.items() if k.startswith(names)}
     return load(ModelConfig(scene=scene, mechanism=options.mechanism, overrides=ours))
 
@@ -122,9 +123,8 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
         return _simulated(options, plant)
     _refuse_simulation(options)
     bench = _model(options, "bench").mj
-    calibration = _calibration(options) or drawn(bench)
-    plan = drawing(bench)
-    _warm(calibration, plan)
+    calibration = _calibration(options) or nominal_calibration(bench)
+    _warm(calibration)
     link = Link(options.seat)
     rig = Rig(link, calibration, arm=not options.watch, fuse=options.fuse)
     return RigGimbal(
@@ -134,12 +134,11 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
         wait=lambda ns: time.sleep(ns * 1e-9),
         lockstep=False,
         watch=options.watch,
-        drawing=plan,
     )
 
 
-def _warm(calibration: Calibration, plan: Drawing) -> None:
-    """Compile what a rig's frames and commands need, once after an update, before it talks."""
+def _warm(calibration: Calibration) -> None:
+    """Compile what a rig's frames need, once after an update, before it talks."""
     still = SensorFrame(
         0, 0, (0.5,) * 4, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3,
         (False,) * 4, (0.0, 0.0), 0,
@@ -147,7 +146,6 @@ def _warm(calibration: Calibration, plan: Drawing) -> None:
     fusion = Fusion(calibration)
     fusion.update(still)
     fusion.update(replace(still, device_us=2000))
-    plan.straightened((0.0, 0.0))
 
 
 def _replayed(options: RigOptions, plant: Plant, tape: Recording) -> RigGimbal:
@@ -157,7 +155,8 @@ def _replayed(options: RigOptions, plant: Plant, tape: Recording) -> RigGimbal:
     calibration = calibration_of(tape, given=options.calibration is not None)
     if calibration is None:
         simulated = options.seat in SIMULATED
-        calibration = drawn(bench, parameters(bench, options.unit) if simulated else None)
+        rig = parameters(bench, options.unit) if simulated else None
+        calibration = nominal_calibration(bench, rig)
     turns = options.scene == TURNTABLE
     seat = RigGimbal(
         RecordedRig(tape, calibration, plant, turns=turns),
@@ -166,7 +165,6 @@ def _replayed(options: RigOptions, plant: Plant, tape: Recording) -> RigGimbal:
         wait=lambda _: None,
         lockstep=False,
         live=False,
-        drawing=drawing(bench),
     )
     seat.base = base_of(tape) if turns else None
     return seat
@@ -175,9 +173,9 @@ def _replayed(options: RigOptions, plant: Plant, tape: Recording) -> RigGimbal:
 def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
     calibration = _calibration(options)
     simulated = device(options)
-    bench = _model(options, "bench").mj
     if calibration is None:
-        calibration = drawn(bench, parameters(bench, options.unit))
+        bench = _model(options, "bench").mj
+        calibration = nominal_calibration(bench, parameters(bench, options.unit))
     rig = in_process(simulated, calibration, arm=not options.watch, fuse=options.fuse)
     return RigGimbal(
         rig,
@@ -186,12 +184,16 @@ def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
         wait=lambda ns: simulated.advance_us(max(1, ns // 1000)),
         lockstep=True,
         watch=options.watch,
-        drawing=drawing(bench),
     )
 
 
 def _calibration(options: RigOptions) -> Calibration | None:
-    return None if options.calibration is None else read_calibration(options.calibration)
+    if options.calibration is None:
+        return None
+    calibration = read_calibration(options.calibration)
+    if calibration.note:
+        print(f"twin: {options.calibration}: {calibration.note}", file=sys.stderr)
+    return calibration
 
 
 def _refuse_simulation(options: RigOptions) -> None:

@@ -1,35 +1,63 @@
-"""What becomes of a run whose rig fails: servos to neutral, and the run ends or goes on."""
+"""The reaction of a run to a fault of its rig: servos to neutral, and the run ends or continues."""
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
+from hardware.events import Event, Level, RigLost
+from hardware.faults import SENSORS
+from hardware.faults.states import GYRO
 from hardware.frames import GimbalState, Pair
 from twin.config import OnFault
+from twin.hil.gimbal import SILENT_S
 from twin.loop.loop import Controller
 from twin.loop.readings import Readings
 
 if TYPE_CHECKING:
     from twin.hil.turntable import Turntable
 
-SILENT_S = 0.1  # without a reading; fifty frames, and as long as the rig itself waits for a command
+
+@dataclass(frozen=True)
+class RunFault(Event):
+    """A fault of the rig, and what the run does about it.
+
+    Attributes
+    ----------
+    fault : in one line
+    policy : of the run
+    """
+
+    level: ClassVar[Level] = "ERROR"
+    fault: str
+    policy: OnFault
+
+    @property
+    def text(self) -> str:
+        """Fault and reaction."""
+        reactions = {
+            "end": "servos to neutral, the run ends",
+            "neutral": "servos stay at neutral",
+            "ignore": "ignored as requested",
+        }
+        return f"fault: {self.fault}; {reactions[self.policy]}"
 
 
 class Guard:
     """A controller that commands zero from a rig's first fault on.
 
     A fault is a lost connection, a silence of 0.1 s, or a sensor that the monitor has named. Lost
-    or damaged frames alone are none: the estimate goes on without them.
+    or damaged frames alone are not faults: the estimate goes on without them.
 
     Parameters
     ----------
-    controller : who commands while all is well
+    controller : in command until then
     readings : of the rig
-    policy : `end` the run, go on with the servos at `neutral`, or `ignore` the fault and go on as
-        the estimate goes on
+    policy : `end` the run, continue with the servos at `neutral`, or `ignore` the fault
     turntable : that the rig stands on, if any; its faults count, and it stops with the servos
 
     Attributes
     ----------
-    fault : the first one, in words; None while there was none
+    fault : the first one, in one line; None before
+    events : since the last update
     """
 
     def __init__(
@@ -41,43 +69,41 @@ class Guard:
     ) -> None:
         self._controller, self._readings, self._policy = controller, readings, policy
         self._turntable = turntable
-        self._heard = 0.0
+        self._last_frame = 0.0
         self.fault: str | None = None
+        self.events: list[Event] = []
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:
         """Gimbal angle to command now [rad], `time` in experiment time [s]."""
+        self.events.clear()
         if self.fault is None:
-            self.fault = self._found(time, gimbal)
+            self.fault = self._detected(time, gimbal)
             if self.fault is not None:
-                self._announce()
+                self.events.append(RunFault(self.fault, self._policy))
                 if self._turntable is not None and self._policy != "ignore":
                     self._turntable.stop()
-        wanted = self._controller.update(time, gimbal)  # it sees every tick, whatever it is worth
+        wanted = self._controller.update(time, gimbal)  # at every tick, so that its state continues
         return wanted if self.fault is None or self._policy == "ignore" else (0.0, 0.0)
 
     def over(self) -> str | None:
-        """Why the run is over, or None while it is not."""
+        """Return the reason to end the run, None while there is none."""
         ended = self.fault is not None and self._policy == "end"
         return f"fault: {self.fault}" if ended else None
 
-    def _found(self, time: float, gimbal: GimbalState) -> str | None:
+    def _detected(self, time: float, gimbal: GimbalState) -> str | None:
         r = self._readings
         if r.frames:
-            self._heard = time
-            # a base that does not turn as it should leads the holder's gyro astray as well
+            self._last_frame = time
+            # a turntable that does not turn as it should makes the holder's gyro look wrong
             if self._turntable is not None and self._turntable.fault is not None:
                 return self._turntable.fault
             if gimbal.healthy:
                 return None
-            # on a turntable the monitor knows the difference of two gyros only
-            either = self._turntable is not None and r.health.startswith("gyro ")
+            # on a turntable the monitor only sees the difference of two gyros
+            gyro = bool(r.faults) and r.faults[0].sensor == SENSORS[GYRO]
+            either = self._turntable is not None and gyro
             return f"{r.health}, of holder or base" if either else r.health
         if not r.ready:
-            lost = [text for _, text in r.news if text.startswith("rig lost")]
+            lost = [event.text for event in r.events if isinstance(event, RigLost)]
             return lost[-1] if lost else "rig away"
-        return f"no readings for {SILENT_S:g} s" if time - self._heard > SILENT_S else None
-
-    def _announce(self) -> None:
-        ending = {"end": "servos neutral, the run ends", "neutral": "servos neutral from here on"}
-        told = ending.get(self._policy, "ignored, as asked")
-        self._readings.news.append(("ERROR", f"fault: {self.fault}; {told}"))
+        return f"no readings for {SILENT_S:g} s" if time - self._last_frame > SILENT_S else None

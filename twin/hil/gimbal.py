@@ -6,14 +6,20 @@ from dataclasses import replace
 from typing import Protocol
 
 from hardware.calibration import Calibration
+from hardware.events import (
+    HealthChanged,
+    MonitoringLimited,
+    RigBack,
+    RigLost,
+    SensorFault,
+    SensorRecovered,
+)
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from hardware.fusion import BaseMap, Fusion
 from hardware.protocol import Hello
 from hardware.rig import Phase, RigError, RigStatistics
 from hardware.rig.rig import TIMEOUT_MS
-from twin.hil.correction import Drawing
 from twin.loop.readings import Readings
-from twin.plant.model import AXES
 from twin.plant.plant import Plant
 
 # The filters find the gyro's bias sooner, but the estimate of a device's clock errs by up to 1 ms
@@ -23,6 +29,7 @@ LONGEST_SETTLE_NS = 3_000_000_000
 # A servo looks at its pulse every 20 ms; more commands than the rig sends frames tell it nothing.
 COMMAND_NS = 2_000_000
 # The rig's own timeout sends its servos to neutral when nothing comes any more; they take 0.1 s.
+SILENT_S = 0.1  # without a reading: fifty frames, and the time the rig waits for a command
 NEUTRAL_NS = TIMEOUT_MS * 1_000_000 + 100_000_000
 _STEP_NS = 1_000_000
 # Frames come every 2 ms and spend 2 ms on the line; a backlog of a second is worked off in 0.1 s.
@@ -104,7 +111,6 @@ class RigGimbal:
     lockstep : the device lives on the plant's time
     watch : send nothing; the rig must not be armed then
     live : its estimates need time to settle; those of a recording have had it
-    drawing : exact kinematics behind the straight lines of a calibration; None trusts the lines
 
     Attributes
     ----------
@@ -124,13 +130,12 @@ class RigGimbal:
         lockstep: bool,
         watch: bool = False,
         live: bool = True,
-        drawing: Drawing | None = None,
     ) -> None:
         self.rig = rig
         self.readings = Readings()
         self.wait = wait
         self._plant, self._clock = plant, clock
-        self._lockstep, self._watch, self._drawing = lockstep, watch, drawing
+        self._lockstep, self._watch = lockstep, watch
         self._live = live
         self.turntable = 0.0
         self.base: BaseMap | None = None
@@ -141,10 +146,10 @@ class RigGimbal:
         self._next_command = 0
         self._ready = False
         self._lost_ns = 0
+        self._health = ""
+        self._snapshot: str | None = None
         self._stale = GimbalState(0, (0.0, 0.0), healthy=False)
-        self._ids: list[int] = []
-        if plant is not None and plant.twin.gimbal == "follow":
-            self._ids = [int(plant.model.actuator(f"gimbal_{a}").id) for a in AXES]
+        self._follower = plant if plant is not None and plant.follows else None
 
     def start(self) -> None:
         """Connect and let the estimate settle; blocks.
@@ -173,8 +178,6 @@ class RigGimbal:
             self.rig.poll()
             self.wait(_STEP_NS)
         self._ready = True
-        if self._drawing is not None:
-            self._drawing.straightened((0.0, 0.0))  # its first time takes milliseconds
 
     def catch_up(self) -> None:
         """Take in what has come while the run was being set up; its states count, no row does."""
@@ -185,7 +188,7 @@ class RigGimbal:
             self.rig.poll()
         self._stale = self.rig.fusion.state(0)
         memory = {"session": self.rig.session, "fusion": self.rig.fusion.snapshot()}
-        self.readings.opening = json.dumps(memory, allow_nan=False)
+        self._snapshot = json.dumps(memory, allow_nan=False)
         self._caught_up = True
 
     def _fresh(self) -> bool:
@@ -207,14 +210,11 @@ class RigGimbal:
         if self._watch or command.time_ns < self._next_command:
             return
         self._next_command = command.time_ns + COMMAND_NS
-        if self._drawing is not None:
-            command = replace(command, angle=self._drawing.straightened(command.angle))
         self.rig.send(command, self.turntable)
 
     def asked(self, frame: SensorFrame) -> Pair:
         """Gimbal angle that the pulses in force ask for [rad]."""
-        angle = self.rig.calibration.angles(frame.pulse[:2])
-        return angle if self._drawing is None else self._drawing.bent(angle)
+        return self.rig.calibration.angles(frame.pulse[:2])
 
     def poll(self) -> GimbalState:
         """The latest estimate, in experiment time; frames and states are in `readings`."""
@@ -235,9 +235,8 @@ class RigGimbal:
         if self._plant is not None and not self._watch:
             state = self._neutral_unless_fresh(state, self._plant.time_ns)
         self._stale = state
-        if self._plant is not None and self._ids:
-            ctrl = self._plant.data.ctrl
-            ctrl[self._ids[0]], ctrl[self._ids[1]] = state.angle
+        if self._follower is not None:
+            self._follower.follow(state.angle)
         return state
 
     def _neutral_unless_fresh(self, state: GimbalState, now_ns: int) -> GimbalState:
@@ -255,13 +254,14 @@ class RigGimbal:
         rig, origin, r = self.rig, self._origin, self.readings
         r.frames = [replace(f, time_ns=f.time_ns - origin) for f in frames]
         r.states = [replace(s, time_ns=s.time_ns - origin) for s in rig.states]
-        r.news = []
+        r.events = []
+        r.snapshot, self._snapshot = self._snapshot, None
         self._follow_connection()
         newest = r.states[-1] if r.states else self._stale
         if r.states and not self._heard:
             self._heard = True
             if note := rig.fusion.monitor.note:
-                r.news.append(("INFO", note))
+                r.events.append(MonitoringLimited(note))
         known = self._ready and self._heard and newest.sigma != (0.0, 0.0)
         r.age_ns = self.now_ns() - newest.time_ns if known else None
         statistics = rig.statistics
@@ -269,7 +269,19 @@ class RigGimbal:
         r.round_trips = statistics.round_trips
         r.lost, r.crc_errors = statistics.lost, statistics.crc_errors
         r.health, r.ready = rig.health, self._ready
+        if r.health != self._health:
+            self._health = r.health
+            self._report_health()
         r.session, r.gyro_delay = rig.session, rig.gyro_delay
+
+    def _report_health(self) -> None:
+        """Report the new health, and which sensors have gone wrong or recovered."""
+        r, before = self.readings, self.readings.faults
+        r.faults = self.rig.fusion.monitor.faults
+        known, wrong = {f.sensor for f in before}, {f.sensor for f in r.faults}
+        r.events.append(HealthChanged(r.health))
+        r.events += [SensorFault(f.sensor, f.kind) for f in r.faults if f.sensor not in known]
+        r.events += [SensorRecovered(f.sensor) for f in before if f.sensor not in wrong]
 
     def _follow_connection(self) -> None:
         ready = self.rig.phase is Phase.READY
@@ -278,9 +290,8 @@ class RigGimbal:
         self._ready = ready
         now = self.now_ns()
         if ready:
-            told = f"rig back after {(now - self._lost_ns) * 1e-9:.2f} s"
-            started = f"; it started again {self.rig.started}" if self.rig.started else ""
-            self.readings.news.append(("INFO", told + started))
+            away = (now - self._lost_ns) * 1e-9
+            self.readings.events.append(RigBack(away, self.rig.started))
             return
         self._lost_ns = now
-        self.readings.news.append(("WARN", f"rig lost: {' '.join(self.rig.reason.split())}"))
+        self.readings.events.append(RigLost(self.rig.reason))

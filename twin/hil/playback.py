@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from analysis.recording import Recording
 from analysis.recording import reader as recordings
+from hardware.events import HealthChanged
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from twin.errors import TwinError
 from twin.loop.readings import Readings
-from twin.plant.model import AXES
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
@@ -54,13 +54,12 @@ class Tape:
             held = ", ".join(tape.series) or "nothing"
             raise TwinError(f"{path} holds no measured angles to mirror; it holds {held}")
         self._plant = plant
-        self._ids = [int(plant.model.actuator(f"gimbal_{a}").id) for a in AXES]
         self._times = tape["gimbal/measured"].time_ns
         self._states, self._frames = _states(tape), recorded_frames(tape, self._times)
         self._health = [(round(e.time * 1e9), e.text) for e in tape.health]
         self._command = _series(tape, "gimbal/command", 2)
         self._command_time = tape.series["gimbal/command"].time_ns if self._command.size else None
-        self._next = 0
+        self._next, self._begun = 0, False
         self._last = GimbalState(0, (0.0, 0.0), healthy=False)
         self.readings = Readings()
         self.duration_ns = int(self._times[-1]) if len(self._times) else 0
@@ -86,10 +85,13 @@ class Tape:
         if r.states:
             self._last = r.states[-1]
         r.age_ns = now - self._last.time_ns if r.states else None
+        before, r.events = r.health if self._begun else "", []
+        self._begun = True
         while self._health and self._health[0][0] <= now:
             r.health = self._health.pop(0)[1]
-        ctrl = self._plant.data.ctrl
-        ctrl[self._ids[0]], ctrl[self._ids[1]] = self._last.angle
+        if r.health != before:
+            r.events.append(HealthChanged(r.health))
+        self._plant.follow(self._last.angle)
         return self._last
 
 

@@ -1,4 +1,4 @@
-"""Simulated rigs over the bench scene, and what the drawings say of a rig of this mechanism."""
+"""Simulated rigs over the bench scene, and the nominal calibration of a rig of this mechanism."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,12 +16,12 @@ from hardware.emulator import (
     reference_rig,
     sample_rig,
 )
+from hardware.emulator.servo import PULSE_CENTRE
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import Pair
 from twin.errors import TwinError
 from twin.hil.bench import BenchPlant
-from twin.hil.correction import Drawing
-from twin.physics.mechanism import Kinematics
+from twin.hil.linearisation import mechanism_map
 
 Device = Emulator | FirmwareRig
 _SWITCHES = 4
@@ -43,12 +43,12 @@ def switch_angles(model: mujoco.MjModel) -> tuple[float, float, float, float]:
 
 
 def parameters(model: mujoco.MjModel, unit: int | None = None) -> RigParameters:
-    """One rig of many, on this mechanism.
+    """Parameters of a simulated rig on this mechanism.
 
     Parameters
     ----------
     model : bench scene
-    unit : number of a rig whose tolerances are drawn; None is the rig exactly as drawn
+    unit : serial number of a rig with random tolerances; None is the nominal rig
     """
     rig, plain = reference_rig() if unit is None else sample_rig(unit), reference_rig()
     errors = zip(rig.sensors.switch_angle, plain.sensors.switch_angle, strict=True)
@@ -83,32 +83,29 @@ def make_device(
     return make(rig, plant=plant, injections=tuple(faults), seed=seed)
 
 
-def drawing(model: mujoco.MjModel) -> Drawing:
-    """The exact kinematics of a bench scene's mechanism, for a calibration made on its switches."""
-    return Drawing(Kinematics(model), switch_angles(model))
-
-
-def drawn(model: mujoco.MjModel, rig: RigParameters | None = None) -> Calibration:
-    """What a calibration would give for a rig exactly as drawn, for one that never had one.
+def nominal_calibration(model: mujoco.MjModel, rig: RigParameters | None = None) -> Calibration:
+    """Designed values of a rig on this mechanism, for one that was never calibrated.
 
     Parameters
     ----------
     model : bench scene
-    rig : its servos and sensors where they are known, as in a simulation; else those of the shelf
+    rig : its servos and sensors where they are given, as in a simulation; else nominal ones
     """
-    plan = drawing(model)
+    mechanism = mechanism_map(model)
     servos = rig.plant.servos if rig else (ServoParameters(),) * 2
     skew = 1.0 + (rig.skew if rig else 0.0)
     travel = np.array([s.travel for s in servos[:2]]) / skew
-    zero = np.array([1.5e-3 + s.trim for s in servos[:2]]) * skew + plan.shaft / travel
-    matrix = plan.matrix * travel
-    known = exact_calibration(rig) if rig else nominal()
+    centre = np.array([PULSE_CENTRE + s.trim for s in servos[:2]]) * skew
+    zero = centre + mechanism.offset / travel
+    matrix = np.linalg.inv(mechanism.matrix) * travel
+    base = exact_calibration(rig) if rig else nominal()
     return replace(
-        known,
+        base,
         rig=0,
         zero=_pair(zero),
         matrix=(_pair(matrix[0]), _pair(matrix[1])),
         switch_angle=switch_angles(model),
+        linearisation=mechanism.linearisation,
     )
 
 

@@ -9,10 +9,10 @@ from types import TracebackType
 from typing import Self
 
 from hardware.frames import GimbalState, Pair, SensorFrame
+from twin.control.attitude import LARGEST_COMMAND
 from twin.errors import TwinError
 from twin.loop.readings import Readings
 
-REACH = radians(8.0)
 DEAD_ZONE = 0.03  # of the joystick; its springs do not find the middle exactly
 KEY_STEP = radians(0.5)
 ARROWS = {"A": (0, 1), "B": (0, -1), "C": (1, 1), "D": (1, -1)}  # ESC [ A: axis, direction
@@ -58,7 +58,7 @@ class Stick:
 
 def _stick(deflection: float) -> float:
     beyond = max(abs(deflection) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
-    return REACH * (beyond if deflection > 0 else -beyond)
+    return LARGEST_COMMAND * (beyond if deflection > 0 else -beyond)
 
 
 def _standard_input() -> int:
@@ -130,7 +130,7 @@ class Keys:
             if text.startswith("\x1b["):
                 axis, way = ARROWS.get(text[2], (0, 0))
                 turned = self._angle[axis] + way * KEY_STEP
-                self._angle[axis] = min(max(turned, -REACH), REACH)
+                self._angle[axis] = min(max(turned, -LARGEST_COMMAND), LARGEST_COMMAND)
                 text = text[3:]
                 continue
             if text[0] == " ":

@@ -6,16 +6,19 @@ does about its other axes nobody plays, and the controller sees it as it is simu
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.events import Event, Level
 from hardware.frames import GimbalCommand, HardwareError, Pair, SensorFrame, Triple
 from hardware.fusion import BaseAttitude, BaseMap
 from hardware.fusion.base import tilt
-from hardware.protocol import Flags
-from twin.hil.gimbal import COMMAND_NS, RigGimbal
+from hardware.protocol import Flags, constants
+from twin.hil.gimbal import COMMAND_NS, SILENT_S, RigGimbal
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
@@ -23,8 +26,7 @@ Array = NDArray[np.float64]
 SWING_S = 200e-6  # s of pulse either way, 19° of a hobby servo
 STOPS = (0.0, SWING_S, -SWING_S, 0.0)
 HOLD_NS, LOOK_NS = 800_000_000, 300_000_000  # at a stop, and how long of it is looked at
-NEUTRAL_S = 1.5e-3
-DEAF_S = 0.1  # without a reading of the base's IMU
+NEUTRAL_S = constants.PULSE_NEUTRAL * constants.TICK
 FROZEN = 25  # equal gyro readings in a row: its noise moves the last digit every time
 ASTRAY, ASTRAY_S = math.radians(10.0), 0.3  # from where it was sent, for how long
 LEAST_TURN = 0.4  # of what the pulses ask of a usual servo
@@ -95,6 +97,26 @@ def _turn(frames: Sequence[SensorFrame], bias: float) -> float:
     return float(turned[last].mean() - turned[first].mean())
 
 
+@dataclass(frozen=True)
+class TurntableLimit(Event):
+    """The vehicle has turned further than the turntable reaches.
+
+    Attributes
+    ----------
+    turn, reach : turn of the vehicle, and the largest of the turntable [rad]
+    """
+
+    level: ClassVar[Level] = "WARN"
+    turn: float
+    reach: float
+
+    @property
+    def text(self) -> str:
+        """Both angles in degrees."""
+        turn, reach = math.degrees(self.turn), math.degrees(self.reach)
+        return f"{turn:.0f}° requested of the turntable, which reaches {reach:.0f}°"
+
+
 class Turntable:
     """The attitude seat of a rig on a turntable; `update` is called once a tick after the poll.
 
@@ -113,8 +135,10 @@ class Turntable:
         axes [rad/s]
     simulated, measured, sigma : (1,) turn about the launch's x axis of the vehicle, of the base as
         its IMU tells it, and the standard deviation of the latter [rad]
+    signals : these three, by their names in `analysis.schema`
     reach : turn that the servo's pulses reach either way [rad]
     fault : what is wrong with base or servo, in words; None while all is well
+    events : since the last update
     counting : whether the difference counts in `rms`; a vehicle that nothing steers any more turns
         further than any servo
     """
@@ -132,11 +156,17 @@ class Turntable:
         self.simulated: Array = np.zeros(1)
         self.measured: Array = np.zeros(1)
         self.sigma: Array = np.zeros(1)
+        self.signals: Mapping[str, Array] = {
+            "turntable/simulated": self.simulated,
+            "turntable/measured": self.measured,
+            "turntable/sigma": self.sigma,
+        }
         self._square, self._count = 0.0, 0
         low, high = seat.rig.turntable_limits
         ends = (abs(low - base.centre), abs(high - base.centre))
         self.reach = min(ends) * abs(base.travel)
         self.fault: str | None = None
+        self.events: list[Event] = []
         self.counting = True
         self._beyond = self._stopped = False
         self._last_turn = self._unwound = 0.0
@@ -151,6 +181,7 @@ class Turntable:
 
     def update(self) -> None:
         """Take in the frames of this tick, tell the servo where to go, renew what is seen."""
+        self.events.clear()
         self._deaf += self._period
         for frame in self._seat.readings.frames:
             self._filter.update(frame)
@@ -189,8 +220,8 @@ class Turntable:
         sent = min(max(self._unwound, -self.reach), self.reach)
         astray = not self._stopped and abs(float(self.measured[0]) - sent) > ASTRAY
         self._astray = self._astray + self._period if astray else 0.0
-        if self._deaf > DEAF_S:
-            self.fault = f"no reading of the base IMU for {DEAF_S:g} s"
+        if self._deaf > SILENT_S:
+            self.fault = f"no reading of the base IMU for {SILENT_S:g} s"
         elif self._equal >= FROZEN:
             self.fault = "base IMU frozen"
         elif self._astray > ASTRAY_S:
@@ -204,8 +235,7 @@ class Turntable:
             return
         beyond = abs(turn) > self.reach
         if beyond and not self._beyond:
-            told = f"{math.degrees(turn):.0f}° asked of the turntable, which reaches"
-            self._seat.readings.news.append(("WARN", f"{told} {math.degrees(self.reach):.0f}°"))
+            self.events.append(TurntableLimit(turn, self.reach))
         self._beyond = beyond
         self._seat.turntable = self._base.pulse(min(max(turn, -self.reach), self.reach))
 

@@ -2,7 +2,7 @@
 
 import gc
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Protocol, Self
@@ -134,13 +134,15 @@ class Ledger:
 
     Attributes
     ----------
-    latest : (1,) of the last tick, for whoever records it [s]
+    latest : (1,) lateness of the last tick [s]
+    signals : the same, by its name in `analysis.schema`
     """
 
     def __init__(self, capacity: int = 1 << 18) -> None:
         self._late: NDArray[np.int64] = np.zeros(capacity, np.int64)
         self._count = 0
         self.latest: NDArray[np.float64] = np.zeros(1)
+        self.signals: Mapping[str, NDArray[np.float64]] = {"timing/lateness": self.latest}
 
     def enter(self, late_ns: int) -> None:
         """Note one tick's lateness [ns]."""

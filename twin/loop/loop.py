@@ -1,6 +1,6 @@
 """The loop: controller → command → gimbal → state → vehicle, one row a tick. There is no other."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -76,12 +76,34 @@ def run(
     stop: Callable[[], str | None] = lambda: None,
     ledger: Ledger | None = None,
 ) -> Outcome:
+    """Run the loop to its end; parameters and errors are those of `ticks`."""
+    tick = ticks(
+        seats, steps_per_tick=steps_per_tick, duration_ns=duration_ns, command=command,
+        each_tick=each_tick, stop=stop, ledger=ledger,
+    )  # fmt: skip
+    while (outcome := next(tick)) is None:
+        pass
+    return outcome
+
+
+def ticks(
+    seats: Seats,
+    *,
+    steps_per_tick: int,
+    duration_ns: int,
+    command: Array,
+    each_tick: Sequence[Callable[[int], None]] = (),
+    stop: Callable[[], str | None] = lambda: None,
+    ledger: Ledger | None = None,
+) -> Iterator[Outcome | None]:
     """Run the seats until `duration_ns` of experiment time or until `stop` gives a reason.
+
+    Yields None after every tick but the last, and the outcome after the last.
 
     Parameters
     ----------
     steps_per_tick : physics steps between two commands
-    command : (2,) array that holds the latest command, for whoever records it [rad]
+    command : (2,) array that holds the latest command, for the recorder [rad]
     each_tick : called with the tick's time [ns] after the command is sent and before the plant
         moves on, so that what they read belongs to one instant
 
@@ -90,7 +112,7 @@ def run(
     DivergenceError : the plant left the finite numbers
     """
     plant, gimbal, controller, clock = seats.plant, seats.gimbal, seats.controller, seats.clock
-    ticks = 0
+    count = 0
     time_ns = plant.time_ns
     listen = None
     if isinstance(gimbal, Listening):
@@ -105,10 +127,13 @@ def run(
         gimbal.send(GimbalCommand(time_ns, angle))
         for act in each_tick:
             act(time_ns)
-        ticks += 1
+        count += 1
         plant.advance(steps_per_tick)
         time_ns = plant.time_ns
         reason = stop()
         if reason is not None:
-            return Outcome(ticks, reason)
-    return Outcome(ticks, "time")
+            yield Outcome(count, reason)
+            return
+        if time_ns < duration_ns:
+            yield None
+    yield Outcome(count, "time")

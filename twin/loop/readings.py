@@ -1,27 +1,30 @@
-"""What a gimbal seat with sensors has seen since the last tick, for whoever records or shows it."""
+"""What a gimbal seat with sensors has received since the last tick."""
 
 from dataclasses import dataclass, field
 
+from hardware.events import Event
+from hardware.faults import Fault
 from hardware.frames import GimbalState, SensorFrame
 
 
 @dataclass(slots=True)
 class Readings:
-    """Renewed by every poll.
+    """Renewed by every poll of the gimbal seat, which alone writes it.
 
     Attributes
     ----------
     frames, states : sensor frames that arrived, and the estimate after each
-    age_ns : of the newest sample at the poll; None while nothing is coming [ns]
-    round_trip_ns : of the last PING; None while nothing is coming [ns]
+    age_ns : age of the newest sample at the poll; None while no frames arrive [ns]
+    round_trip_ns : of the last PING; None while no frames arrive [ns]
     round_trips : PINGs answered so far
     lost, crc_errors : frames, since the line was opened
-    health : of connection and sensors, in words
+    health : of connection and sensors in one line, "ok" when nothing is wrong
+    faults : sensors that are known to be wrong
     ready : whether the rig is connected
-    news : events since the last poll, as level and text
-    session : how often the rig has become ready; estimates begin anew with each
+    events : since the last poll
+    session : how often the rig has become ready; estimates start again with each
     gyro_delay : of the holder gyro's readings [s]
-    opening : what the estimator remembered when the run began, JSON; told once, at the first poll
+    snapshot : state of the estimator when the run began, JSON; at the first poll only, else None
     """
 
     frames: list[SensorFrame] = field(default_factory=list)
@@ -32,8 +35,9 @@ class Readings:
     lost: int = 0
     crc_errors: int = 0
     health: str = "ok"
-    news: list[tuple[str, str]] = field(default_factory=list)
+    faults: tuple[Fault, ...] = ()
+    events: list[Event] = field(default_factory=list)
     ready: bool = False
     session: int = 0
     gyro_delay: float = 0.0
-    opening: str | None = None
+    snapshot: str | None = None

@@ -1,54 +1,33 @@
 """Who can sit in the gimbal seat and in the controller seat when everything is simulated."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from hardware.frames import GimbalCommand, GimbalState, Pair
 from twin.control import AttitudeController, Setpoint
-from twin.physics.mechanism import Kinematics
-from twin.plant.model import AXES
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
 
 
 class SimulatedGimbal:
-    """The plant's own gimbal: servos and rods, or an identified model, whichever it was built with.
-
-    Servos are commanded through the mechanism's exact kinematic solution, as a calibrated rig is.
-    """
+    """The gimbal of the plant itself: servos and rods, or an identified model."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
-        names = {"linkage": "gimbal_servo_{}", "transfer-function": "gimbal_{}"}
-        pattern = names.get(plant.twin.gimbal)
-        ids = [plant.model.actuator(pattern.format(a)).id for a in AXES] if pattern else []
-        self._ctrl = plant.data.ctrl
-        self._ids = ids
-        self._map: Callable[[float, float], Pair] | None = None
-        if plant.twin.gimbal == "linkage":
-            self._map = Kinematics(plant.model).servo_from_gimbal_fast
 
     def send(self, command: GimbalCommand) -> None:
         """Set the actuators; a fixed motor has none."""
-        if not self._ids:
-            return
-        x, y = command.angle
-        if self._map is not None:
-            x, y = self._map(x, y)
-        self._ctrl[self._ids[0]] = x
-        self._ctrl[self._ids[1]] = y
+        self._plant.drive(command.angle)
 
     def poll(self) -> GimbalState:
         """Exact joint angles and rates of this instant."""
-        plant = self._plant
-        angle, rate = plant.gimbal_angle, plant.gimbal_rate
-        return GimbalState(
-            plant.time_ns, (float(angle[0]), float(angle[1])), (float(rate[0]), float(rate[1]))
-        )
+        return self._plant.gimbal()
 
 
 class Attitude(Protocol):
@@ -85,8 +64,11 @@ class Pilot:
 
     Attributes
     ----------
-    direction : (3,) wanted nose direction in the world, for whoever records it
+    seen : attitude and rate that it sees
+    direction : (3,) wanted nose direction in the world
     error : (2,) rotation still missing about body x and y [rad]
+    signals : setpoint, as angles of the nose from the vertical, and error; NaN without thrust,
+        since nothing steers then
     """
 
     def __init__(
@@ -99,20 +81,38 @@ class Pilot:
     ) -> None:
         self._plant, self._controller, self._setpoint = plant, controller, setpoint
         self._period = period
-        self._seen = attitude or Truth(plant)
+        self.seen: Attitude = attitude or Truth(plant)
         self.direction: Array = np.zeros(3)
         self.error: Array = controller.error[0]
         self._angle: Array = np.zeros(2)
+        self._values: Array = np.zeros(4)
+        self.signals: Mapping[str, Array] = {
+            "control/setpoint": self._values[0:2],
+            "control/error": self._values[2:4],
+        }
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
         """Gimbal angle that turns the nose towards the setpoint [rad]."""
-        plant, seen = self._plant, self._seen
+        plant, seen = self._plant, self.seen
         seen.update()
         self.direction[:] = self._setpoint.direction(time, plant.position, plant.velocity)
         self._controller.update(
             time, self._period, seen.attitude, seen.rate, self.direction, self._angle
         )
         return float(self._angle[0]), float(self._angle[1])
+
+    def derive(self, time_ns: int) -> None:  # noqa: ARG002  the recorder's signature
+        """Compute the signals; the plant's thrust must have been derived before."""
+        _steering(self._values, self.direction, self.error, self._plant.thrust)
+
+
+@njit()
+def _steering(out: Array, nose: Array, error: Array, thrust: Array) -> None:
+    if thrust[0] > 0.0:
+        out[0], out[1] = math.atan2(-nose[1], nose[2]), math.atan2(nose[0], nose[2])
+        out[2], out[3] = error[0], error[1]
+    else:
+        out[:] = math.nan
 
 
 class Sequence:

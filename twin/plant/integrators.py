@@ -9,9 +9,9 @@ from typing import Final, Protocol
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ class Native:
         """Do nothing: there is no memory."""
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def coefficients(ages: Array, dt: float, out: Array) -> None:
     """Weights (s,) of s past derivatives for a step of `dt`, for any spacing.
 
@@ -148,7 +148,7 @@ def coefficients(ages: Array, dt: float, out: Array) -> None:
         out[i] = 0.5 * dt * (first + second)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _position_rate(qpos: Array, qvel: Array, joints: Integers, out: Array) -> None:
     """dqpos/dt (nq,), quaternions in their four components: q̇ = ½ q ⊗ ω, ω in the body frame."""
     for kind, q, v in joints:
@@ -166,7 +166,7 @@ def _position_rate(qpos: Array, qvel: Array, joints: Integers, out: Array) -> No
         out[q + 3] = w * c + x * b - y * a
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _normalise(qpos: Array, joints: Integers) -> None:
     for kind, q, _ in joints:
         start = q + 3 if kind == _FREE else q
@@ -175,7 +175,7 @@ def _normalise(qpos: Array, joints: Integers) -> None:
             part /= np.sqrt(part @ part)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _advance(
     qpos: Array, qvel: Array, act: Array, qacc: Array, act_dot: Array,
     joints: Integers, smooth: NDArray[np.bool_], history: Array, ages: Array,

@@ -10,8 +10,10 @@ import mujoco
 import numpy as np
 
 from analysis.transfer_function import Channel, TransferFunctionModel
+from hardware.frames import AXES
+from hardware.protocol import constants
 from twin.errors import TwinError
-from twin.physics import native
+from twin.physics import motor, native
 from twin.physics.mechanism.frame import check_frame
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
@@ -19,8 +21,8 @@ from twin.plant.compose import MJCF, SCENES, compose, one_line
 
 Seat = Literal["linkage", "transfer-function", "follow"]
 REFERENCE_GIMBAL = MJCF / "gimbal.json"
-AXES = ("x", "y")
-LARGEST_DT = 0.02  # s; the 50 Hz frame of a hobby servo, past which no gimbal motion is resolved
+# s; the frame of a hobby servo, above which no gimbal motion is resolved; runs allow less
+LARGEST_MODEL_DT = constants.PWM_PERIOD
 
 # What the loop reads and writes by name; docs/vehicles.md explains each.
 NEEDED: Mapping[str, tuple[tuple[str, str], ...]] = {
@@ -120,8 +122,8 @@ def _seeded(model: mujoco.MjModel, seed: int) -> dict[str, float]:
 
 
 def _checked_dt(dt: float) -> float:
-    if not 0 < dt <= LARGEST_DT:
-        raise TwinError(f"--dt {dt}: the physics step must lie in 0 < dt ≤ {LARGEST_DT} s")
+    if not 0 < dt <= LARGEST_MODEL_DT:
+        raise TwinError(f"--dt {dt}: the physics step must lie in 0 < dt ≤ {LARGEST_MODEL_DT} s")
     return dt
 
 
@@ -184,9 +186,7 @@ def _set_backlash(spec: mujoco.MjSpec, overrides: Mapping[str, float]) -> None:
 
 
 def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> None:
-    from twin.physics.motor import Motor, apply_motor
-
-    apply_motor(spec, Motor.from_eng(file))
+    motor.apply_motor(spec, motor.load(file))
 
 
 def _check_meshes(model: mujoco.MjModel) -> None:

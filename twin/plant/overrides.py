@@ -1,11 +1,8 @@
-"""Any named parameter of a compiled model, changed from the command line or a file."""
+"""Any named parameter of a compiled model: read it and change it."""
 
-import json
-import math
 import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -13,7 +10,6 @@ import numpy as np
 from twin.errors import TwinError
 
 NAME = re.compile(r"(?P<owner>[A-Za-z0-9_/-]+)(?:\.(?P<attribute>[a-z]+))?(?:\[(?P<index>\d+)\])?")
-LARGEST_FILE = 1_000_000  # bytes
 
 # attribute -> (object type, how the compiled model stores it)
 ATTRIBUTES: Mapping[str, tuple[mujoco.mjtObj, str]] = {
@@ -28,7 +24,7 @@ ATTRIBUTES: Mapping[str, tuple[mujoco.mjtObj, str]] = {
     "ctrlrange": (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator_ctrlrange"),
     "forcerange": (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator_forcerange"),
 }
-AXES = {
+DOFS = {
     mujoco.mjtJoint.mjJNT_FREE: 6,
     mujoco.mjtJoint.mjJNT_BALL: 3,
     mujoco.mjtJoint.mjJNT_SLIDE: 1,
@@ -57,50 +53,6 @@ DECIDED: Mapping[str, str] = {
     "wind_modes": f"{WRITTEN}; set wind_seed, wind_length",
     "native_index": WRITTEN,
 }
-
-
-def parse(items: Iterable[str], file: Path | None = None) -> dict[str, float]:
-    """Overrides from a JSON file of `{"name": number}` and, over them, from `NAME=VALUE` texts.
-
-    Raises
-    ------
-    TwinError : a text without `=`, a value that is no finite number, a file that is no such JSON
-    """
-    values = _from_file(file) if file else {}
-    for item in items:
-        name, equals, text = item.partition("=")
-        if not equals:
-            raise TwinError(f"--set {item!r}: write NAME=VALUE, for example wind_speed=3")
-        values[name.strip()] = _number(text, f"--set {item!r}")
-    return values
-
-
-def _from_file(file: Path) -> dict[str, float]:
-    try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise TwinError(f"{file} is larger than {LARGEST_FILE} bytes")
-        content = json.loads(file.read_text())
-    except OSError as error:
-        raise TwinError(f"cannot read overrides {file}: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, TwinError):
-            raise
-        raise TwinError(f"{file} is not JSON: {error}") from error
-    if not isinstance(content, dict):
-        raise TwinError(f'{file}: overrides are one JSON object, {{"name": number, …}}')
-    return {str(name): _number(value, f"{file}: {name}") for name, value in content.items()}
-
-
-def _number(value: object, where: str) -> float:
-    try:
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise ValueError
-        number = float(value)
-    except (ValueError, OverflowError):
-        raise TwinError(f"{where}: {str(value)[:40]!r} is not a number") from None
-    if not math.isfinite(number):
-        raise TwinError(f"{where}: {value} is not finite")
-    return number
 
 
 def apply(model: mujoco.MjModel, overrides: Mapping[str, float]) -> None:
@@ -245,7 +197,7 @@ def _place(
         raise TwinError(f"{name}: no {_word(kind)} {owner!r}; valid: {', '.join(known)}")
     array = getattr(model, field)
     if field.startswith("dof_"):
-        first, axes = int(model.jnt_dofadr[index]), AXES[mujoco.mjtJoint(model.jnt_type[index])]
+        first, axes = int(model.jnt_dofadr[index]), DOFS[mujoco.mjtJoint(model.jnt_type[index])]
         return _indexed(array[first : first + axes], at or "0", name)
     return _indexed(array[index : index + 1] if array.ndim == 1 else array[index], at, name)
 

@@ -2,16 +2,21 @@
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.frames import AXES, GimbalState, Pair
 from twin.errors import DivergenceError, TwinError
 from twin.physics.motor import Depletion
 from twin.plant import integrators
-from twin.plant.model import AXES, TwinModel
+from twin.plant.actuation import Actuation
+from twin.plant.flow import Flow
+from twin.plant.model import TwinModel
+from twin.plant.rods import Rods
 
 Array = NDArray[np.float64]
 
@@ -48,6 +53,11 @@ class Plant:
     Attributes
     ----------
     renewal_ns : longest time between two renewals of the propellant's mass [ns]
+    position, velocity, attitude, rate : views of the vehicle's state, as `VehicleState`
+    gimbal_angle, gimbal_rate : (2,) views of the gimbal joints; zeros of a fixed motor [rad, rad/s]
+    closure : (2,) gap of the two rod loops at the last `derive` [m]; zeros without rods
+    thrust : (1,) of the motor at the last `derive` [N]; zero without a vehicle
+    signals : what is recorded of it, views by name of `analysis.schema`
     """
 
     renewal_ns = RENEWAL_NS
@@ -64,7 +74,9 @@ class Plant:
         self._stepper = integrators.make(integrator)
         self._propellant = Depletion(self.model)
         self._renewal = max(1, self.renewal_ns // self.dt_ns)
+        self._actuation = Actuation(twin, self.data)
         self._view()
+        self.signals = self._offer()
         self._stops = self._read_stops()
         self.reset()
 
@@ -90,6 +102,35 @@ class Plant:
         else:
             self.gimbal_angle, self.gimbal_rate = np.zeros(2), np.zeros(2)
 
+    def _offer(self) -> Mapping[str, Array]:
+        """Signals of the gimbal and, where there is one, of the vehicle."""
+        self._rods = Rods(self.model, self.data)
+        self.closure = self._rods.closure
+        self._flow: Flow | None = None
+        self.thrust: Array = np.zeros(1)
+        signals = {"gimbal/simulated": self.gimbal_angle, "gimbal/rate/simulated": self.gimbal_rate}
+        signals |= self._rods.signals
+        if self.has_vehicle:
+            state = (self.position, self.velocity, self.attitude, self.rate)
+            self._flow = Flow(self.model, self.data, *state)
+            self.thrust = self._flow.thrust
+            vehicle = int(self.model.body("vehicle").id)
+            signals |= {
+                "vehicle/position": self.position,
+                "vehicle/velocity": self.velocity,
+                "vehicle/attitude": self.attitude,
+                "vehicle/rate": self.rate,
+                "vehicle/mass": self.model.body_subtreemass[vehicle : vehicle + 1],
+                **self._flow.signals,
+            }
+        return signals
+
+    def derive(self, time_ns: int) -> None:
+        """Compute the signals beyond the state, at `time_ns` of the experiment [ns]."""
+        self._rods.derive()
+        if self._flow is not None:
+            self._flow.derive(time_ns)
+
     def _read_stops(self) -> tuple[float, float, float, float]:
         """Gimbal angles past which the simulation is nonsense: x low, high, y low, high [rad]."""
         stops = [-math.inf, math.inf] * len(AXES)
@@ -109,6 +150,32 @@ class Plant:
         self._stepper = self._stepper.fresh()
         self.steps = 0
         mujoco.mj_forward(self.model, self.data)
+
+    def drive(self, angle: Pair) -> None:
+        """Command a gimbal angle about x and y [rad]; a fixed motor ignores it."""
+        self._actuation.drive(angle)
+
+    @property
+    def follows(self) -> bool:
+        """Whether the gimbal joints take measured angles, from `follow`."""
+        return self.twin.gimbal == "follow"
+
+    def follow(self, angle: Pair) -> None:
+        """Have the gimbal joints take a measured angle [rad]; they reach it one step later.
+
+        Raises
+        ------
+        TwinError : the model moves its gimbal itself
+        """
+        if not self.follows:
+            raise TwinError(f"a gimbal of kind {self.twin.gimbal!r} cannot follow measured angles")
+        self._actuation.drive(angle)
+
+    def gimbal(self) -> GimbalState:
+        """Exact angles and rates of the gimbal joints at `time_ns`."""
+        x, y = self.gimbal_angle.tolist()
+        u, v = self.gimbal_rate.tolist()
+        return GimbalState(self.time_ns, (x, y), (u, v))
 
     @property
     def time_ns(self) -> int:

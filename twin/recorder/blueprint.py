@@ -7,7 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from analysis import schema
-from twin.recorder.poses import FOCUS_RADII, VEHICLE, Poses, focus_path
+from twin.recorder.poses import FOCUS_RADII, SIMULATED_COLOR, VEHICLE, Poses, focus_path
 from twin.recorder.scene import BodyMesh
 
 SKY = (24, 30, 40)
@@ -15,23 +15,22 @@ SKY = (24, 30, 40)
 LOOK = (0.55, 0.75, -0.25)
 
 COMMAND = (150, 150, 150)
-SIMULATED = (60, 140, 255)
 MEASURED = (255, 140, 30)
 X, Y, Z, W = (230, 80, 80), (90, 190, 90), (80, 130, 240), (180, 120, 220)
 
 # One colour for one meaning: what was asked, what the model did, what was measured.
 _MEANING = {
     "gimbal/command": COMMAND,
-    "gimbal/simulated": SIMULATED,
+    "gimbal/simulated": SIMULATED_COLOR,
     "gimbal/measured": MEASURED,
     "gimbal/reference": MEASURED,
-    "gimbal/other": SIMULATED,
-    "gimbal/rate/simulated": SIMULATED,
+    "gimbal/other": SIMULATED_COLOR,
+    "gimbal/rate/simulated": SIMULATED_COLOR,
     "gimbal/rate/measured": MEASURED,
-    "turntable/simulated": SIMULATED,
+    "turntable/simulated": SIMULATED_COLOR,
     "turntable/measured": MEASURED,
     "control/setpoint": COMMAND,
-    "vehicle/tilt": SIMULATED,
+    "vehicle/tilt": SIMULATED_COLOR,
 }
 _BY_COMPONENT = {"x": X, "y": Y, "z": Z, "w": W}
 _CYCLE = (X, Y, Z, W, (200, 180, 60), (80, 190, 200))

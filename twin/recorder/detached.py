@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.recorder import ring
-from twin.recorder.sink import Sink, places
+from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, places
 from twin.recorder.stream import RecorderError, checked
 
 CAPACITY = 16_384  # entries: 20 s of a flight with a rig that sends 500 frames a second
@@ -104,8 +104,8 @@ class DetachedRecorder(Sink):
         signals: Sequence[str],
         properties: Mapping[str, object],
         model: mujoco.MjModel | None = None,
-        pose_period_ns: int = 20_000_000,
-        drain_ns: int = 1_000_000_000,
+        pose_period_ns: int = POSE_PERIOD_NS,
+        drain_ns: int = DRAIN_NS,
         serve: int | None = None,
         capacity: int = CAPACITY,
     ) -> None:

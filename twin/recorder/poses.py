@@ -23,8 +23,8 @@ METRES_PER_NEWTON = 0.02  # length of the thrust arrow
 
 # Rerun takes a negative radius in points of the screen.
 TRAIL_RADIUS, PATH_RADIUS = -1.5, -0.75
-TRAIL_COLOR = (60, 140, 255)
 PATH_COLOR = (150, 150, 150, 120)
+SIMULATED_COLOR = (60, 140, 255)
 THRUST_COLOR = (255, 210, 60)
 
 
@@ -91,7 +91,7 @@ class Poses:
                 stream.log(path, pose, static=True)
         for body in self.focus.values():
             stream.log(focus_path(body.name), _invisible(FOCUS_RADII * body.radius), static=True)
-        trail = rr.LineStrips3D.from_fields(colors=[TRAIL_COLOR], radii=[TRAIL_RADIUS])
+        trail = rr.LineStrips3D.from_fields(colors=[SIMULATED_COLOR], radii=[TRAIL_RADIUS])
         stream.log(f"{schema.WORLD}/trail", trail, static=True)
         arrow = rr.Arrows3D.from_fields(colors=[THRUST_COLOR], radii=[0.01])
         stream.log(f"{schema.WORLD}/thrust", arrow, static=True)

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.schema import FRAME, RARE, TICK
+from hardware.events import HealthChanged
 from hardware.frames import GimbalState, SensorFrame
 from twin.loop.readings import Readings
 from twin.recorder import Sink
@@ -25,7 +26,6 @@ class RigRows:
     def __init__(self, readings: Readings) -> None:
         self._readings = readings
         self._last_ns = -1
-        self._health = ""
         self._counts: tuple[int, int, bool] | None = None
         self._trips = 0
         self._latest: list[tuple[float, ...]] = [()] * len(RARE)
@@ -41,9 +41,8 @@ class RigRows:
     def write(self, time_ns: int, wall_origin_ns: int) -> None:
         """Commit a row a frame, then leave the link's state in the row of this tick."""
         recorder, r = self._recorder, self._readings
-        if r.opening is not None:
-            recorder.estimator(time_ns, r.opening)
-            r.opening = None
+        if r.snapshot is not None:
+            recorder.estimator(time_ns, r.snapshot)
         if r.frames:
             recorder.row[:] = np.nan
             taken = time_ns * 1e-9
@@ -70,11 +69,11 @@ class RigRows:
         if counts != self._counts:
             self._counts = counts
             self._tick[2:] = counts
-        for level, text in r.news:
-            recorder.event(time_ns, text, level)
-        if r.health != self._health:
-            self._health = r.health
-            recorder.health(time_ns, r.health)
+        for event in r.events:
+            if isinstance(event, HealthChanged):
+                recorder.health(time_ns, event.health)
+            else:
+                recorder.event(time_ns, event.text, event.level)
 
     def _note(self, rare: tuple[tuple[float, ...], ...]) -> None:
         for k, values in enumerate(rare):

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from analysis import schema
 
+POSE_PERIOD_NS = 20_000_000  # between two poses of the 3D scene: 50 frames a second
+DRAIN_NS = 1_000_000_000
+
 
 class Sink(ABC):
     """Takes rows: fill `row` through `slices`, then `commit`; views of `row` stay valid.

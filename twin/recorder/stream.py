@@ -20,10 +20,10 @@ from analysis.recording.lock import claim
 from twin.errors import TwinError
 from twin.recorder import blueprint, columns
 from twin.recorder.poses import Poses
-from twin.recorder.sink import Sink, one_line, places
+from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
+from twin.viewer.opening import LOOPBACK
 
 THRUST = "vehicle/thrust"
-LOOPBACK = "127.0.0.1"
 FLUSH_SECONDS = 60.0  # a slow disk needs a few; Rerun itself waits without end
 
 
@@ -67,9 +67,9 @@ class Recorder(Sink):
         signals: Sequence[str],
         properties: Mapping[str, object],
         model: mujoco.MjModel | None = None,
-        pose_period_ns: int = 20_000_000,
+        pose_period_ns: int = POSE_PERIOD_NS,
         capacity: int = 4096,
-        drain_ns: int = 1_000_000_000,
+        drain_ns: int = DRAIN_NS,
         serve: int | None = None,
     ) -> None:
         self.path = Path(path)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from twin.viewer.opening import START_SECONDS, ViewerError
+from twin.viewer.opening import LOOPBACK, START_SECONDS, ViewerError
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SETTLE_SECONDS = 180.0  # without a graphics card a frame takes a second or more
@@ -98,7 +98,7 @@ def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
             "--force-device-scale-factor=1",
             f"--window-size={size[0]},{size[1]}",
             f"--user-data-dir={home}",
-            "--remote-debugging-address=127.0.0.1",
+            f"--remote-debugging-address={LOOPBACK}",
             "--remote-debugging-port=0",
             "about:blank",
         ]

@@ -14,12 +14,12 @@ from twin.plant.model import TwinModel
 TICKS = 150
 WARM = 20
 IN_TIME = 99.0  # percent of the ticks that must be done within their period
-MOST_STEPS = 500  # to a tick; finer steps change nothing any more and cost memory
+MOST_STEPS = 500  # to a tick; finer steps have no effect but cost memory
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What one integrator can afford.
+    """The finest step of one integrator.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ def budget(models: Callable[[float], TwinModel], integrator: str, config: Conver
     divisors = [n for n in range(1, MOST_STEPS + 1) if period % n == 0]
     first = divisors[min(3, len(divisors) - 1)]
     cost = _tick_costs(models, integrator, config, period, first)
-    # of a tick that all belongs to the steps: the guess is on the fine side, the search goes back
+    # as if the whole tick were steps: the guess is too fine, the search goes on to coarser ones
     guess = period * 1e-9 * first / float(np.percentile(cost, IN_TIME))
     for n in reversed([d for d in divisors if d <= max(1.0, guess)]):
         cost = _tick_costs(models, integrator, config, period, n)
@@ -71,5 +71,5 @@ def _tick_costs(
         seats.plant.advance(n)
         spent[k] = time.thread_time() - began
         if spent[: k + 1].sum() > 4.0 * TICKS * period * 1e-9:
-            return spent[: k + 1]  # hopeless; no need to see the end of it
+            return spent[: k + 1]  # far too slow already
     return spent[WARM:]

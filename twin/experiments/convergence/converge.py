@@ -1,4 +1,4 @@
-"""The assembly of `twin converge`."""
+"""`twin converge`: one flight with every integrator at every time step."""
 
 import math
 import time
@@ -16,7 +16,7 @@ from twin.experiments.convergence.budget import budget
 from twin.experiments.convergence.flights import JITTERED, flight, jittered, load_for
 from twin.experiments.convergence.page import sections
 from twin.experiments.convergence.result import ConvergenceResult, RealTime
-from twin.experiments.session import compiled
+from twin.plant.compiled import compiled
 
 REFERENCE = "rk4"
 # s; the baseline's steps divide 0.2 s, the closed loop's its control period
@@ -36,18 +36,18 @@ def converge(config: Converge) -> ConvergenceResult:
     steps = _steps(config)
     out = config.out or Path("runs/converge.html")
     if out.suffix.lower() not in (".html", ".htm"):
-        raise TwinError(f"--out {out}: the report of a convergence study is an .html file")
+        raise TwinError(f"--out {out}: must be an .html file")
     names = tuple(dict.fromkeys((*config.integrators, config.integrator)))
     with compiled(), _quietly():
         fly = flight(config)
-        found = study(fly, names, steps, richardson(fly, REFERENCE, min(steps)))
+        studied = study(fly, names, steps, richardson(fly, REFERENCE, min(steps)))
         uneven = _jitter(config)
-        real_time = tuple(_real_time(config, fly, found, name) for name in names)
+        real_time = tuple(_real_time(config, fly, studied, name) for name in names)
         chosen = next(r for r in real_time if r.budget.integrator == config.integrator)
         step = chosen.budget.step
         at_step = None if math.isnan(step) else fly(config.integrator, step)
     result = ConvergenceResult(
-        config.flight, found, uneven, real_time, config.integrator, config.tolerance_m,
+        config.flight, studied, uneven, real_time, config.integrator, config.tolerance_m,
         str(out), time.perf_counter() - began,
     )  # fmt: skip
     render(sections(result, at_step), "Convergence study", out, result.as_dict())
@@ -68,7 +68,7 @@ def _quietly() -> Iterator[None]:
 def _steps(config: Converge) -> tuple[float, ...]:
     steps = tuple(ms * 1e-3 for ms in config.dt_ms) or STEPS[config.flight]
     if not 2 <= len(set(steps)) <= MOST_STEPS:
-        raise TwinError(f"--dt-ms: {len(set(steps))} different steps; 2 to {MOST_STEPS} are right")
+        raise TwinError(f"--dt-ms: {len(set(steps))} different steps; must be 2 to {MOST_STEPS}")
     if not 0 < config.duration_s <= 60:
         raise TwinError(f"--duration-s {config.duration_s:g}: must lie in 0 to 60")
     return steps
@@ -81,7 +81,7 @@ def _jitter(config: Converge) -> Study | None:
     return study(fly, tuple(JITTERED), steps, richardson(fly, REFERENCE, min(steps)))
 
 
-def _real_time(config: Converge, fly: Flight, found: Study, name: str) -> RealTime:
+def _real_time(config: Converge, fly: Flight, studied: Study, name: str) -> RealTime:
     """Only the figure's integrator is flown at its own step; the others follow their order."""
     afforded = budget(load_for(config), name, config)
     if math.isnan(afforded.step):
@@ -89,7 +89,7 @@ def _real_time(config: Converge, fly: Flight, found: Study, name: str) -> RealTi
     if name == config.integrator:
         flown = fly(name, afforded.step)
         if flown is not None:
-            return RealTime(afforded, distance(flown, found.reference.trajectory).position, True)
-    # what lies below the reference's own uncertainty could not be told from it
-    floor = found.reference.uncertainty.position
-    return RealTime(afforded, max(found.of(name).error_at(afforded.step), floor), flown=False)
+            return RealTime(afforded, distance(flown, studied.reference.trajectory).position, True)
+    # what lies below the reference's own uncertainty is indistinguishable from it
+    floor = studied.reference.uncertainty.position
+    return RealTime(afforded, max(studied.of(name).error_at(afforded.step), floor), flown=False)

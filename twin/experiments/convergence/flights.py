@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from analysis.convergence import Flight, Trajectory
 from twin.config import Converge, Fly
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.errors import DivergenceError, TwinError
-from twin.experiments.flight import setpoint
+from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
-from twin.plant import overrides
+from twin.plant.authority import control_config
 from twin.plant.compose import MJCF
 from twin.plant.integrators import AdamsBashforth
 from twin.plant.model import ModelConfig, TwinModel, load
@@ -28,12 +28,12 @@ Array = NDArray[np.float64]
 INTERVAL_NS = 200_000_000  # between the instants compared, and between renewals of the mass
 STEERED_DT = 0.001  # s, of the flight that leads up to the baseline
 COAST = 3.0  # s after burnout that may serve as a smooth stretch
-OFF_RAMP = 1.0  # s; by then any ramp is behind, whose end jerks
+OFF_RAMP = 1.0  # s; after the ramp, whose end is not smooth
 # Body rates added at the start [rad/s]: undisturbed, a trimmed vehicle flies an almost straight
 # line, which every method gets right. Out of plane, so that no cross flow passes through zero.
 DISTURBANCE = (0.3, -0.2, 0.5)
 
-# Second-order steps of unequal length, with coefficients that know it and with printed ones.
+# Second-order steps of unequal length, with coefficients that follow the steps and with fixed ones.
 JITTERED = {"ab2, jittered": True, "ab2, jittered, fixed": False}
 JITTER = 0.8
 GIMBALLESS = MJCF / "examples" / "large_rocket.xml"
@@ -62,7 +62,7 @@ class StudyPlant(Plant):
         self.steps += len(steps)
 
     def jitter(self, *, variable: bool) -> None:
-        """Put Adams–Bashforth 2 in place, with variable or printed coefficients."""
+        """Put Adams–Bashforth 2 in place, with variable or fixed coefficients."""
         self._stepper = AdamsBashforth(2, variable=variable)
 
     def place(self, start: "Start") -> None:
@@ -85,7 +85,7 @@ class Start:
 
 
 def flight(config: Converge) -> Flight:
-    """The flight a study was asked for."""
+    """The flight that a study is about."""
     return baseline(config) if config.flight == "baseline" else closed_loop(config)
 
 
@@ -190,11 +190,12 @@ def tick_of(config: Converge) -> int:
 
     Raises
     ------
-    TwinError : it is no whole number of nanoseconds
+    TwinError : it is not a whole number of nanoseconds
     """
     if not 0 < config.control_hz <= 1e5 or (1e9 / config.control_hz) % 1.0:
         raise TwinError(
-            f"--control-hz {config.control_hz:g}: its period must be whole nanoseconds, as of 250"
+            f"--control-hz {config.control_hz:g}: the period must be a whole number of nanoseconds,"
+            " for example 250"
         )
     return round(1e9 / config.control_hz)
 
@@ -212,7 +213,7 @@ def _load(config: Converge, dt: float) -> TwinModel:
             vehicle=config.vehicle,
             mechanism=config.mechanism,
             motor=config.motor,
-            overrides=overrides.parse(config.set, config.set_from),
+            overrides=config.overrides,
             dt=dt,
             seed=config.seed,
         )
@@ -270,7 +271,7 @@ class _Trace:
     def keep(self, time_ns: int) -> None:
         plant = self._plant
         if not plant.position @ plant.position < 1e12:
-            raise DivergenceError("the vehicle left the sky")
+            raise DivergenceError("the vehicle is more than 1000 km away")
         self._kept.append((time_ns * 1e-9, plant.position.copy(), plant.attitude.copy()))
 
     def trajectory(self) -> Trajectory:

@@ -24,17 +24,17 @@ def shade(share: float) -> str:
 
 def _verdict(result: ConvergenceResult) -> Section:
     chosen = result.chosen
-    word = "has converged" if result.converged else "has not converged"
-    told = (
-        f"With {result.integrator} the flight {word}: at the finest step this machine keeps up"
-        f" with, {chosen.budget.step * 1e3:.4g} ms, the path errs by {chosen.error:.1e} m;"
-        f" {result.tolerance:g} m was tolerated."
+    state = "has converged" if result.converged else "has not converged"
+    text = (
+        f"With {result.integrator} the flight {state}: at the finest step this machine keeps up"
+        f" with, {chosen.budget.step * 1e3:.4g} ms, the path error is {chosen.error:.1e} m;"
+        f" the tolerance is {result.tolerance:g} m."
     )
     return Section(
         "verdict",
-        "Does real time spoil the solution?",
+        "Is the solution accurate enough in real time?",
         (
-            told,
+            text,
             "Flight: " + _FLIGHTS[result.flight],
         ),
     )
@@ -42,9 +42,9 @@ def _verdict(result: ConvergenceResult) -> Section:
 
 _FLIGHTS = {
     "baseline": "free flight under power from the middle of a steered one, disturbed, its gimbal"
-    " at rest; no hardware, no transfer function, nothing that jumps.",
+    " at rest; no hardware, no transfer function, everything smooth.",
     "closed-loop": "from the launch on, steered by the sampled attitude loop. Commands that jump"
-    " at every tick and a thrust curve with corners limit what order can be seen.",
+    " at every tick and a thrust curve with corners limit the order that can be observed.",
 }
 
 
@@ -127,7 +127,7 @@ def _numbers(result: ConvergenceResult) -> Section:
         for r in result.real_time
     )
     head = ("integrator", "finest step [ms]", "one step [µs]", "error there [m]", "")
-    caption = "Finest step whose control ticks, controller included, 99 of 100 were done in time."
+    caption = "Finest step at which 99 of 100 ticks, with the controller, were done in time."
     tables.append(Table(head, rows, caption))
     return Section("numbers", "Numbers", (), tuple(tables))
 

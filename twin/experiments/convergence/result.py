@@ -1,9 +1,10 @@
-"""What a convergence study amounts to: numbers for machines, one screen for people."""
+"""Result of a convergence study: numbers for machines, rows for people."""
 
 import math
 from dataclasses import dataclass
 
 from analysis.convergence import Series, Study
+from twin.config.result import Result, Rows
 from twin.experiments.convergence.budget import Budget
 
 
@@ -24,7 +25,7 @@ class RealTime:
 
 
 @dataclass(frozen=True)
-class ConvergenceResult:
+class ConvergenceResult(Result):
     """Orders, errors, and whether the solution has converged at the step real time allows.
 
     Attributes
@@ -56,7 +57,7 @@ class ConvergenceResult:
         return self.chosen.error <= self.tolerance
 
     def as_dict(self) -> dict[str, object]:
-        """JSON values in SI; None where nothing could be told."""
+        """JSON values in SI; None where nothing could be measured."""
         reference = self.study.reference
         return {
             "flight": self.flight,
@@ -86,50 +87,53 @@ class ConvergenceResult:
             "wall_s": self.wall_s,
         }
 
-    def text(self) -> str:
-        """One screen."""
+    def rows(self) -> Rows:
+        """The study as a table."""
         reference = self.study.reference
-        lines = [
-            f"{'flight':<18}{self.flight}",
-            f"{'reference':<18}{reference.integrator} at {_ms(reference.step)},"
-            f" ± {reference.uncertainty.position:.1e} m"
-            + ("" if math.isnan(reference.order) else f", order {reference.order:.2f} observed"),
-            *_table(self.study),
+        order, step = reference.order, _ms(reference.step)
+        observed = "" if math.isnan(order) else f", order {order:.2f} observed"
+        uncertainty = f"± {reference.uncertainty.position:.1e} m"
+        rows = [
+            ("flight", self.flight),
+            (
+                "reference",
+                f"{reference.integrator} at {step}, {uncertainty}{observed}",
+            ),
+            *_table("position error [m]", self.study),
         ]
         if self.jitter is not None:
-            lines += ["", "steps jittered by ± 80 %, vehicle without gimbal", *_table(self.jitter)]
-        lines += ["", f"{'in real time':<24}{'finest step':>12}{'error':>12}{'one step':>12}"]
+            rows += [("", ""), ("steps jittered", "by ± 80 %, vehicle without gimbal")]
+            rows += _table("position error [m]", self.jitter)
+        rows += [("", ""), ("in real time", f"{'finest step':>12}{'error':>12}{'one step':>12}")]
         for r in self.real_time:
             error = "unknown" if math.isnan(r.error) else f"{r.error:.1e} m"
-            step = "none" if math.isnan(r.budget.step) else _ms(r.budget.step)
-            lines.append(
-                f"{r.budget.integrator:<24}{step:>12}{error:>12}{r.budget.step_cost * 1e6:>9.1f} µs"
-            )
-        return "\n".join([*lines, "", self._verdict(), f"{'report':<18}{self.page}"])
+            finest = "none" if math.isnan(r.budget.step) else _ms(r.budget.step)
+            cost = f"{r.budget.step_cost * 1e6:>9.1f} µs"
+            rows.append((r.budget.integrator, f"{finest:>12}{error:>12}{cost}"))
+        return [*rows, ("", ""), ("verdict", self._verdict()), ("report", self.page)]
 
     def _verdict(self) -> str:
         step = self.chosen.budget.step
         if math.isnan(step):
-            return f"{'verdict':<18}this machine keeps up with {self.integrator} at no step"
-        word = "converged" if self.converged else "NOT converged"
+            return f"no time step of {self.integrator} keeps up with real time on this machine"
+        verdict = "converged" if self.converged else "NOT converged"
         return (
-            f"{'verdict':<18}{word} with {self.integrator} at {_ms(step)}:"
+            f"{verdict} with {self.integrator} at {_ms(step)}:"
             f" {self.chosen.error:.1e} m, tolerance {self.tolerance:g} m"
         )
 
 
-def _table(study: Study) -> list[str]:
-    steps = study.series[0].steps
-    head = "".join(f"{_ms(h):>11}" for h in steps)
-    lines = [f"{'position error [m]':<24}{head}{'order':>8}{'attitude':>10}"]
+def _table(name: str, study: Study) -> Rows:
+    head = "".join(f"{_ms(h):>11}" for h in study.series[0].steps)
+    rows = [(name, f"{head}{'order':>8}{'attitude':>10}")]
     for series in study.series:
         errors = "".join(
             f"{'diverged':>11}" if math.isnan(e.position) else f"{e.position:>11.1e}"
             for e in series.errors
         )
         orders = [_order(series.order[q]) for q in ("position", "attitude")]
-        lines.append(f"{series.integrator:<24}{errors}{orders[0]:>8}{orders[1]:>10}")
-    return lines
+        rows.append((series.integrator, f"{errors}{orders[0]:>8}{orders[1]:>10}"))
+    return rows
 
 
 def _series(series: Series) -> dict[str, object]:

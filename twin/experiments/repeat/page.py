@@ -1,4 +1,4 @@
-"""Repeated flights as a page: where they scatter, and how the models differ from the rig."""
+"""Repeated flights as a page: their spread, and how the models differ from the rig."""
 
 import math
 from typing import TYPE_CHECKING
@@ -10,19 +10,19 @@ from analysis.report.parts import Style
 
 if TYPE_CHECKING:
     from analysis.timing import Verdict
-    from twin.experiments.repeat.repeat import RepeatResult
+    from twin.experiments.repeat.result import RepeatResult
 
-_SHOWN = 30  # flights of a seat drawn; more are a smear
+_SHOWN = 30  # flights plotted per gimbal; more cannot be distinguished
 
 
 def sections(result: "RepeatResult") -> tuple[Section, ...]:
     """Sections of the page."""
-    found = [_paths(result), _numbers(result)]
+    parts = [_paths(result), _numbers(result)]
     if any(r.fault for seat in result.seats for r in seat.results):
-        found.append(_faults(result))
+        parts.append(_faults(result))
     if result.differences:
-        found.append(_differences(result))
-    return tuple(found)
+        parts.append(_differences(result))
+    return tuple(parts)
 
 
 def _paths(result: "RepeatResult") -> Section:
@@ -69,7 +69,7 @@ def _numbers(result: "RepeatResult") -> Section:
     head = ("gimbal", "figure", "value", "unit", "n", "95 % interval")
     caption = (
         "Over the flights of each gimbal, each with the next seed. Overshoot, settling (2 %) and"
-        " rise are of the nose's answer to one step of the setpoint."
+        " rise are those of the nose after one step of the setpoint."
     )
     return Section("numbers", "Repeatability", (), (Table(head, tuple(rows), caption),))
 
@@ -90,7 +90,7 @@ def _faults(result: "RepeatResult") -> Section:
         for k, r in enumerate(seat.results)
         if r.fault is not None
     )
-    caption = "What went wrong first in each of these flights; they count in nothing above."
+    caption = "First fault of each of these flights; they are not part of the figures above."
     table = Table(("gimbal", "flight", "fault"), rows, caption)
     return Section("faults", "Flights with a fault", (), (table,))
 
@@ -110,21 +110,21 @@ def _differences(result: "RepeatResult") -> Section:
     head = ("model", "nose, rms [°]", "worst [°]", "path, worst [m]", "of the way [%]")
     caption = f"First flight with {first} against that with each model, under power."
     made_of = (
-        "What the models do not have is what the difference is made of: a transfer function knows"
-        " no dead band, play or wait for a pulse frame, only their mean; the linkage has the"
-        " drawings' servos, not this rig's."
+        "The difference is due to what the models leave out: a transfer function has the mean"
+        " effect of dead band, backlash and the wait for a pulse frame only; the linkage has"
+        " nominal servos, not those of this rig."
     )
-    told = (made_of, *_timing(result.seats[0].results[0].timing))
-    return Section("differences", "Rig against models", told, (Table(head, rows, caption),))
+    texts = (made_of, *_timing(result.seats[0].results[0].timing))
+    return Section("differences", "Rig against models", texts, (Table(head, rows, caption),))
 
 
 def _timing(timing: "Verdict | None") -> tuple[str, ...]:
-    """What real time had to do with it."""
+    """The share of real time in the difference."""
     if timing is None or timing.moved is None:
         return ()
     by = timing.moved
-    told = (
+    text = (
         f"In the rig's first flight real time moved the path by {by.timing.position:.2f} m and the"
         f" time step by {by.step.position:.2f} m: {timing.text()}."
     )
-    return (told,)
+    return (text,)

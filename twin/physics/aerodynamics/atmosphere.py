@@ -6,11 +6,12 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
+from hardware.parts import STANDARD_GRAVITY as GRAVITY
+
 # ICAO Doc 7488/3, Manual of the ICAO Standard Atmosphere
 SEA_LEVEL_DENSITY: Final = 1.225  # kg/m³
 SEA_LEVEL_TEMPERATURE: Final = 288.15  # K
 LAPSE: Final = 0.0065  # K/m
-GRAVITY: Final = 9.80665  # m/s²
 GAS_CONSTANT: Final = 287.05287  # J/(kg K)
 EARTH_RADIUS: Final = 6356766.0  # m
 TROPOPAUSE: Final = 11000.0  # m, geopotential

@@ -9,13 +9,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.physics.aerodynamics.atmosphere import SEA_LEVEL_DENSITY
 from twin.physics.aerodynamics.body import area_moments, crossflow, crossflow_area_moment
 
 Array = NDArray[np.float64]
 
 SPEEDS = (0.0, 1.0, 3.0, 10.0)  # m/s across the body
 RATES = (0.2, 1.0, 3.0, 10.0)  # rad/s
-DENSITY = 1.225  # kg/m³
 CENTRE = 0.2726  # m, of mass, reference vehicle loaded
 
 
@@ -35,13 +35,15 @@ class Comparison:
 
     def exact(self, v0: float, w: float) -> float:
         """Moment of ∫ r ½ρ C (v0 - ω r)|v0 - ω r| b dr [N m]."""
-        scale = 0.5 * DENSITY * self.coefficient
+        scale = 0.5 * SEA_LEVEL_DENSITY * self.coefficient
         # air passes at v0 - ω r: the body moves at -v0 and turns at ω about y
         return crossflow(-v0, 0.0, 0.0, w, scale, self.z, self.area, self.centre)[3]
 
     def form(self, v0: float, w: float) -> float:
         """Moment of the area-moment form [N m]."""
-        return crossflow_area_moment(v0, w, DENSITY, self.moments, self.r_ref, self.dv_ref)[1]
+        return crossflow_area_moment(
+            v0, w, SEA_LEVEL_DENSITY, self.moments, self.r_ref, self.dv_ref
+        )[1]
 
     def table(self) -> str:
         """Markdown: both moments and the error over speed and rate."""

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.physics.mechanism.names import AXES, MechanismError, find, prefix
+from hardware.frames import AXES
+from twin.physics.mechanism.names import MechanismError, find, prefix
 
 ALONG = 0.99  # cosine of 8°: what a printed part may be off, not another axis
 OFF = 1e-3  # m, of an axis from the pivot

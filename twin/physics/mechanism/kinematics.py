@@ -12,8 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hardware.frames import AXES
 from twin.physics.mechanism import loops
-from twin.physics.mechanism.names import AXES, MechanismError, find, prefix, require
+from twin.physics.mechanism.names import MechanismError, find, prefix, require
 
 Array = NDArray[np.float64]
 SITE, JOINT = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_JOINT

@@ -8,8 +8,9 @@ the rod, branch.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from analysis.compiled import njit
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -23,7 +24,7 @@ def pack(geometry: Array, length: float) -> Array:
     return np.append(geometry, length)
 
 
-@njit(cache=True)
+@njit()
 def _turn(ux: float, uy: float, uz: float, angle: float, x: float, y: float, z: float) -> Vector:
     """Rotate (x, y, z) about the unit vector u: Rodrigues."""
     c, s = math.cos(angle), math.sin(angle)
@@ -35,7 +36,7 @@ def _turn(ux: float, uy: float, uz: float, angle: float, x: float, y: float, z: 
     )
 
 
-@njit(cache=True)
+@njit()
 def _ball(g: Array, x: float, y: float) -> Vector:
     """Ball on the holder at gimbal angles x, y: about the inner axis, then about the outer."""
     px, py, pz = _turn(g[18], g[19], g[20], y, g[6] - g[3], g[7] - g[4], g[8] - g[5])
@@ -43,7 +44,7 @@ def _ball(g: Array, x: float, y: float) -> Vector:
     return px + g[0], py + g[1], pz + g[2]
 
 
-@njit(cache=True)
+@njit()
 def _servo(g: Array, x: float, y: float) -> tuple[float, float]:
     """Servo angle and how far the cosine it needs lies beyond one."""
     px, py, pz = _ball(g, x, y)
@@ -61,13 +62,13 @@ def _servo(g: Array, x: float, y: float) -> tuple[float, float]:
     return angle - 2 * math.pi * math.floor((angle + math.pi) / (2 * math.pi)), abs(cosine) - 1
 
 
-@njit(cache=True)
+@njit()
 def servo_pair(loops: Array, x: float, y: float) -> tuple[float, float]:
     """Servo angles (x, y) [rad] for gimbal angles, clipped to what the rods can reach."""
     return _servo(loops[0], x, y)[0], _servo(loops[1], x, y)[0]
 
 
-@njit(cache=True)
+@njit()
 def servo_angles(loops: Array, gimbal: Array) -> Array:
     """Servo angles (n, 2) for gimbal angles (n, 2) [rad], NaN beyond reach."""
     out = np.empty_like(gimbal)
@@ -78,7 +79,7 @@ def servo_angles(loops: Array, gimbal: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@njit()
 def _residual(g: Array, x: float, y: float, servo: float) -> Vector:
     """`|p - h|² - L²` of one loop and its slopes over x and y."""
     px, py, pz = _ball(g, x, y)
@@ -98,7 +99,7 @@ def _residual(g: Array, x: float, y: float, servo: float) -> Vector:
     return dx * dx + dy * dy + dz * dz - g[24] * g[24], 2 * slope_x, 2 * slope_y
 
 
-@njit(cache=True)
+@njit()
 def _gimbal(loops: Array, servo_x: float, servo_y: float) -> tuple[float, float]:
     """Newton from home on both loops at once."""
     x, y = 0.0, 0.0
@@ -115,7 +116,7 @@ def _gimbal(loops: Array, servo_x: float, servo_y: float) -> tuple[float, float]
     return math.nan, math.nan
 
 
-@njit(cache=True)
+@njit()
 def gimbal_angles(loops: Array, servo: Array) -> Array:
     """Gimbal angles (n, 2) for servo angles (n, 2) [rad], NaN where Newton finds no pose."""
     out = np.empty_like(servo)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from hardware.frames import AXES
 from twin.physics.mechanism.names import find, prefix
 
 FREEDOM = {
@@ -98,5 +99,5 @@ def _spins(model: mujoco.MjModel, links: set[int], loops: list[int]) -> list[str
 
 
 def _plays(model: mujoco.MjModel, joints: list[int]) -> list[str]:
-    plays = {find(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix(model)}play_{a}") for a in "xy"}
+    plays = {find(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix(model)}play_{a}") for a in AXES}
     return [f"play of {model.joint(j).name}" for j in joints if j in plays]

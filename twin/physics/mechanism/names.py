@@ -2,10 +2,10 @@
 
 import mujoco
 
+from hardware.frames import AXES
 from twin.errors import TwinError
 
 PREFIXES = ("gimbal_", "")  # attached to a scene, or mechanism.xml by itself
-AXES = ("x", "y")
 
 
 class MechanismError(TwinError):

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.physics.mechanism.names import AXES, MechanismError, find, prefix
+from hardware.frames import AXES
+from twin.physics.mechanism.names import MechanismError, find, prefix
 
 Array = NDArray[np.float64]
 # where MuJoCo keeps a dcmotor's parameters (XMLreference, actuator/dcmotor; read back by test)

@@ -1,7 +1,6 @@
 """A motor: its thrust curve and the few figures a flight needs."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -16,7 +15,6 @@ LONGEST_BURN = 300.0  # s
 LARGEST_THRUST = 1e5  # N
 LARGEST_MASS = 1e3  # kg
 LARGEST_SIZE = 10.0  # m
-MOST_NAMES = 8  # that a message lists
 
 
 class MotorError(TwinError):
@@ -72,30 +70,6 @@ class Motor:
         for field, values in (("time", time), ("thrust", thrust)):
             values.setflags(write=False)
             object.__setattr__(self, field, values)
-
-    @classmethod
-    def from_eng(cls, path: Path | str, name: str | None = None) -> Self:
-        """Motor of a RASP `.eng` file: the only one in it, or the one called `name`.
-
-        Raises
-        ------
-        MotorError : unreadable, malformed, no motor of that name or several, or several and no name
-        """
-        from twin.physics.motor.eng import read
-
-        motors = read(Path(path))
-        names = ", ".join(motor.name for motor in motors[:MOST_NAMES])
-        names += ", …" if len(motors) > MOST_NAMES else ""
-        found = [motor for motor in motors if name is None or motor.name == name]
-        if not found:
-            raise MotorError(f"{path}: no motor {name!r}; there are {names}")
-        if len(found) > 1:
-            raise MotorError(
-                f"{path} holds {len(found)} motors, {names}; cut it down to the one that is meant"
-                if name is None
-                else f"{path} holds {len(found)} motors {name!r}; cut it down to the one meant"
-            )
-        return cls(**vars(found[0]))
 
     @property
     def impulse(self) -> float:

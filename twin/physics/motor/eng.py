@@ -11,7 +11,29 @@ from twin.physics.motor.curve import Motor, MotorError
 
 LARGEST_FILE = 4_000_000  # bytes; thrustcurve.org's whole collection is smaller
 MOST_POINTS = 20_000  # per motor
+MOST_NAMES = 8  # listed in a message
 HEADER = "name diameter[mm] length[mm] delays propellant[kg] loaded[kg] maker"
+
+
+def load(path: Path | str, name: str | None = None) -> Motor:
+    """Motor of a file: the only one in it, or the one called `name`.
+
+    Raises
+    ------
+    MotorError : unreadable, malformed, no motor of that name or several, or several and no name
+    """
+    motors = read(Path(path))
+    names = ", ".join(motor.name for motor in motors[:MOST_NAMES])
+    names += ", …" if len(motors) > MOST_NAMES else ""
+    matching = [motor for motor in motors if name is None or motor.name == name]
+    if not matching:
+        raise MotorError(f"{path}: no motor {name!r}; the file holds {names}")
+    if len(matching) > 1:
+        called = "" if name is None else f" called {name!r}"
+        raise MotorError(
+            f"{path} holds {len(matching)} motors{called}: {names}; give a file with one of them"
+        )
+    return matching[0]
 
 
 def read(path: Path) -> list[Motor]:

@@ -12,24 +12,25 @@ stages see 0, 1, 2, 3, and the step leaves 0. Stages 1 to 3 return the rates of 
 RK4's weighted mean of them exact too. docs/control.md derives all this.
 """
 
-from hashlib import sha256
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import mujoco
 import numpy as np
 from mujoco.introspect import structs
-from numba import cfunc, types
+from numba import types
 from numpy.typing import NDArray
 
-from analysis.transfer_function import TransferFunctionModel, speed
+from analysis.compiled import cfunc
+from analysis.transfer_function import TransferFunctionModel
+from hardware.frames import AXES
 from twin.errors import TwinError
-from twin.physics.native.cache import fingerprint, jit
-from twin.physics.native.hold import AXES, BEFORE, MARK, OUTPUT, PHASE, REGISTERS, advance, packed
+from twin.physics.native.cache import jit
+from twin.physics.native.hold import BEFORE, MARK, OUTPUT, PHASE, REGISTERS, advance, packed
 from twin.physics.native.inverse import torques
 from twin.physics.native.layout import (
     DATA,
     MODEL,
+    TIMESTEP,
     _place,
     address,
     characters,
@@ -51,7 +52,6 @@ _KEPT: Final = 3  # y[k−1], y[k], y[k+1] for the stages of RK4
 
 _NDYN: Final = int(mujoco.mjNDYN)
 _RK4: Final = int(mujoco.mjtIntegrator.mjINT_RK4)
-_TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; held by test
 _INTEGRATOR: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["integrator"]
 _NACTUATOR, _NU, _NA, _NV = (MODEL[n] for n in ("nactuator", "nu", "na", "nv"))
 _NQ, _NJNT, _NNUMERIC, _NNUMERICDATA = (
@@ -169,7 +169,7 @@ def _act(m: int, d: int, index: int) -> None:
     act = everything[adr : adr + num]
     rates = floats(d, _ACT_DOT, size(m, _NA))[adr : adr + num]
     dt = p[1]
-    if p[0] != MARK or abs(number(m, _TIMESTEP) - dt) > 1e-12:
+    if p[0] != MARK or abs(number(m, TIMESTEP) - dt) > 1e-12:
         rates[:] = np.nan  # matrices of another step: nothing true could come of it
         act[num - 1] = np.nan
         return
@@ -214,20 +214,8 @@ def _act(m: int, d: int, index: int) -> None:
         )
 
 
-def _callback() -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
-    version = fingerprint() + sha256(Path(speed.__file__).read_bytes()).hexdigest()
-
-    @cfunc(
-        types.float64(types.voidptr, types.voidptr, types.int32), cache=True, error_model="numpy"
-    )
-    def act_dyn(model, data, index):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-        """`mjcb_act_dyn`: activation rates and torques of transfer-function actuators."""
-        if len(version) == 0:
-            return 0.0
-        _act(address(model), address(data), index)
-        return 0.0
-
-    return act_dyn
-
-
-act_dyn = _callback()
+@cfunc(types.float64(types.voidptr, types.voidptr, types.int32), error_model="numpy")
+def act_dyn(model, data, index):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """`mjcb_act_dyn`: activation rates and torques of transfer-function actuators."""
+    _act(address(model), address(data), index)
+    return 0.0

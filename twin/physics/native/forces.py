@@ -4,14 +4,13 @@ One `mjcb_passive` callback for every model in the process: stateless, without P
 interpreter lock, reading all coefficients from the model; models without them are left alone.
 """
 
-from typing import Any, Final
-
 import numpy as np
-from numba import cfunc, types
+from numba import types
 
+from analysis.compiled import cfunc
 from twin.physics import aerodynamics as air
 from twin.physics.native import ramp
-from twin.physics.native.cache import fingerprint, jit
+from twin.physics.native.cache import jit
 from twin.physics.native.index import FIRST, NOZZLE, PROPELLANT, VEHICLE, locate
 from twin.physics.native.layout import DATA, MODEL, address, floats, integers, number, size
 from twin.physics.native.names import SLOT
@@ -277,16 +276,8 @@ def add_forces(m: int, d: int) -> None:
         _guide(m, d, data, index)
 
 
-def _compile(sources: str) -> Any:  # noqa: ANN401 - numba's compiled functions carry no types
-    """The callback; `sources` enters numba's cache key, which knows only this file."""
-
-    @cfunc(types.void(types.voidptr, types.voidptr), cache=True, error_model="numpy")
-    def passive(model, data):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-        if len(sources) > 0:
-            add_forces(address(model), address(data))
-            dead_bands(address(model), address(data))
-
-    return passive
-
-
-passive: Final = _compile(fingerprint())
+@cfunc(types.void(types.voidptr, types.voidptr), error_model="numpy")
+def passive(model, data):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """`mjcb_passive`: forces of the vehicle, and play and dead band of its servos."""
+    add_forces(address(model), address(data))
+    dead_bands(address(model), address(data))

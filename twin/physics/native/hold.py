@@ -20,12 +20,12 @@ from analysis.transfer_function import (
     whole_steps,
 )
 from analysis.transfer_function.speed import move
+from hardware.frames import AXES
 from twin.errors import TwinError
 from twin.physics.native.cache import jit
 
 Array = NDArray[np.float64]
 
-AXES: Final = ("x", "y")
 MARK: Final = 20260402.0  # in dynprm and numeric: an actuator of this layout
 # activations: stage counter, y[k−1], y[k], two per input of the shaped command; then registers
 PHASE, BEFORE, OUTPUT, _SHAPED = 0, 1, 2, 3

@@ -89,6 +89,7 @@ def _struct_extent(fields: Sequence[Any]) -> tuple[int, int]:
 
 MODEL: Final[dict[str, int]] = _place(structs.STRUCTS["mjModel"].fields)[0]
 DATA: Final[dict[str, int]] = _place(structs.STRUCTS["mjData"].fields)[0]
+TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; checked by a test
 
 
 def _address(typing_context: Any, pointer: Any) -> Any:

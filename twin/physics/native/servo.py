@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.physics.native.cache import jit
-from twin.physics.native.layout import DATA, MODEL, characters, floats, integers, number, size
+from twin.physics.native.layout import (
+    DATA,
+    MODEL,
+    TIMESTEP,
+    characters,
+    floats,
+    integers,
+    number,
+    size,
+)
 
 _DCMOTOR: Final = int(mujoco.mjtGain.mjGAIN_DCMOTOR)
 _JOINT: Final = int(mujoco.mjtTrn.mjTRN_JOINT)
@@ -23,7 +32,6 @@ _RESISTANCE, _CONSTANT, _GAIN, _DAMPING, _VOLTAGE, _SLEW = 0, 1, 4, 6, 7, 7
 
 _NACTUATOR, _NU, _NA, _NV = MODEL["nactuator"], MODEL["nu"], MODEL["na"], MODEL["nv"]
 _NJNT, _NOUT, _NUSER = MODEL["njnt"], MODEL["nout"], MODEL["nuser_actuator"]
-_TIMESTEP = MODEL["opt"]  # the first field of mjOption; held by test
 _USER, _GAINTYPE, _GAINPRM = (
     MODEL["actuator_user"],
     MODEL["actuator_gaintype"],
@@ -103,6 +111,6 @@ def _set_point(m: int, d: int, k: int, n: int) -> float:
     slew = floats(m, _DYNPRM, n * _NDYN)[k * _NDYN + _SLEW]
     if slew > 0 and integers(m, _ACTNUM, n)[k] > 0:
         held = floats(d, _ACT, size(m, _NA))[integers(m, _ACTADR, n)[k]]
-        step = slew * number(m, _TIMESTEP)
+        step = slew * number(m, TIMESTEP)
         command = max(held - step, min(held + step, command))
     return float(command)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from twin.control.attitude import ControlConfig
 from twin.control.guidance import FixedPoint
 from twin.control.setpoint import Vector, off_axis
+from twin.physics.aerodynamics.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
 INSTANT = 1e-9  # s; a thrust that is there at once comes within this
-DENSITY = 1.225  # kg/m³, ICAO standard atmosphere at sea level
 
 # numeric of the vehicle → field of ControlConfig
 NUMERICS = {
@@ -149,7 +149,7 @@ def steer_to(model: mujoco.MjModel, target: Vector, **knobs: float) -> FixedPoin
     area, drag = numeric(model, "air_reference_area"), numeric(model, "air_axial_drag")
     nose, fins = numeric(model, "air_nose_slope"), numeric(model, "air_fin_slope")
     if area is not None and nose is not None and fins is not None:
-        found["normal_force"] = float(0.5 * DENSITY * area[0] * (nose[0] + fins[0]))
+        found["normal_force"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * (nose[0] + fins[0]))
     if area is not None and drag is not None:
-        found["drag"] = float(0.5 * DENSITY * area[0] * drag[0])
+        found["drag"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * drag[0])
     return replace(base, **(found | knobs))

@@ -7,8 +7,7 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.calibration import Procedure
-from hardware.calibration.procedure import CalibrationRig
+from hardware.calibration import CalibrationRig, Procedure
 from hardware.calibration.result import Calibration
 from hardware.emulator.bench import RigParameters
 from hardware.emulator.emulator import Emulator
@@ -145,7 +144,7 @@ def _row(rig: Rig, frame: SensorFrame, truth: tuple[float, Pair, Pair, Pair]) ->
     assert state is not None
     maps = rig.calibration.potentiometers
     readings = [m.angle(f) for m, f in zip(maps, frame.potentiometer, strict=True)]
-    x, P = rig.fusion.x.ravel().tolist(), rig.fusion.P.ravel().tolist()
+    x, P = rig.fusion.filter.x.ravel().tolist(), rig.fusion.filter.P.ravel().tolist()
     return [time, *angle, *rate, *bias, *state.angle, *state.rate, *state.sigma, *readings, *x, *P]
 
 

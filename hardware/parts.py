@@ -1,0 +1,17 @@
+"""Figures of the parts a rig is built from that are not on the wire, with their sources."""
+
+from math import radians
+
+STANDARD_GRAVITY = 9.80665  # m/s², CGPM 1901
+
+# 9 g hobby servos: travel as measured on several.
+SERVO_TRAVEL = radians(1.0) / 10.3e-6  # rad of shaft per s of pulse width
+
+POTENTIOMETER_TRAVEL = radians(240.0)  # of the track
+SWITCH_ANGLE = radians(9.0)  # of the printed rig: numeric switch_angle of mjcf/bench.xml
+
+# MPU-6000/6050 product specification 6.1 and 6.2, register map revision 4.2.
+GYRO_NOISE = radians(0.005)  # rad/s/√Hz, one-sided
+GYRO_BIAS_WALK = radians(0.02)  # rad/s/√s while it warms up
+GYRO_DELAY_S = (0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3)  # by DLPF setting
+ACCELEROMETER_NOISE = 400e-6 * STANDARD_GRAVITY  # m/s²/√Hz

@@ -1,0 +1,236 @@
+# Written by .ci/stub.py from the settings of the verbs; do not edit.
+from os import PathLike
+from typing import Any, Literal
+
+from analysis.recording import Recording
+from analysis.schema import AnalysisError as AnalysisError
+from hardware.frames import HardwareError as HardwareError
+from twin.errors import DivergenceError as DivergenceError
+from twin.errors import TwinError as TwinError
+from twin.cli.doctor import DoctorResult
+from twin.evaluation.compare import CompareResult
+from twin.evaluation.identify import IdentifyResult
+from twin.evaluation.linkage import PhysicsResult
+from twin.evaluation.report import ReportResult
+from twin.experiments.calibrate import CalibrationResult
+from twin.experiments.convergence.result import ConvergenceResult
+from twin.experiments.flight import FlightResult
+from twin.experiments.mirror import MirrorResult
+from twin.experiments.repeat.result import RepeatResult
+from twin.experiments.replay import ReplayResult
+from twin.experiments.step import StepResult
+
+def calibrate(
+    *,
+    out: str | PathLike[str] = ...,
+    fault: tuple[str, ...] = ...,
+    unit: int | None = ...,
+    gimbal: str = ...,
+    switch_deg: tuple[float, float, float, float] | None = ...,
+    repeats: int = ...,
+    seed: int = ...,
+) -> CalibrationResult: ...
+def compare(
+    *recordings: str | PathLike[str],
+    out: str | PathLike[str] | None = ...,
+    time: str | None = ...,
+    input: str | None = ...,
+    angle: str | None = ...,
+    unit: str | None = ...,
+    input_unit: str | None = ...,
+    time_scale: float | None = ...,
+    commands: str | PathLike[str] | None = ...,
+    input_stamps: Literal['exact', 'sampled'] | None = ...,
+    before: str | None = ...,
+    fail_below: float | None = ...,
+    longest_delay_ms: float = ...,
+) -> CompareResult: ...
+def converge(
+    *,
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    out: str | PathLike[str] | None = ...,
+    flight: Literal['baseline', 'closed-loop'] = ...,
+    gimbal: Literal['linkage', 'transfer-function'] = ...,
+    integrators: tuple[Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'], ...] = ...,
+    dt_ms: tuple[float, ...] = ...,
+    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
+    tolerance_m: float = ...,
+    duration_s: float = ...,
+    control_hz: float = ...,
+    seed: int = ...,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+    model: str | PathLike[str] | None = ...,
+    motor: str | PathLike[str] | None = ...,
+) -> ConvergenceResult: ...
+def doctor(
+
+) -> DoctorResult: ...
+def fly(
+    *,
+    gimbal: str = ...,
+    fault: tuple[str, ...] = ...,
+    unit: int | None = ...,
+    calibration: str | PathLike[str] | None = ...,
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    scene: str = ...,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+    model: str | PathLike[str] | None = ...,
+    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
+    dt: float | None = ...,
+    clock: Literal['lockstep', 'wall'] | None = ...,
+    seed: int = ...,
+    out: str | PathLike[str] | None = ...,
+    on_fault: Literal['end', 'neutral', 'ignore'] | None = ...,
+    motor: str | PathLike[str] | None = ...,
+    programme: Literal['hold', 'step', 'doublet', 'pitch-over', 'point'] = ...,
+    controller: object = ...,
+    target: tuple[float, float, float] | None = ...,
+    target_range_m: float = ...,
+    off_axis_deg: tuple[float, float] = ...,
+    amplitude_deg: float = ...,
+    at_s: float = ...,
+    about: Literal['level', 'x'] | None = ...,
+    attitude: Literal['truth', 'base-gyro'] = ...,
+    control_hz: float = ...,
+    duration_s: float = ...,
+    repeat: int = ...,
+) -> FlightResult | RepeatResult: ...
+def identify(
+    *sources: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    out: str | PathLike[str] | None = ...,
+    time: str | None = ...,
+    input: str | None = ...,
+    angle: str | None = ...,
+    unit: str | None = ...,
+    input_unit: str | None = ...,
+    time_scale: float | None = ...,
+    commands: str | PathLike[str] | None = ...,
+    input_stamps: Literal['exact', 'sampled'] | None = ...,
+    before: str | None = ...,
+    linkage: bool = ...,
+    poles: int = ...,
+    zeros: int = ...,
+    delay: str = ...,
+    max_delay_ms: float | None = ...,
+    select_order: bool = ...,
+    servo: bool = ...,
+    structure: Literal['best', 'speed', 'command'] = ...,
+    coupling: Literal['auto', 'none', 'full'] = ...,
+    rate: str | None = ...,
+    from_pulses: bool = ...,
+    gyro_delay_ms: float = ...,
+    initial: Literal['rest', 'free'] = ...,
+    check: tuple[str | PathLike[str], ...] = ...,
+    both: bool = ...,
+    parameters: tuple[str, ...] = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> IdentifyResult | PhysicsResult: ...
+def mirror(
+    *,
+    gimbal: str = ...,
+    fault: tuple[str, ...] = ...,
+    unit: int | None = ...,
+    calibration: str | PathLike[str] | None = ...,
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    scene: str = ...,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+    model: str | PathLike[str] | None = ...,
+    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
+    dt: float | None = ...,
+    clock: Literal['lockstep', 'wall'] | None = ...,
+    seed: int = ...,
+    out: str | PathLike[str] | None = ...,
+    steer: Literal['keys', 'joystick'] | None = ...,
+    playback: str | PathLike[str] | None = ...,
+    duration_s: float | None = ...,
+    serve: int | None = ...,
+    control_hz: float = ...,
+) -> MirrorResult: ...
+def replay(
+    recording: str | PathLike[str],
+    *,
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    out: str | PathLike[str] | None = ...,
+    gimbal: Literal['linkage', 'transfer-function', 'emulator', 'firmware'] | None = ...,
+    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] | None = ...,
+    dt: float | None = ...,
+    control_hz: float | None = ...,
+    seed: int | None = ...,
+    controller: object = ...,
+    force: bool = ...,
+) -> ReplayResult: ...
+def report(
+    *recordings: str | PathLike[str],
+    out: str | PathLike[str] | None = ...,
+    time: str | None = ...,
+    input: str | None = ...,
+    angle: str | None = ...,
+    unit: str | None = ...,
+    input_unit: str | None = ...,
+    time_scale: float | None = ...,
+    commands: str | PathLike[str] | None = ...,
+    input_stamps: Literal['exact', 'sampled'] | None = ...,
+    before: str | None = ...,
+    model: tuple[str | PathLike[str], ...] = ...,
+    title: str = ...,
+) -> ReportResult: ...
+def rig(
+    *,
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    fault: tuple[str, ...] = ...,
+    unit: int | None = ...,
+    kind: Literal['emulator', 'firmware'] = ...,
+    port: int | None = ...,
+    link: str | PathLike[str] | None = ...,
+    scene: Literal['bench', 'turntable'] = ...,
+    seed: int = ...,
+    duration_s: float | None = ...,
+) -> None: ...
+def step(
+    *,
+    gimbal: str = ...,
+    fault: tuple[str, ...] = ...,
+    unit: int | None = ...,
+    calibration: str | PathLike[str] | None = ...,
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    scene: str = ...,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+    model: str | PathLike[str] | None = ...,
+    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
+    dt: float | None = ...,
+    clock: Literal['lockstep', 'wall'] | None = ...,
+    seed: int = ...,
+    out: str | PathLike[str] | None = ...,
+    on_fault: Literal['end', 'neutral', 'ignore'] | None = ...,
+    signal: Literal['steps', 'staircase', 'chirp', 'prbs', 'multisine', 'triangle', 'dog-leg'] = ...,
+    amplitude_deg: float = ...,
+    axis: Literal['x', 'y', 'both'] = ...,
+    repeats: int = ...,
+    hold_s: float = ...,
+    duration_s: float = ...,
+    band_hz: tuple[float, float] = ...,
+    smallest_deg: float = ...,
+    rate_limit_deg_s: float | None = ...,
+    control_hz: float = ...,
+) -> StepResult: ...
+def view(
+    recording: str | PathLike[str],
+    *,
+    web: bool = ...,
+    port: int = ...,
+) -> int: ...
+
+def read(path: str | PathLike[str]) -> Recording: ...
+def load(path: str | PathLike[str]) -> Any: ...

@@ -1,0 +1,171 @@
+"""From arguments to a verb's settings; the flags are derived from the settings classes (tyro)."""
+
+import ast
+import contextlib
+import inspect
+import io
+import re
+import textwrap
+from dataclasses import MISSING, field, fields, make_dataclass
+from typing import Annotated, Any, get_args, get_origin
+
+import tyro
+
+from twin.config.base import Settings, hints
+from twin.config.types import FLAG, POSITIONAL, REPEATABLE, Overrides, Range
+from twin.config.verbs import BY_NAME, VERBS, Verb
+from twin.errors import TwinError
+
+DESCRIPTION = "Digital twin of a thrust-vector-control gimbal and its vehicle."
+GROUPS = ("common", "table", "rig", "model", "time")  # the verb's own come after the common ones
+TYRO = {
+    POSITIONAL: tyro.conf.Positional,
+    REPEATABLE: tyro.conf.UseAppendAction,
+    FLAG: tyro.conf.FlagCreatePairsOff,
+}
+# tyro's messages, and the same in the words of this program
+PLAINER = (
+    (r"no type matching FLOAT could be instantiated from \['(.*?)'\]\.?", r"'\1' is not a number"),
+    (r"could not convert string to float: '(.*?)'", r"'\1' is not a number"),
+    (r"invalid literal for int\(\) with base 10: '(.*?)'", r"'\1' is not a whole number"),
+    (r"Missing value for argument '(.*?)'\. Expected 1 values\.", r"\1: its value is missing"),
+    (r"Missing value for argument '(.*?)'\. Expected (\d+) values\.", r"\1: \2 values are needed"),
+    (
+        r"Could not (?:parse arguments|find valid parse for arguments:) \[(.*?)\].*",
+        r"\1: not understood",
+    ),
+    (
+        r"invalid choice '(.*?)' for argument '(.*?)'\. Expected one of \((.*?)\)\.?",
+        r"\2 \1: must be one of \3",
+    ),
+)
+
+
+def parse(arguments: list[str]) -> tuple[Verb, Settings]:
+    """Return the verb that the arguments name, and its settings.
+
+    Raises
+    ------
+    TwinError : in one line, what was wrong and where the help is
+    SystemExit : help was asked for and printed
+    """
+    if arguments and not arguments[0].startswith("-"):
+        if arguments[0] not in BY_NAME:
+            raise TwinError(f"no verb {arguments[0]!r}; there are {', '.join(BY_NAME)}")
+        verb = BY_NAME[arguments[0]]
+        given = _parsed(_grouped(verb.settings), verb.settings.__doc__, verb.name, arguments[1:])
+        flat = {k: v for group in vars(given).values() for k, v in vars(group).items()}
+        return verb, verb.settings.of(flat)
+    print(_overview())
+    raise SystemExit(0 if arguments and arguments[0] in ("-h", "--help") else 2)
+
+
+def _overview() -> str:
+    width = 2 + max(len(verb.name) for verb in VERBS)
+    lines = [f"usage: twin VERB [OPTIONS]\n\n{DESCRIPTION}\n"]
+    lines += [f"  {v.name:<{width}}{_first_line(v.settings)}" for v in VERBS]
+    return "\n".join([*lines, "\n`twin VERB --help` lists the options of a verb."])
+
+
+def _first_line(kind: type[Settings]) -> str:
+    return (kind.__doc__ or "").strip().partition("\n")[0]
+
+
+def _parsed(kind: type, description: str | None, name: str, arguments: list[str]) -> Any:  # noqa: ANN401
+    box = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(box):
+            return tyro.cli(
+                kind,
+                prog=f"twin {name}",
+                description=description,
+                args=arguments,
+                config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
+            )
+    except SystemExit as end:
+        if end.code in (0, None):
+            raise
+        raise TwinError(
+            f"{_advice(box.getvalue())} (`twin {name} --help` lists the options)"
+        ) from None
+
+
+def _grouped(kind: type[Settings]) -> type:
+    """A dataclass of dataclasses, one a group: tyro prints each under its own heading."""
+    groups: dict[str, list[tuple[str, Any, Any]]] = {}
+    for f in fields(kind):
+        group, help_text = described(kind, f.name)
+        hint, default = _for_tyro(hints(kind)[f.name], f.default)
+        argument = tyro.conf.arg(help=help_text, help_behavior_hint=_behaviour(f.default))
+        marked = Annotated[hint, argument]  # type: ignore[valid-type]
+        entry = field() if default is MISSING else field(default=default)
+        groups.setdefault(group, []).append((f.name, marked, entry))
+    own = [g for g in groups if g not in GROUPS]
+    order = [g for g in ("common", *own, *GROUPS[1:]) if g in groups]
+    made = {g: make_dataclass(g, groups[g], frozen=True, kw_only=True) for g in order}
+    entries = []
+    for g in order:
+        made[g].__doc__ = None
+        required = any(e.default is MISSING for _, _, e in groups[g])
+        entry = field() if required else field(default_factory=made[g])
+        entries.append((g, made[g], entry))
+    return make_dataclass(kind.__name__, entries, frozen=True, kw_only=True)
+
+
+def _for_tyro(hint: Any, default: Any) -> tuple[Any, Any]:  # noqa: ANN401
+    """An annotation in tyro's markers, without the limits that the settings check themselves."""
+    if hint == Overrides:
+        return tyro.conf.UseAppendAction[tuple[str, ...]], ()
+    if get_origin(hint) is not Annotated:
+        return hint, default
+    inner, *markers = get_args(hint)
+    of_tyro = tuple(TYRO[m] for m in markers if not isinstance(m, Range))
+    return (Annotated.__class_getitem__((inner, *of_tyro)) if of_tyro else inner), default
+
+
+def _behaviour(default: object) -> str:
+    """What follows the text: the default, where the text does not say what happens without it."""
+    if default is MISSING:
+        return ""
+    if default is None or default is False or default == ():
+        return ""
+    shown = " ".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    return f"(default: {shown})"
+
+
+def described(kind: type[Settings], name: str) -> tuple[str, str]:
+    """Heading and text of a setting: of the first class of its family, and of the latest text."""
+    owners = [(c, texts[name]) for c in kind.__mro__ if name in (texts := _texts(c))]
+    family: type[Settings] = owners[-1][0]
+    return family.group, owners[0][1]
+
+
+def _texts(owner: type) -> dict[str, str]:
+    """The text under each setting of a class, from its source; none for other classes."""
+    if not issubclass(owner, Settings):
+        return {}
+    body = ast.parse(textwrap.dedent(inspect.getsource(owner))).body[0]
+    assert isinstance(body, ast.ClassDef)
+    texts = {}
+    for entry, after in zip(body.body, body.body[1:], strict=False):
+        if isinstance(entry, ast.AnnAssign) and isinstance(entry.target, ast.Name):
+            value = after.value if isinstance(after, ast.Expr) else None
+            if isinstance(value, ast.Constant) and isinstance(value.value, str):
+                texts[entry.target.id] = " ".join(value.value.split())
+    return texts
+
+
+def _advice(box: str) -> str:
+    """The text under the title of a box that tyro prints, in Unicode or in ASCII, on one line."""
+    paragraphs: list[list[str]] = [[]]
+    for line in box.splitlines():
+        text = line.strip("│| ")
+        if text.startswith(("╭", "╰")) or not text.strip("─-"):
+            paragraphs.append([])
+        else:
+            paragraphs[-1].append(text)
+    first = next((p for p in paragraphs[1:] if p), ["the arguments were not understood"])
+    text = " ".join(first).removeprefix("Error parsing ")
+    for pattern, plain in PLAINER:
+        text = re.sub(pattern, plain, text)
+    return text

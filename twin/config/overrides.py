@@ -1,0 +1,83 @@
+"""Values of named model parameters, from `NAME=VALUE` texts, a mapping or a JSON file."""
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from twin.errors import TwinError
+
+LARGEST_FILE = 1_000_000  # bytes
+
+
+def parse(
+    given: Mapping[str, float] | Sequence[str | tuple[str, float]], file: Path | None = None
+) -> dict[str, float]:
+    """Return overrides by name.
+
+    Parameters
+    ----------
+    given : `NAME=VALUE` texts, pairs, or a mapping; they take precedence over the file
+    file : JSON object of `{"name": number}`
+
+    Raises
+    ------
+    TwinError : a text without `=`, a value that is not a finite number, a file that is not such
+        JSON
+    """
+    values = _from_file(file) if file else {}
+    for name, value in _pairs(given):
+        values[name.strip()] = number(value, f"--set {name}={value}")
+    return values
+
+
+def _pairs(
+    given: Mapping[str, float] | Sequence[str | tuple[str, float]],
+) -> Iterable[tuple[str, object]]:
+    if isinstance(given, Mapping):
+        yield from given.items()
+        return
+    if isinstance(given, str):
+        raise TwinError(f"--set {given!r}: must be a list of NAME=VALUE, or a mapping")
+    for item in given:
+        if isinstance(item, list | tuple) and len(item) == 2 and isinstance(item[0], str):
+            yield item[0], item[1]
+            continue
+        name, equals, text = item.partition("=") if isinstance(item, str) else ("", "", "")
+        if not equals:
+            raise TwinError(f"--set {str(item)[:60]!r}: must be NAME=VALUE, such as wind_speed=3")
+        yield name, text
+
+
+def _from_file(file: Path) -> dict[str, float]:
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise TwinError(f"{file} is larger than {LARGEST_FILE} bytes")
+        content = json.loads(file.read_text())
+    except OSError as error:
+        raise TwinError(f"cannot read overrides {file}: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, TwinError):
+            raise
+        raise TwinError(f"{file} is not JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise TwinError(f'{file}: overrides are one JSON object, {{"name": number, …}}')
+    return {str(name): number(value, f"{file}: {name}") for name, value in content.items()}
+
+
+def number(value: object, where: str) -> float:
+    """Return a finite number.
+
+    Raises
+    ------
+    TwinError : it is not one, beginning with `where`
+    """
+    try:
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError
+        result = float(value)
+    except (ValueError, OverflowError):
+        raise TwinError(f"{where}: {str(value)[:40]!r} is not a number") from None
+    if not math.isfinite(result):
+        raise TwinError(f"{where}: {value} is not finite")
+    return result

@@ -1,0 +1,52 @@
+"""The verbs: name, settings, and the function that does it, imported when the verb is used."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from twin.config.base import Settings
+from twin.config.evaluation import Compare, Doctor, Identify, Report, View
+from twin.config.rig import Calibrate, Mirror, Rig
+from twin.config.runs import Converge, Fly, Replay, Step
+
+
+@dataclass(frozen=True, slots=True)
+class Verb:
+    """One verb of the command line and of the Python interface.
+
+    Attributes
+    ----------
+    name : as it is typed
+    settings : what it can be asked
+    place : MODULE:FUNCTION; the function takes the settings and returns a `Result`, an exit code
+        or None
+    """
+
+    name: str
+    settings: type[Settings]
+    place: str
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """The function, with its imports."""
+        module, _, name = self.place.partition(":")
+        function: Callable[..., Any] = getattr(import_module(module), name)
+        return function
+
+
+VERBS = (
+    Verb("fly", Fly, "twin.experiments.flights:fly"),
+    Verb("step", Step, "twin.experiments.step:step"),
+    Verb("mirror", Mirror, "twin.experiments.mirror:mirror"),
+    Verb("calibrate", Calibrate, "twin.experiments.calibrate:calibrate"),
+    Verb("identify", Identify, "twin.evaluation:identify"),
+    Verb("compare", Compare, "twin.evaluation:compare"),
+    Verb("report", Report, "twin.evaluation.report:write_report"),
+    Verb("converge", Converge, "twin.experiments.convergence:converge"),
+    Verb("replay", Replay, "twin.experiments.replay:replay"),
+    Verb("rig", Rig, "twin.experiments.serve:rig"),
+    Verb("view", View, "twin.cli.view:view"),
+    Verb("doctor", Doctor, "twin.cli.doctor:doctor"),
+)
+BY_NAME = {verb.name: verb for verb in VERBS}

@@ -1,0 +1,107 @@
+"""From a run's settings to its plant and its rig."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import mujoco
+
+from twin.config import TURNTABLE, Run
+from twin.config.seats import MODELS, OF_SERVOS, is_rig
+from twin.errors import TwinError
+from twin.plant import integrators
+from twin.plant.model import ModelConfig, Seat, load
+from twin.plant.plant import Plant
+
+if TYPE_CHECKING:
+    from twin.hil import RigOptions
+
+WITHOUT_LINKAGE = ("gimbal_servo_", "gimbal_rod_")  # parameters that a following gimbal lacks
+
+
+def make_plant(config: Run, motor: Path | None = None) -> Plant:
+    """The simulated side of a run; its gimbal follows where a rig has the gimbal seat.
+
+    Raises
+    ------
+    TwinError : a file, name or number that cannot be used, or a step too long for the integrator
+    """
+    overrides = _of_the_plant(config)
+    kind: Seat = "follow"
+    if config.gimbal in MODELS:
+        kind = "linkage" if config.gimbal == "linkage" else "transfer-function"
+    if kind == "transfer-function":
+        _refuse_servos(overrides)
+    twin = load(
+        ModelConfig(
+            scene=config.plant_scene,
+            gimbal=kind,
+            transfer_function=config.model,
+            vehicle=config.vehicle,
+            mechanism=config.mechanism,
+            motor=motor,
+            overrides=overrides,
+            dt=config.dt,
+            seed=config.seed,
+        )
+    )
+    integrators.check_step(
+        config.integrator, twin.mj.opt.timestep, ramp=_on_ramp(twin.mj), rods=twin.mj.neq > 0
+    )
+    return Plant(twin, config.integrator)
+
+
+def _refuse_servos(names: Iterable[str]) -> None:
+    for name in names:
+        if name.startswith(OF_SERVOS):
+            raise TwinError(
+                f"--set {name} needs --gimbal linkage: an identified model has no servos, rods or"
+                " backlash, so the parameter would have no effect"
+            )
+
+
+def _on_ramp(model: mujoco.MjModel) -> bool:
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "ramp_length")
+    return index >= 0 and bool(model.numeric("ramp_length").data[0] > 0.0)
+
+
+def _of_the_plant(config: Run) -> dict[str, float]:
+    """Overrides without those of servos, rods and turntable, where these belong to a rig."""
+    if not is_rig(config.gimbal):
+        return config.overrides
+    rigs = (*WITHOUT_LINKAGE, TURNTABLE) if config.rig_scene == TURNTABLE else WITHOUT_LINKAGE
+    return {k: v for k, v in config.overrides.items() if not k.startswith(rigs)}
+
+
+def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
+    """How the rig of a run is to be opened; `watch` sends it no commands."""
+    from twin.hil import RigOptions
+
+    return RigOptions(
+        seat=config.gimbal,
+        calibration=config.calibration,
+        unit=config.unit,
+        faults=config.fault,
+        seed=config.seed,
+        mechanism=config.mechanism,
+        overrides=config.overrides,
+        scene=config.rig_scene,
+        watch=watch,
+    )
+
+
+def steps_per_tick(control_hz: float, plant: Plant) -> int:
+    """Physics steps between two commands.
+
+    Raises
+    ------
+    TwinError : the control period is not a whole number of physics steps
+    """
+    steps = 1e9 / control_hz / plant.dt_ns
+    if steps < 0.999 or abs(steps - round(steps)) > 1e-3:  # 333.333 Hz means a third of 1 kHz
+        raise TwinError(
+            f"--control-hz {control_hz:g}: the period must be a whole number of physics steps of"
+            f" {plant.dt_ns * 1e-6:g} ms, for example"
+            f" {1e9 / plant.dt_ns / max(1, round(steps)):g} Hz"
+        )
+    return round(steps)
