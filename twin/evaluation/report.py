@@ -1,4 +1,4 @@
-"""The assembly of `twin report`: recordings and models in, one page out."""
+"""`twin report`: recordings and models in, one page out."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,10 +7,10 @@ from analysis.report import ReportNumbers, report
 from analysis.transfer_function import TransferFunctionModel
 from twin.config import Report
 from twin.config.paths import writable
-from twin.config.result import Result
+from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
-from twin.evaluation.words import screen
+from twin.evaluation.loop import attitude_loops
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,12 @@ class ReportResult(Result):
     sources: tuple[str, ...]
 
     def as_dict(self) -> dict[str, object]:
-        """What the page itself carries, as JSON values."""
+        """The numbers that the page holds, as JSON values."""
         return self.numbers.to_dict()
 
-    def text(self) -> str:
-        """Where the page is; the figures stand on it."""
-        return screen([("report of", ", ".join(self.sources)), ("page", str(self.file))])
+    def rows(self) -> Rows:
+        """The sources and the page."""
+        return [("report of", ", ".join(self.sources)), ("page", str(self.file))]
 
 
 def write_report(config: Report) -> ReportResult:
@@ -35,12 +35,13 @@ def write_report(config: Report) -> ReportResult:
 
     Raises
     ------
-    TwinError, AnalysisError : something the user asked for cannot be done, in one line
+    TwinError, AnalysisError : invalid input, in one line
     """
     if not config.recordings:
-        raise TwinError("report: name one recording (.rrd) or table (.csv, .mat), or more")
+        raise TwinError("report: name one or more recordings (.rrd) or tables (.csv, .mat)")
     runs = seen(config, config.recordings)
     models = {f.stem: TransferFunctionModel.read(f) for f in config.model}
     out = writable(config.out or Path("runs/report.html"))
-    numbers = report(runs, out, models=models, title=config.title)
+    loops = attitude_loops() if models else ()
+    numbers = report(runs, out, models=models, loops=loops, title=config.title)
     return ReportResult(numbers, out, tuple(str(f) for f in (*config.recordings, *config.model)))

@@ -1,16 +1,8 @@
-"""Results as rows of text on one screen."""
-
-from collections.abc import Sequence
+"""Estimates as text."""
 
 import numpy as np
 
-_WIDTH = 24
 _READ_AS = {"s": (1e3, " ms"), "rad/rad": (1.0, ""), "1": (1.0, ""), "rad": (180.0 / np.pi, "°")}
-
-
-def screen(rows: Sequence[tuple[str, str]]) -> str:
-    """Names and values, one row each."""
-    return "\n".join(f"{name:<{_WIDTH}} {value}".rstrip() for name, value in rows)
 
 
 def quantity(value: float, half: float, unit: str) -> str:
