@@ -39,7 +39,7 @@ class Stability:
             np.array(model.numeric(f"air_{n}").data) for n in names
         )
         self._parts = [
-            [float(model.numeric(f"air_{part}_{what}").data[0]) for what in ("slope", "z")]
+            [np.array(model.numeric(f"air_{part}_{what}").data) for what in ("slope", "z")]
             for part in ("nose", "fin")
         ]
         self.diameter = float(np.sqrt(4 * self._reference / np.pi))
@@ -65,9 +65,10 @@ class Stability:
         cross = air.crossflow(v[0], v[1], w[0], w[1], scale, self._z, self._area, self.station)
         linear = np.zeros(4)
         # a nose lifts only while it leads; fins do both ways
-        for (slope, z), axial in zip(self._parts, (max(v[2], 0.0), abs(v[2])), strict=True):
-            r = z - self.station
-            linear += air.normal_force(v[0], v[1], axial, w[0], w[1], q * slope, r)
+        for (slopes, stations), axial in zip(self._parts, (max(v[2], 0.0), abs(v[2])), strict=True):
+            for slope, z in zip(slopes, stations, strict=True):
+                r = z - self.station
+                linear += air.normal_force(v[0], v[1], axial, w[0], w[1], q * slope, r)
         a, b, c, d = linear.tolist()
         return cross, (a, b, c, d)
 
