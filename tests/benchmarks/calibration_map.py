@@ -76,7 +76,8 @@ def _study(unit, overrides):
         driven = replace(options, seed=unit + 1000)
         error = _errors(driven, whole)
         sigma = np.array([whole.sigma(a) for a in GRID])
-        return _errors(driven, line), error, (abs(error) < 2 * sigma).mean()
+        inside = (abs(error) < 2 * sigma).mean()
+        return _errors(driven, line), error, inside, max(line.deviation), max(whole.deviation)
 
 
 def main(arguments):
@@ -91,6 +92,8 @@ def main(arguments):
         print(
             f"{name}: worst {worst.max():.3f}°, median unit {np.median(worst):.3f}°, rms {rms:.3f}°"
         )
+        largest = np.degrees(max(r[3 + k] for r in results))
+        print(f"{name}: potentiometers between the switches at most {largest:.3f}° rms off")
     print(f"map: {np.mean([r[2] for r in results]):.1%} of the errors within 2 sigma")
 
 

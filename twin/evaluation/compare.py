@@ -24,6 +24,7 @@ from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
 from twin.config import Compare
+from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
@@ -142,6 +143,7 @@ def compare(config: Compare) -> CompareResult:
     file = config.out or Path("runs/compare.rrd")
     if file.is_dir() or not file.suffix:
         file /= "compare.rrd"
+    writable(file, ".rrd")
     _record(config, file, pair)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(

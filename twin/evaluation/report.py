@@ -40,6 +40,6 @@ def write_report(config: Report) -> ReportResult:
         raise TwinError("report: name one recording (.rrd) or table (.csv, .mat), or more")
     runs = seen(config, config.recordings)
     models = {f.stem: TransferFunctionModel.read(f) for f in config.model}
-    out = writable(config.out or Path("runs/report.html"))
+    out = writable(config.out or Path("runs/report.html"), ".html", ".htm")
     numbers = report(runs, out, models=models, title=config.title)
     return ReportResult(numbers, out, tuple(str(f) for f in (*config.recordings, *config.model)))

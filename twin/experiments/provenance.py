@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.config import Run
+from twin.config.paths import writable
 from twin.physics.motor import split_name
 from twin.plant.model import TwinModel
 from twin.recorder import DetachedRecorder, Recorder, Sink
@@ -61,6 +62,7 @@ def make_recorder(
     path = config.out or Path("runs")
     if path.is_dir() or not path.suffix:
         path /= f"{verb}.rrd"
+    writable(path, ".rrd")
     make = DetachedRecorder if real_time else Recorder
     return make(
         path,

@@ -67,6 +67,7 @@ class Motor:
         """End of thrust after ignition [s]."""
         return float(self.time[-1])
 
+<<<<<<< HEAD
     def thrust_at(self, t: float | Array) -> Array:
         """Thrust at times after ignition (…,) [N]; zero outside the burn."""
         return np.asarray(np.interp(t, self.time, self.thrust, left=0.0, right=0.0))
@@ -85,6 +86,8 @@ class Motor:
         names = ("propellant_mass", "loaded_mass", "diameter", "length")
         return {name: getattr(self, name) for name in names}
 
+=======
+>>>>>>> refs/heads/core
     def simplified(self, count: int) -> Self:
         """The motor with at most `count` points, scaled to the same impulse.
 

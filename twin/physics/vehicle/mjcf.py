@@ -222,7 +222,7 @@ def _hull(vehicle: Vehicle) -> str:
     """The one shape that meets the ground."""
     outline = vehicle.outline
     radius = outline.largest_radius
-    top, low = outline.segments[0].part.length / 2, outline.tail - radius
+    top, low = 2 * radius, outline.tail - radius
     half = max((low - top) / 2, radius / 10)
     middle = vehicle.origin - (low + top) / 2
     return (
