@@ -14,6 +14,7 @@ from hardware.frames import AXES
 from hardware.protocol import constants
 from twin.errors import TwinError
 from twin.physics import motor, native
+from twin.physics.aerodynamics.fit import misfits
 from twin.physics.mechanism.frame import check_frame
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
@@ -108,6 +109,8 @@ def load(config: ModelConfig) -> TwinModel:
     if seat == "linkage":
         apply_servo(model)
     native.bind(model)
+    if config.vehicle is not None and not is_description(config.vehicle):
+        notes += misfits(model)
     if seat != "fixed":
         check_frame(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)

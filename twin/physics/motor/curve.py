@@ -67,27 +67,12 @@ class Motor:
         """End of thrust after ignition [s]."""
         return float(self.time[-1])
 
-<<<<<<< HEAD
-    def thrust_at(self, t: float | Array) -> Array:
-        """Thrust at times after ignition (…,) [N]; zero outside the burn."""
-        return np.asarray(np.interp(t, self.time, self.thrust, left=0.0, right=0.0))
-
-    def mass_at(self, t: float | Array) -> Array:
-        """Mass of casing and remaining propellant at times after ignition (…,) [kg].
-
-        Propellant goes with the impulse delivered: constant exhaust velocity.
-        """
-        burnt = impulse_at(self.time, self.thrust, np.asarray(t)) / self.impulse
-        return np.asarray(self.loaded_mass - self.propellant_mass * burnt)
-
     @property
     def figures(self) -> dict[str, float]:
         """Masses [kg] and sizes [m] by the names of their attributes."""
         names = ("propellant_mass", "loaded_mass", "diameter", "length")
         return {name: getattr(self, name) for name in names}
 
-=======
->>>>>>> refs/heads/core
     def simplified(self, count: int) -> Self:
         """The motor with at most `count` points, scaled to the same impulse.
 
