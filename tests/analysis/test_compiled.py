@@ -19,8 +19,8 @@ import twin.loop.seats
 import twin.physics.mechanism.loops
 import twin.physics.native.actuator
 import twin.physics.native.forces
+import twin.plant.adams_bashforth
 import twin.plant.flow
-import twin.plant.integrators
 import twin.plant.rods
 import twin.recorder.rows
 from analysis import compiled
@@ -39,7 +39,7 @@ MODULES = [
     twin.physics.native.actuator,
     twin.physics.native.forces,
     twin.plant.flow,
-    twin.plant.integrators,
+    twin.plant.adams_bashforth,
     twin.plant.rods,
     twin.recorder.rows,
 ]
