@@ -16,13 +16,13 @@ from twin.physics.aerodynamics import gust_modes
 from twin.physics.aerodynamics.atmosphere import MODE
 from twin.physics.native.cache import jit
 from twin.physics.native.check import check
-from twin.physics.native.layout import MODEL, characters, floats, integers, size
-from twin.physics.native.names import BODIES, INDEX, NUMERICS, SITES
+from twin.physics.native.layout import MODEL, characters, constant, floats, integers, size
+from twin.physics.native.names import ALL, BODIES, INDEX, NUMERICS, SITES
 from twin.physics.native.ramp import launch_pose
 
-MARK: Final = 20260101.0 + len(NUMERICS)  # tells a bound model from zeros and from older indices
+MARK: Final = 20260101.0 + len(ALL)  # tells a bound model from zeros and from older indices
 VEHICLE, PROPELLANT, NOZZLE, FIRST = 1, 2, 3, 4  # slots before the numerics' (start, size) pairs
-LENGTH: Final = FIRST + 2 * len(NUMERICS)
+LENGTH: Final = FIRST + 2 * len(ALL)
 
 
 def _packed(names: tuple[str, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
@@ -32,8 +32,9 @@ def _packed(names: tuple[str, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64
     return np.frombuffer(b"".join(joined), np.uint8), starts
 
 
-_TEXT, _START = _packed((INDEX, *BODIES, *SITES, *(n.name for n in NUMERICS)))
-_LEAST = np.array([n.size for n in NUMERICS])
+_TEXT, _START = _packed((INDEX, *BODIES, *SITES, *(n.name for n in ALL)))
+_OWN: Final = constant(0)  # of the packed names; the others follow in the order of their slots
+_LEAST = np.array([n.size for n in ALL])
 _NAMES, _NAMES_SIZE = MODEL["names"], MODEL["nnames"]
 _NUMERICS, _NUMERIC_NAMES = MODEL["nnumeric"], MODEL["name_numericadr"]
 _ADDRESS, _SIZE = MODEL["numeric_adr"], MODEL["numeric_size"]
@@ -65,11 +66,11 @@ def resolve(m: int, index: NDArray[np.float64]) -> None:
     starts = integers(m, _ADDRESS, size(m, _NUMERICS))
     sizes = integers(m, _SIZE, size(m, _NUMERICS))
     index[0] = MARK
-    index[VEHICLE] = _find(text, bodies, 1)
-    index[PROPELLANT] = _find(text, bodies, 2)
-    index[NOZZLE] = _find(text, sites, 3)
+    index[VEHICLE] = _find(text, bodies, _OWN + VEHICLE)
+    index[PROPELLANT] = _find(text, bodies, _OWN + PROPELLANT)
+    index[NOZZLE] = _find(text, sites, _OWN + NOZZLE)
     for k in range(_LEAST.size):
-        found = _find(text, numerics, 4 + k)
+        found = _find(text, numerics, _OWN + FIRST + k)
         short = found < 0 or sizes[found] < _LEAST[k]
         index[FIRST + 2 * k] = -1 if short else starts[found]
         index[FIRST + 2 * k + 1] = 0 if short else sizes[found]
@@ -86,7 +87,7 @@ def locate(m: int) -> tuple[bool, NDArray[np.float64]]:
             return True, data[starts[k] : starts[k] + LENGTH]
     text = characters(m, _NAMES, size(m, _NAMES_SIZE))
     names = integers(m, _NUMERIC_NAMES, size(m, _NUMERICS))
-    found = _find(text, names, 0)
+    found = _find(text, names, _OWN)
     if found < 0:
         return False, data[:0]
     index = np.empty(LENGTH)
@@ -104,7 +105,7 @@ def entries(model: mujoco.MjModel) -> NDArray[np.float64]:
     ids = [mujoco.mj_name2id(model, body, name) for name in BODIES]
     ids += [mujoco.mj_name2id(model, site, name) for name in SITES]
     pairs: list[int] = []
-    for wanted in NUMERICS:
+    for wanted in ALL:
         found = mujoco.mj_name2id(model, numeric, wanted.name)
         fits = found >= 0 and model.numeric_size[found] >= wanted.size
         pairs += [model.numeric_adr[found], model.numeric_size[found]] if fits else [-1, 0]
@@ -141,7 +142,7 @@ def bind(model: mujoco.MjModel) -> None:
 def _require(index: NDArray[np.float64]) -> None:
     missing = [f"body '{n}'" for n, k in zip(BODIES, index[VEHICLE:NOZZLE], strict=True) if k < 0]
     missing += [f"site '{n}'" for n, k in zip(SITES, index[NOZZLE:FIRST], strict=True) if k < 0]
-    pairs = zip(NUMERICS, index[FIRST:LENGTH:2], strict=True)
+    pairs = zip(NUMERICS, index[FIRST::2], strict=False)  # what is optional comes last
     missing += [f"numeric '{n.name}' (size ≥ {n.size}, {n.unit})" for n, k in pairs if k < 0]
     if missing:
         raise TwinError(
