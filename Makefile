@@ -38,6 +38,7 @@ lint: env
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/stub.py --check
 	$(BIN)/python .ci/states.py --check
+	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
 	@bash .ci/test-tools cppcheck
 	@bash .ci/cppcheck
@@ -51,12 +52,14 @@ meshes: env
 
 docs-check: env
 	$(BIN)/python .ci/states.py --check
+	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
 
-# Writes what is generated: the typed signatures and the state diagrams.
+# Writes what is generated: the typed signatures, the state diagrams and the tables of messages.
 generated: env
 	$(BIN)/python .ci/stub.py
 	$(BIN)/python .ci/states.py
+	$(BIN)/python .ci/protocol.py
 
 # Renews the pinned lock; needs uv. The lock carries no registry address.
 lock:

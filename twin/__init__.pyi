@@ -65,7 +65,9 @@ def converge(
     motor: str | PathLike[str] | None = ...,
 ) -> ConvergenceResult: ...
 def doctor(
-
+    *,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
 ) -> DoctorResult: ...
 def fly(
     *,

@@ -1,4 +1,4 @@
-"""Drives the servos to four limit switches and notes what every sensor says there; no I/O.
+"""Drives the servos to four limit switches and records every sensor there; no I/O.
 
 A procedure takes sensor frames and gives back pulse widths to send. Each switch is approached
 outwards until it closes and left inwards until it opens, several times, with the other servo held
@@ -36,7 +36,7 @@ class Procedure:
         self._integral = np.zeros(3)
         self._pulses = list(self.rig.neutral)
         self._direction = [1, 1]  # which way each servo moves its own axis
-        self._found = [0.0] * 4  # pulse width at which each switch closed last
+        self._closed_at = [0.0] * 4  # pulse width at which each switch closed last
         self._came = 0  # direction in which the held axis moved last
         self._random = np.random.default_rng(self.rig.seed)
         self._steps = self._run()
@@ -132,7 +132,7 @@ class Procedure:
                 raise CalibrationError(
                     f"switch {SWITCHES[hit]} closes at both ends of servo {AXES[axis]}'s travel"
                 )
-            self._found[hit] = self._pulses[axis]
+            self._closed_at[hit] = self._pulses[axis]
         yield from self._move(axis, self.rig.neutral[axis])
 
     def _until_any(
@@ -185,11 +185,13 @@ class Procedure:
         self._came = -self._direction[other] if side > 0 else self._direction[other]
         yield from self._move(other, held + side)
         yield from self._move(other, held)
-        start = self._found[switch] - outwards * (self.rig.backoff + self._random.random() * 4e-6)
+        start = self._closed_at[switch] - outwards * (
+            self.rig.backoff + self._random.random() * 4e-6
+        )
         yield from self._move(axis, start)
         yield from self._retreat(switch, axis, outwards)
         yield from self._note(switch, axis, outwards, closing=True)
-        self._found[switch] = self._pulses[axis]
+        self._closed_at[switch] = self._pulses[axis]
         for _ in range(2):
             self._step_by(axis, outwards * self.rig.fine, switch)
             yield from self._wait(self.rig.dwell)
@@ -220,8 +222,8 @@ class Procedure:
     def _record(self, switch: int, axis: int, way: int, closing: bool, frame: SensorFrame) -> Steps:
         """Note the pulses that moved the switch, and the sensors once the servo has come to rest.
 
-        A switch moves within the time of a few frames, too short for a potentiometer: what it
-        says of the switch's differential travel would be the largest error of the matrix.
+        A switch moves within the time of a few frames, too short for a potentiometer: its error
+        in the switch's differential travel would be the largest error of the matrix.
         """
         pulses = [frame.pulse[0], frame.pulse[1]]
         # The crossing lay anywhere within the step that the servo was taking.

@@ -441,7 +441,7 @@ def test_what_cannot_be_reported_is_one_line_and_leaves_no_file(tmp_path, make, 
 @pytest.fixture(scope="module")
 def browser():
     """The DevTools driver of the viewer, or a skip that never happens where green means seen."""
-    from twin.viewer import browser
+    from tests import browser
 
     if not any(map(shutil.which, browser.NAMES)):
         message = "needs chromium (`bash .ci/test-tools` installs it)"

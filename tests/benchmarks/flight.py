@@ -9,13 +9,13 @@ import mujoco
 import numpy as np
 
 from tests.benchmarks.timing import paired, ratio, row
-from twin.control import AttitudeController, Hold, launch_direction
+from twin.control import AttitudeController, Hold
 from twin.experiments.provenance import DRAIN_LOCKSTEP_NS
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
 from twin.physics import native
-from twin.plant.authority import control_config
+from twin.plant.authority import control_config, launch_of
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
 from twin.recorder import Recorder
@@ -38,7 +38,7 @@ class _Assembly:
     def __init__(self) -> None:
         self.plant = Plant(load(ModelConfig()))
         model = self.plant.model
-        launch = launch_direction(float(model.numeric("ramp_elevation").data[0]))
+        launch, _ = launch_of(model)
         self.controller = AttitudeController(control_config(model))
         self.pilot = Pilot(self.plant, self.controller, Hold(launch=launch), 0.004)
         self.gimbal = SimulatedGimbal(self.plant)

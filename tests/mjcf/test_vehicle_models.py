@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.mjcf.barrowman import Fins
 from twin.physics import native
-from twin.physics.aerodynamics.fins import Fins
 from twin.physics.aerodynamics.silhouette import strip_table
 from twin.physics.motor import Depletion
 

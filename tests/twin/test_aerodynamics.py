@@ -10,12 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
+from tests.benchmarks.area_moments import Comparison
+from tests.mjcf.barrowman import Fins
 from tests.twin.outlines import LARGE, REFERENCE, Outline
 from twin.physics import aerodynamics as air
-from twin.physics.aerodynamics.comparison import Comparison
-from twin.physics.aerodynamics.fins import Fins
 from twin.physics.aerodynamics.revolve import refined
 from twin.physics.aerodynamics.silhouette import silhouette, strip_table, strips
+from twin.physics.native.names import NUMERICS
 
 Array = NDArray[np.float64]
 
@@ -305,13 +306,13 @@ def test_barrowman_coefficients_of_a_worked_fin_set() -> None:
 
 def test_documented_tables_are_those_the_code_gives() -> None:
     """Errors of the area-moment form, and the numerics a vehicle carries."""
-    from twin.physics.native.names import table
-
     page = (ROOT / "docs" / "aerodynamics.md").read_text()
     comparison = Comparison(mujoco.MjModel.from_xml_path(str(ROOT / "mjcf" / "vehicle.xml")))
     assert comparison.table() in page
     assert comparison.summary() in page
-    assert table() in page
+    head = "| numeric | size | unit | meaning | default |\n|---|---|---|---|---|\n"
+    rows = (f"| `{n.name}` | {n.size} | {n.unit} | {n.meaning} | {n.default} |" for n in NUMERICS)
+    assert head + "\n".join(rows) in page
 
 
 def test_area_moment_form_strays_as_far_as_the_page_says() -> None:

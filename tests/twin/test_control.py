@@ -8,21 +8,27 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from twin.control import (
-    PID,
     AttitudeController,
     ControlConfig,
     Doublet,
     FixedPoint,
     Hold,
-    LowPass,
-    PIDGains,
     PitchOver,
     Step,
-    launch_direction,
 )
+from twin.control.pid import low_pass, pid
 from twin.errors import TwinError
 
 ZERO = np.zeros(3)
+
+
+def launch_direction(elevation: float, azimuth: float = 0.0) -> tuple[float, float, float]:
+    """(East, north, up), unit, of the model's `ramp_elevation` and `ramp_azimuth` [rad].
+
+    Elevation counts from the horizon, azimuth from east to north.
+    """
+    level = math.cos(elevation)
+    return (level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation))
 
 
 def wxyz(rotation: Rotation) -> np.ndarray:
@@ -163,36 +169,39 @@ def test_gimbal_angle_scales_with_the_inverse_of_authority():
 
 @pytest.mark.parametrize("dt", [0.001, 0.004, 0.02])
 def test_low_pass_step_equals_the_exponential_at_any_step(dt):
-    low = LowPass(40.0, np.zeros(3))
+    value = 0.0
     for _ in range(25):
-        value = low.update(np.ones(3), dt)
+        value = low_pass(value, 1.0, 40.0, dt)
     assert value == pytest.approx(1 - math.exp(-40.0 * 25 * dt), abs=1e-13)
 
 
 def test_pid_on_an_integrator_settles_as_its_characteristic_polynomial_says():
     # x' = u, PI with kp = 2, ki = 1: (s + 1)²; integral of the error is zero overshoot area 1/ki·u∞
-    loop, x, dt = PID(PIDGains(kp=2.0, ki=1.0)), np.zeros(1), 1e-3
+    x, integral, dt = 0.0, 0.0, 1e-3
     t = np.arange(8000) * dt
     out = np.empty(len(t))
     for k in range(len(t)):
-        out[k] = x[0]
-        x += dt * loop.update(np.ones(1), x, dt)
+        out[k] = x
+        u, integral = pid(1.0 - x, 0.0, integral, 2.0, 1.0, 0.0, -math.inf, math.inf, dt)
+        x += dt * u
     truth = 1 - np.exp(-t) * (1 - t)  # inverse transform of (2s + 1)/(s(s + 1)²)
     assert np.abs(out - truth).max() < 2e-3  # first order in dt
 
 
-def test_setpoint_jump_gives_no_derivative_kick():
-    loop = PID(PIDGains(kp=0.0, kd=5.0))
-    loop.update(np.zeros(1), np.zeros(1), 0.01)
-    assert loop.update(np.ones(1), np.zeros(1), 0.01)[0] == 0.0
-
-
 def test_integral_does_not_wind_up_while_the_output_is_bounded():
-    loop = PID(PIDGains(kp=1.0, ki=1.0, low=-0.5, high=0.5))
+    integral, gains = 0.0, (1.0, 1.0, 0.0, -0.5, 0.5, 0.01)
     for _ in range(1000):
-        assert loop.update(np.full(1, 3.0), np.zeros(1), 0.01)[0] == 0.5
+        output, integral = pid(3.0, 0.0, integral, *gains)
+        assert output == 0.5
     # the error changes sign: the output leaves its bound at once, not after 30 s of unwinding
-    assert loop.update(np.full(1, -0.6), np.zeros(1), 0.01)[0] < 0.0
+    assert pid(-0.6, 0.0, integral, *gains)[0] < 0.0
+
+
+def test_setpoint_jump_gives_no_derivative_kick():
+    level, up, jumped = wxyz(Rotation.identity()), np.array([0, 0, 1.0]), np.array([0, 0.1, 1.0])
+    loop = AttitudeController(ControlConfig(kp=0.0, ki=0.0, kd=5.0))
+    loop.update(0.0, 0.004, level, ZERO, up)
+    np.testing.assert_array_equal(loop.update(0.004, 0.004, level, ZERO, jumped), 0.0)
 
 
 def test_programmes_turn_in_the_launch_plane_and_positive_tips_down_range():
@@ -227,7 +236,6 @@ def test_pitch_over_reaches_its_amplitude_without_a_jump():
         (lambda: ControlConfig(kp=-1.0), "kp is -1"),
         (lambda: ControlConfig(cutoff=math.nan), "cutoff is nan"),
         (lambda: ControlConfig(authority=(1.0, 2.0)), "2 values for 1 times"),
-        (lambda: PIDGains(1.0, low=1.0, high=2.0), "enclose zero"),
         (lambda: FixedPoint((500.0, 0.0, 0.0)), "90.0° off the launch direction"),
         (lambda: FixedPoint((0.0, 0.0, 0.0)), "away from the launch point"),
     ],

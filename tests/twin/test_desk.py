@@ -76,7 +76,7 @@ def pulled_thrice(simulated, monkeypatch):
 
         return loop.run(seats, stop=watched, **more)
 
-    monkeypatch.setattr("twin.experiments.mirror.run", told)
+    monkeypatch.setattr("twin.experiments.session.run", told)
 
 
 @pytest.fixture(scope="module")
@@ -297,11 +297,11 @@ class TestSteering:
 
 MISTAKES = [
     ("mirror --gimbal linkage", "needs a rig"),
-    ("mirror --gimbal /dev/nosuchport", "there is no port"),
+    ("mirror --gimbal /dev/nosuchport", "no such port"),
     ("mirror --gimbal socket://127.0.0.1:9", "nothing listens"),
     ("mirror --gimbal socket://127.0.0.1:99999", "1 to 65535"),
-    ("mirror --gimbal {file}", "no serial port"),
-    ("mirror --gimbal emulator --fault gyro:melted", "valid are"),
+    ("mirror --gimbal {file}", "not a serial port"),
+    ("mirror --gimbal emulator --fault gyro:melted", "must be one of"),
     ("mirror --gimbal emulator --fault link:drop:7", "0…1"),
     ("mirror --gimbal emulator --calibration {file}", "not JSON"),
     ("mirror --gimbal emulator --calibration {calibration}", "is of rig"),

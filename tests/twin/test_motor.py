@@ -1,6 +1,7 @@
 """Motor files, hostile ones too, and the propellant that burns away."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import mujoco
@@ -12,6 +13,7 @@ from scipy.integrate import quad
 
 from twin.errors import TwinError
 from twin.physics.motor import Depletion, Motor, MotorError, apply_motor, load, parse, read
+from twin.physics.motor.curve import impulse_at
 from twin.physics.motor.grain import Grain
 
 MJCF = Path(__file__).resolve().parents[2] / "mjcf"
@@ -39,7 +41,7 @@ def test_several_motors_in_a_file_are_chosen_by_name(tmp_path: Path) -> None:
     assert [motor.name for motor in read(file)] == ["X1", "Y2"]
     assert load(file, "Y2").name == "Y2"
     for name, says in (
-        (None, "2 motors: X1, Y2; give a file with one of them"),
+        (None, "2 motors: X1, Y2; give one by its name as .*two.eng:X1, or a file with one"),
         ("Z", "no motor 'Z'; the file holds X1, Y2"),
     ):
         with pytest.raises(MotorError, match=says):
@@ -101,7 +103,13 @@ def test_curves_are_read_only() -> None:
         (HEADER.replace("0.06", "-1") + "0.1 10\n1 0\n", "must be positive"),
         (HEADER.replace(" 29 ", " 0 ") + "0.1 10\n1 0\n", "diameter 0 m"),
         (HEADER + "0.1 10\n" + "".join(f"{k} 5\n" for k in range(1, 20_002)), "more than 20000"),
-        (GOOD + "1.2 5\n", "header line has 7 words"),
+        (GOOD + "1.2 5\n", "never ends.*5 N at 1.2 s"),
+        (GOOD + "Y2 29 124\n", "line 6: a header line has 7 words"),
+        (GOOD.replace("0.06 0.12", "60 120"), "specific impulse of 0.017 s.*grams"),
+        (GOOD.replace("0.06 0.12", "6e-5 1.2e-4"), r"impulse of 1.7e\+04 s.*kilograms"),
+        (GOOD.replace("0.12 ", "120 "), "8.* to 8000 kg/m³"),
+        (GOOD.replace("29 124", "0.029 0.124"), "kg/m³; at most 2500"),
+        (GOOD.replace("29 124", "290 1240"), "50 to 8000 kg/m³"),
         ("\x00\x01\x02 junk", "header line has 7 words"),
     ],
 )
@@ -176,15 +184,27 @@ def test_reference_motor_has_the_figures_of_the_real_one(shared_data: Path) -> N
     real = load(shared_data / "motors" / "AeroTech_H13ST.eng")
     assert ours.impulse == pytest.approx(real.impulse, rel=3e-3)
     t = np.linspace(0, 15.4, 500)
-    assert np.sqrt(np.mean((ours.thrust_at(t) - real.thrust_at(t)) ** 2)) < 0.1  # N of 14
+    assert np.sqrt(np.mean((thrust_at(ours, t) - thrust_at(real, t)) ** 2)) < 0.1  # N of 14
 
 
-def test_mass_follows_the_impulse_by_quadrature() -> None:
+def thrust_at(motor: Motor, t: np.ndarray | float) -> np.ndarray:
+    return np.interp(t, motor.time, motor.thrust, left=0.0, right=0.0)
+
+
+def delivered(motor: Motor, t: float) -> float:
+    """Impulse up to a time after ignition by quadrature [N s]."""
+    end = min(max(t, 0.0), motor.burn_time)
+    kinks = [k for k in motor.time.tolist() if 0.0 < k < end]
+    return float(
+        sum(quad(lambda s: float(thrust_at(motor, s)), *p)[0] for p in pairwise([0.0, *kinks, end]))
+    )
+
+
+def test_impulse_delivered_is_that_of_quadrature() -> None:
     (motor,) = parse(GOOD)
     for t in (-1.0, 0.0, 0.05, 0.63, 1.05, 1.1, 9.0):
-        done = quad(motor.thrust_at, 0, min(max(t, 0), 1.1), points=[0.1, 1.0])[0]
-        expected = 0.12 - 0.06 * done / motor.impulse
-        assert motor.mass_at(t) == pytest.approx(expected, abs=1e-9)
+        impulse = impulse_at(motor.time, motor.thrust, np.asarray(t))
+        assert impulse == pytest.approx(delivered(motor, t), abs=1e-9)
 
 
 def test_a_thinned_curve_keeps_impulse_end_and_shape() -> None:
@@ -194,7 +214,7 @@ def test_a_thinned_curve_keeps_impulse_end_and_shape() -> None:
     assert thin.time.size == 64
     assert thin.impulse == pytest.approx(motor.impulse, rel=1e-12)
     assert thin.burn_time == motor.burn_time
-    assert np.abs(thin.thrust_at(t) - motor.thrust_at(t)).max() < 0.05  # of 20 N
+    assert np.abs(thrust_at(thin, t) - thrust_at(motor, t)).max() < 0.05  # of 20 N
 
 
 @pytest.mark.parametrize("name", ["AeroTech_G12ST", "AeroTech_G25W", "Estes_F15"])
@@ -309,8 +329,8 @@ def test_burnt_fraction_is_that_of_the_motor(flight: mujoco.MjModel) -> None:
     flight.numeric("motor_ignition").data[0] = 2.0
     depletion = Depletion(flight)
     for t in np.linspace(-1, 20, 50):
-        gone = (motor.loaded_mass - motor.mass_at(t - 2)) / motor.propellant_mass
-        assert depletion.burnt(t) == pytest.approx(float(gone), abs=1e-9)
+        gone = delivered(motor, t - 2) / motor.impulse
+        assert depletion.burnt(t) == pytest.approx(gone, abs=1e-9)
 
 
 def test_a_model_without_motor_is_left_alone() -> None:

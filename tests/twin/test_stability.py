@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from tests.benchmarks import margins
 from tests.benchmarks.stability import fly
 from tests.twin.outlines import REFERENCE
 from twin.physics import native
-from twin.physics.aerodynamics import stability
 from twin.physics.aerodynamics.stability import Stability
 from twin.physics.motor import Depletion
 
@@ -113,4 +113,4 @@ def test_gimbal_outweighs_the_air_by_half_through_every_flight() -> None:
 
 def test_documented_table_is_the_one_the_code_gives() -> None:
     page = (ROOT / "docs" / "aerodynamics.md").read_text()
-    assert stability.table(reference(), BURNOUT) in page
+    assert margins.table(reference(), BURNOUT) in page

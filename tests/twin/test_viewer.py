@@ -13,11 +13,12 @@ import pytest
 from PIL import Image
 
 from analysis.recording import reader as recording
+from tests import browser, headless
 from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer
 from twin.recorder import Recorder
-from twin.viewer import browser, opening
+from twin.viewer import opening
 
 SIZE = (900, 560)
 
@@ -75,7 +76,7 @@ def assert_in_frame(picture: Path) -> None:
 @pytest.fixture(scope="module")
 def seen(flight, tmp_path_factory, vulkan):
     """The flight in the native viewer at 0, 5 and 11.9 s."""
-    return viewer.screenshot(flight, [0.0, 5.0, 11.9], tmp_path_factory.mktemp("seen"), SIZE)
+    return headless.screenshot(flight, [0.0, 5.0, 11.9], tmp_path_factory.mktemp("seen"), SIZE)
 
 
 def test_the_native_viewer_shows_the_vehicle_at_three_times(seen):
@@ -89,7 +90,7 @@ def test_the_native_viewer_shows_the_vehicle_at_three_times(seen):
 def test_the_picture_changes_with_time_and_repeats_itself(seen, flight, tmp_path):
     _, early, late = map(scene, seen.pictures)
     assert np.abs(late - early).mean() > 0.5
-    (again,) = viewer.screenshot(flight, [5.0], tmp_path, SIZE).pictures
+    (again,) = headless.screenshot(flight, [5.0], tmp_path, SIZE).pictures
     assert np.array_equal(early, scene(again))
 
 
@@ -108,7 +109,7 @@ def test_without_the_vehicle_there_is_nothing_red(tmp_path, vulkan):
             recorder.row[:] = 0.0
             recorder.commit(tick * runs.PERIOD_NS, tick)
             recorder.commit_pose(tick * runs.PERIOD_NS, data)
-    look = viewer.screenshot(path, [0.2], tmp_path, SIZE)
+    look = headless.screenshot(path, [0.2], tmp_path, SIZE)
     assert look.reports == ()
     assert not vehicle(scene(look.pictures[0])).any()
 
@@ -122,13 +123,13 @@ def test_every_signal_has_a_view_that_reports_nothing(tmp_path, vulkan):
             recorder.row[:] = np.sin(tick * 0.02)
             recorder.commit(tick * runs.PERIOD_NS, tick)
         recorder.health(0, "potentiometer x_a: stuck")
-    look = viewer.screenshot(path, [1.0], tmp_path, SIZE)
+    look = headless.screenshot(path, [1.0], tmp_path, SIZE)
     assert look.reports == ()
     assert look.complaints == ()
 
 
 def test_the_web_viewer_shows_the_vehicle_at_three_times(flight, tmp_path, chromium):
-    look = viewer.web_screenshot(flight, [0.02, 0.5, 0.98], tmp_path, (640, 400))
+    look = headless.web_screenshot(flight, [0.02, 0.5, 0.98], tmp_path, (640, 400))
     assert look.complaints == ()
     for picture in look.pictures:
         assert_in_frame(picture)
@@ -152,7 +153,7 @@ def test_the_shipped_flight_scene_is_in_frame(tmp_path, vulkan, signals):
             recorder.row[:] = 0.0
             recorder.commit(time_ns, time_ns)
             recorder.commit_pose(time_ns, data)
-    look = viewer.screenshot(path, [0.0, 3.0, 5.9], tmp_path, SIZE)
+    look = headless.screenshot(path, [0.0, 3.0, 5.9], tmp_path, SIZE)
     assert look.reports == ()
     assert look.complaints == ()
     for picture in look.pictures:
@@ -170,7 +171,7 @@ def test_a_flown_flight_is_in_frame_and_reports_nothing(tmp_path, vulkan):
 
     path = tmp_path / "flown.rrd"
     fly(Fly(duration_s=3.0, out=path))
-    look = viewer.screenshot(path, [0.0, 1.5, 2.9], tmp_path, SIZE)
+    look = headless.screenshot(path, [0.0, 1.5, 2.9], tmp_path, SIZE)
     assert look.reports == ()
     assert look.complaints == ()
     for picture in look.pictures:

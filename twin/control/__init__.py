@@ -5,7 +5,6 @@ Everything works on arrays (..., n): one vehicle or ten thousand run through the
 
 from twin.control.attitude import AttitudeController, ControlConfig
 from twin.control.guidance import FixedPoint
-from twin.control.pid import PID, LowPass, PIDGains
 from twin.control.setpoint import (
     PROGRAMMES,
     Doublet,
@@ -13,23 +12,18 @@ from twin.control.setpoint import (
     PitchOver,
     Setpoint,
     Step,
-    launch_direction,
     off_axis,
 )
 
 __all__ = [
-    "PID",
     "PROGRAMMES",
     "AttitudeController",
     "ControlConfig",
     "Doublet",
     "FixedPoint",
     "Hold",
-    "LowPass",
-    "PIDGains",
     "PitchOver",
     "Setpoint",
     "Step",
-    "launch_direction",
     "off_axis",
 ]

@@ -23,15 +23,6 @@ class Setpoint(Protocol):
         """Wanted nose direction (..., 3), unit, for position and velocity (..., 3) in the world."""
 
 
-def launch_direction(elevation: float, azimuth: float = 0.0) -> Vector:
-    """Return (east, north, up), unit, of the model's `ramp_elevation` and `ramp_azimuth` [rad].
-
-    Elevation counts from the horizon, azimuth from east to north.
-    """
-    level = math.cos(elevation)
-    return (level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation))
-
-
 def off_axis(launch: Vector, right: float, up: float) -> Vector:
     """Return the unit vector `right` and `up` of a launch direction, as seen along it [rad].
 

@@ -5,13 +5,13 @@ import sys
 import time
 from dataclasses import dataclass
 from math import degrees, radians, sqrt
-from pathlib import Path
 from typing import Any
 
 from hardware.calibration import Calibration, CalibrationError, CalibrationRig, Procedure, write
 from hardware.calibration.file import to_dict
 from hardware.protocol import constants
 from twin.config import Calibrate
+from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.hil import RigGimbal, RigOptions, mechanism_map, open_rig, switch_angles
@@ -94,7 +94,7 @@ def calibrate(config: Calibrate) -> CalibrationResult:
     CalibrationError : a switch, servo or sensor does not do what it should; says which
     TwinError, HardwareError : the rig cannot be opened, or the file cannot be written
     """
-    _writable(config.out)
+    writable(config.out, ".json")
     rig = _rig(config)
     options = RigOptions(
         seat=config.gimbal, unit=config.unit, faults=config.fault, seed=config.seed, fuse=False
@@ -149,16 +149,16 @@ def _numbered(seat: RigGimbal) -> int:
 def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
     procedure = Procedure(rig, _numbered(seat))
     session = seat.rig.session
-    heard = seat.now_ns()
-    next_command = heard
+    received = seat.now_ns()
+    next_command = received
     bar = _Bar()
     while not procedure.done:
         seat.wait(STEP_NS)
         now = seat.now_ns()
         for frame in seat.rig.poll():
             pulses = procedure.step(frame)
-            heard = now
-        if heard == now and now >= next_command:
+            received = now
+        if received == now and now >= next_command:
             seat.rig.send_pulses(*pulses)
             next_command = now + COMMAND_NS
         if seat.rig.session != session:
@@ -167,7 +167,7 @@ def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
                 f" ({seat.rig.reason}{f', {seat.rig.started}' if seat.rig.started else ''});"
                 " check cable and supply and start again"
             )
-        if now - heard > PATIENCE_NS:
+        if now - received > PATIENCE_NS:
             raise CalibrationError(
                 f"the rig fell silent at {procedure.progress:.0%} of the calibration; check its"
                 " cable and start again"
@@ -195,15 +195,3 @@ class _Bar:
     def end(self) -> None:
         if self._on:
             print("\r" + " " * 60 + "\r", end="", file=sys.stderr, flush=True)
-
-
-def _writable(path: Path) -> None:
-    """Refuse a place that cannot be written before a minute of driving, not after."""
-    probe = path.with_name(path.name + ".partial")
-    try:
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise TwinError(f"cannot write {path}: {error.strerror}") from None
-    if path.is_dir():
-        raise TwinError(f"cannot write {path}: it is a folder")

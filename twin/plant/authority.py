@@ -149,7 +149,7 @@ def steer_to(model: mujoco.MjModel, target: Vector, **knobs: float) -> FixedPoin
     area, drag = numeric(model, "air_reference_area"), numeric(model, "air_axial_drag")
     nose, fins = numeric(model, "air_nose_slope"), numeric(model, "air_fin_slope")
     if area is not None and nose is not None and fins is not None:
-        found["normal_force"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * (nose[0] + fins[0]))
+        found["normal_force"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * (nose.sum() + fins.sum()))
     if area is not None and drag is not None:
         found["drag"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * drag[0])
     return replace(base, **(found | knobs))

@@ -1,6 +1,5 @@
-"""Looking at recordings: Rerun's viewer on the screen, in a browser, or without any screen."""
+"""Recordings in Rerun's viewer, on the screen or in a browser."""
 
-from twin.viewer.headless import Look, screenshot, web_screenshot
 from twin.viewer.opening import ViewerError, repaired, serve_web, view
 
-__all__ = ["Look", "ViewerError", "repaired", "screenshot", "serve_web", "view", "web_screenshot"]
+__all__ = ["ViewerError", "repaired", "serve_web", "view"]

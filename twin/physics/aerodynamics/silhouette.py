@@ -4,6 +4,7 @@ For setting a model up, not for flying it: loads trimesh.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -103,6 +104,48 @@ def strip_table(model: mujoco.MjModel, nodes: int = NODES) -> tuple[Array, Array
     for _ in range(nodes - int(counts.sum())):
         counts[np.argmax(lengths / counts)] += 1
     return strips(width, list(edges), [int(c) for c in counts])
+
+
+@dataclass(frozen=True)
+class StripCheck:
+    """The crossflow stations of a vehicle file against the geometry of the same file.
+
+    Attributes
+    ----------
+    error : planform area of the file's stations over that of the geometry, minus 1
+    numerics : `<numeric>` elements for the file, from the geometry
+    """
+
+    error: float
+    numerics: str
+
+    @property
+    def text(self) -> str:
+        """One line."""
+        return f"{self.error * 100:+.2f} % planform against the geometry"
+
+
+def strip_check(model: mujoco.MjModel) -> StripCheck:
+    """Compare `air_strip_area` of a model with its geometry; loads trimesh.
+
+    Raises
+    ------
+    TwinError : no body `vehicle`, no geometry, or no such numeric
+    """
+    size = _given(model, "air_strip_z").size
+    z, area = strip_table(model, size)
+    given = _given(model, "air_strip_area").sum()
+    lines = [
+        f'<numeric name="{name}" data="{" ".join(f"{v:.6g}" for v in values)}"/>'
+        for name, values in (("air_strip_z", z), ("air_strip_area", area))
+    ]
+    return StripCheck(float(given / area.sum() - 1.0), "\n".join(lines))
+
+
+def _given(model: mujoco.MjModel, name: str) -> Array:
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name) < 0:
+        raise TwinError(f"the model has no numeric {name!r}; docs/aerodynamics.md lists them")
+    return np.array(model.numeric(name).data)
 
 
 def _edges(extents: Array, width: Width) -> Array:

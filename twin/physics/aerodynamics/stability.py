@@ -1,11 +1,7 @@
-"""Centre of pressure and moment of the air over the angle of attack, with all that acts.
+"""Centre of pressure and moment of the air over the angle of attack, and the static margin."""
 
-`python -m twin.physics.aerodynamics.stability [FILE.xml]` prints the first table of
-docs/aerodynamics.md.
-"""
-
-import argparse
-from importlib.resources import files
+from copy import copy
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -18,7 +14,6 @@ from twin.physics.motor import Depletion
 
 Array = NDArray[np.float64]
 
-ANGLES = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 16.0, 20.0, 25.0)  # degrees
 ROOT = 1e-4  # rad; angle of attack at which the air's slope is taken
 
 
@@ -39,7 +34,7 @@ class Stability:
             np.array(model.numeric(f"air_{n}").data) for n in names
         )
         self._parts = [
-            [float(model.numeric(f"air_{part}_{what}").data[0]) for what in ("slope", "z")]
+            [np.array(model.numeric(f"air_{part}_{what}").data) for what in ("slope", "z")]
             for part in ("nose", "fin")
         ]
         self.diameter = float(np.sqrt(4 * self._reference / np.pi))
@@ -65,9 +60,10 @@ class Stability:
         cross = air.crossflow(v[0], v[1], w[0], w[1], scale, self._z, self._area, self.station)
         linear = np.zeros(4)
         # a nose lifts only while it leads; fins do both ways
-        for (slope, z), axial in zip(self._parts, (max(v[2], 0.0), abs(v[2])), strict=True):
-            r = z - self.station
-            linear += air.normal_force(v[0], v[1], axial, w[0], w[1], q * slope, r)
+        for (slopes, stations), axial in zip(self._parts, (max(v[2], 0.0), abs(v[2])), strict=True):
+            for slope, z in zip(slopes, stations, strict=True):
+                r = z - self.station
+                linear += air.normal_force(v[0], v[1], axial, w[0], w[1], q * slope, r)
         a, b, c, d = linear.tolist()
         return cross, (a, b, c, d)
 
@@ -84,7 +80,7 @@ class Stability:
         """Station at which all that acts across the axis acts [m], at an angle of attack [rad]."""
         v = np.array([np.sin(angle), 0.0, np.cos(angle)])
         cross, linear = self.load(v, np.zeros(3), 2.0)
-        return self.station + (cross[3] + linear[3]) / (cross[0] + linear[0])
+        return float(self.station + (cross[3] + linear[3]) / (cross[0] + linear[0]))
 
     def neutral_angle(self) -> float:
         """Angle of attack beyond which the air turns the nose away [rad]; π/2 if it never does."""
@@ -93,51 +89,79 @@ class Stability:
         return 0.0 if not righting[0] else float(angles[np.argmin(np.append(righting[:-1], False))])
 
 
-def table(model: mujoco.MjModel, end: float) -> str:
-    """Markdown: centre of pressure and moments over the angle of attack, before and after burn."""
-    head = "| angle of attack | centre of pressure | margin, loaded | margin, empty |"
-    head += " M / q [cm³]: crossflow | Barrowman | sum, loaded | sum, empty |"
-    lines = [head, "|" + "---|" * 8]
-    full = Stability(model)
-    rows = [(full.centre_of_pressure(a), full.station, full.moment(a)) for a in _radians()]
-    empty = full.at(end)
-    for degrees, (centre, station, (cross, linear)) in zip(ANGLES, rows, strict=True):
-        a = np.radians(degrees)
-        margins = [(s - centre) / full.diameter for s in (station, empty.station)]
-        values = (cross * 1e6, linear * 1e6, (cross + linear) * 1e6, sum(empty.moment(a)) * 1e6)
-        lines.append(
-            f"| {degrees:g}° | {centre:.3f} m | {margins[0]:+.2f} | {margins[1]:+.2f} | "
-            + " | ".join(f"{v:+.1f}" for v in values)
-            + " |"
+@dataclass(frozen=True)
+class StaticMargin:
+    """Static stability of a vehicle, loaded and with the propellant burnt.
+
+    Attributes
+    ----------
+    centre_of_mass : (loaded, empty) stations, from the gimbal pivot towards the nose [m]
+    centre_of_pressure : at a vanishing angle of attack, from the gimbal pivot [m]
+    calibres : (loaded, empty) distance of the centre of mass ahead of the centre of pressure, in
+        diameters; positive is stable
+    limit : (loaded, empty) angle of attack beyond which the air turns the nose away; 0 where it
+        always does, π/2 where it never does [rad]
+    """
+
+    centre_of_mass: tuple[float, float]
+    centre_of_pressure: float
+    calibres: tuple[float, float]
+    limit: tuple[float, float]
+
+    @property
+    def text(self) -> str:
+        """One line."""
+        return "; ".join(
+            f"{margin:+.2f} calibres {state}, {_limit_text(limit)}"
+            for state, margin, limit in zip(
+                ("loaded", "empty"), self.calibres, self.limit, strict=True
+            )
         )
-    full.at(0.0)
-    return "\n".join(lines)
 
 
-def _radians() -> list[float]:
-    return [float(a) for a in np.radians(ANGLES)]
+def _limit_text(limit: float) -> str:
+    if limit <= 0.0:
+        return "unstable"
+    if limit >= np.pi / 2:
+        return "stable at any angle of attack"
+    return f"stable up to {np.degrees(limit):.1f}° of angle of attack"
 
 
-def main() -> None:
-    """Print the table of a vehicle and the angles at which it loses its stability."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    default = str(files("mjcf") / "vehicle.xml")
-    parser.add_argument("vehicle", nargs="?", default=default, help="MJCF file")
-    path = parser.parse_args().vehicle
+def margins(model: mujoco.MjModel) -> tuple[float, float]:
+    """Static margin at a vanishing angle of attack, loaded and empty [calibres]; model unchanged.
+
+    Raises
+    ------
+    TwinError : the model lacks numerics of air or motor
+    """
+    vehicle, burnout = _loaded(copy(model))
+    pressure = vehicle.centre_of_pressure(ROOT)
+    full, empty = (vehicle.at(t).station - pressure for t in (0.0, burnout))
+    return full / vehicle.diameter, empty / vehicle.diameter
+
+
+def _loaded(model: mujoco.MjModel) -> tuple[Stability, float]:
+    """A vehicle before ignition, and the time of burnout [s]."""
     try:
-        model = mujoco.MjModel.from_xml_path(path)
-        end = float(model.numeric("motor_time").data.max())
-        found = [(name, Stability(model, time)) for name, time in (("loaded", 0.0), ("empty", end))]
-    except (ValueError, KeyError, TwinError) as error:
-        reason = " ".join(str(error).split())
-        parser.error(f"{path} is no vehicle with air and motor: {reason[:200]}")
-    print(table(model, end))
-    for name, stability in found:
-        print(
-            f"{name}: centre of mass {stability.station:.4f} m, turned away beyond "
-            f"{np.degrees(stability.neutral_angle()):.2f}°"
-        )
+        burnout = float(model.numeric("motor_time").data.max())
+        return Stability(model), burnout + float(model.numeric("motor_ignition").data[0])
+    except KeyError as error:
+        raise TwinError(f"no static margin: {' '.join(str(error).split())[:200]}") from None
 
 
-if __name__ == "__main__":
-    main()
+def static_margin(model: mujoco.MjModel) -> StaticMargin:
+    """Static margin of a vehicle with all that acts across it: nose, fins and crossflow.
+
+    Raises
+    ------
+    TwinError : the model lacks numerics of air or motor
+    """
+    loaded, burnout = _loaded(model)
+    pressure = loaded.centre_of_pressure(ROOT)
+    stations, limits = [], []
+    for time in (0.0, burnout):
+        stations.append(loaded.at(time).station)
+        limits.append(loaded.neutral_angle())
+    loaded.at(0.0)
+    full, empty = (float((station - pressure) / loaded.diameter) for station in stations)
+    return StaticMargin((stations[0], stations[1]), pressure, (full, empty), (limits[0], limits[1]))

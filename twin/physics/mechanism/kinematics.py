@@ -36,6 +36,19 @@ class Workspace:
     servo: Array
     ratio: Array
 
+    @property
+    def text(self) -> str:
+        """One line."""
+        if np.isnan(self.servo).any():
+            return "the rods do not reach everywhere between the stops"
+        low, high = (np.degrees(f(self.servo)) for f in (np.min, np.max))
+        x, y = np.abs(self.ratio[..., 0, 0]), np.abs(self.ratio[..., 1, 1])
+        least, most = min(x.min(), y.min()), max(x.max(), y.max())
+        return (
+            f"servos at {low:.1f}° to {high:.1f}° for all of it, {least:.2f} to {most:.2f}° of"
+            " gimbal per degree of servo"
+        )
+
 
 class Kinematics:
     """Kinematic solution of a gimbal: linkage with pushrods, or servos on the axes themselves.

@@ -38,6 +38,12 @@ class Mobility:
     freedoms: int
     idle: tuple[str, ...]
 
+    @property
+    def text(self) -> str:
+        """One line."""
+        idle = f"; not counted: {', '.join(self.idle)}" if self.idle else ""
+        return f"{self.count} ({self.bodies} links, {self.joints} joints and loops{idle})"
+
 
 def mobility(model: mujoco.MjModel) -> Mobility:
     """Count the mobility of a compiled model's gimbal.

@@ -1,6 +1,6 @@
 """The numerics a model carries for the compiled forces: name, size, unit, meaning, default.
 
-docs/aerodynamics.md shows this table, as `table` prints it; `bind` checks a model against it.
+docs/aerodynamics.md shows the same table; `bind` checks a model against it.
 """
 
 from dataclasses import dataclass
@@ -27,25 +27,25 @@ NUMERICS: Final = (
     Numeric("air_strip_area", 2, "m²", "silhouette b dz of each station", "from geometry"),
     Numeric("air_reference_area", 1, "m²", "cross-section that coefficients refer to", "π d²/4"),
     Numeric("air_axial_drag", 1, "-", "axial drag coefficient C_A", "0.5"),
-    Numeric("air_nose_slope", 1, "1/rad", "normal force slope C_Nα of the nose", "2"),
-    Numeric("air_nose_z", 1, "m", "centre of pressure of the nose", "from geometry"),
-    Numeric("air_fin_slope", 1, "1/rad", "C_Nα of all fins with the body", "from geometry"),
-    Numeric("air_fin_z", 1, "m", "centre of pressure of the fins", "from geometry"),
+    Numeric("air_nose_slope", 1, "1/rad", "normal force slope C_Nα of nose (and steps)", "2"),
+    Numeric("air_nose_z", 1, "m", "centre of pressure of each", "from geometry"),
+    Numeric("air_fin_slope", 1, "1/rad", "C_Nα of each fin set with the body", "from geometry"),
+    Numeric("air_fin_z", 1, "m", "centre of pressure of each", "from geometry"),
     Numeric("air_roll_damping", 1, "m⁴", "slope · Σ∫ c y² dy over the fins", "from geometry"),
     Numeric("air_thesis_radius", 1, "m", "r_ref of the area-moment form", "from geometry"),
     Numeric("air_thesis_offset", 1, "m/s", "∂v_ref of the area-moment form", "0.1"),
     Numeric("wind_speed", 1, "m/s", "mean wind at the reference height", "0"),
-    Numeric("wind_azimuth", 1, "rad", "where it blows to, from east to north", "0"),
+    Numeric("wind_azimuth", 1, "rad", "direction that the wind blows to, from east to north", "0"),
     Numeric("wind_exponent", 1, "-", "power law of height; 0: constant", "1/7"),
     Numeric("wind_reference_height", 1, "m", "height above ground of `wind_speed`", "10"),
     Numeric("wind_turbulence", 1, "-", "gust rms over `wind_speed`, mean of the components", "0"),
     Numeric("wind_length", 1, "m", "integral length of the turbulence", "150"),
     Numeric("wind_seed", 1, "-", "seed of the gusts, a whole number", "0"),
     Numeric("wind_modes", 7, "-", "written by `bind` from seed and length; zeros", "size 112"),
-    Numeric("ramp_position", 3, "m", "where the lower lug rests", "0 0 0.5"),
+    Numeric("ramp_position", 3, "m", "rest position of the lower lug", "0 0 0.5"),
     Numeric("ramp_elevation", 1, "rad", "above the horizon", "0.8727"),
     Numeric("ramp_azimuth", 1, "rad", "from east to north", "0"),
-    Numeric("ramp_length", 1, "m", "travel of a lug on the ramp; 0: launch by hand", "2"),
+    Numeric("ramp_length", 1, "m", "travel of a lug on the ramp; 0: no ramp", "2"),
     Numeric("ramp_lug", 2, "m", "stations of the lower and the upper lug; equal: one lug", "-"),
     Numeric("ramp_stiffness", 1, "N/m", "of a lug against the rail", "15000"),
     Numeric("ramp_damping", 1, "N s/m", "of a lug against the rail", "60"),
@@ -61,15 +61,13 @@ NUMERICS: Final = (
     Numeric("motor_grain_radius", 1, "m", "outer radius of the grain", "0.0125"),
     Numeric("motor_burn", 1, "-", "grain: 0 burns from the core outward, 1 from its end", "1"),
 )
+# a model may lack these; their force is then absent
+OPTIONAL: Final = (
+    Numeric("air_roll_forcing", 1, "m³", "optional: slope · Σ∫ c y dy · cant of the fins", "0"),
+)
+ALL: Final = NUMERICS + OPTIONAL
 BODIES: Final = ("vehicle", "gimbal_propellant")
 SITES: Final = ("gimbal_nozzle",)
 INDEX: Final = "native_index"
 
-SLOT: Final = {numeric.name: k for k, numeric in enumerate(NUMERICS)}
-
-
-def table() -> str:
-    """The numerics as a Markdown table."""
-    head = "| numeric | size | unit | meaning | default |\n|---|---|---|---|---|\n"
-    rows = (f"| `{n.name}` | {n.size} | {n.unit} | {n.meaning} | {n.default} |" for n in NUMERICS)
-    return head + "\n".join(rows)
+SLOT: Final = {numeric.name: k for k, numeric in enumerate(ALL)}

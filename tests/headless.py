@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analysis import schema
-from twin.viewer import browser
+from tests import browser
 from twin.viewer.opening import LOOPBACK, START_SECONDS, ViewerError, free_port, running, serve_web
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """How far the thesis's area-moment form is from the integral it stands for.
 
-`python -m twin.physics.aerodynamics.comparison` prints the tables of docs/aerodynamics.md.
+`python -m tests.benchmarks.area_moments` prints the tables of docs/aerodynamics.md.
 """
 
 from importlib.resources import files
