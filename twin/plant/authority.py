@@ -42,6 +42,15 @@ def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
 
     Of the vehicle at its initial pose, gimbal centred.
     """
+    _, lever, transverse, _ = balance(model)
+    return lever, transverse
+
+
+def balance(model: mujoco.MjModel) -> tuple[float, float, float, float]:
+    """Mass [kg], station of its centre [m], transverse and axial inertia about that [kg m²].
+
+    Of the vehicle with the masses that the model has now, gimbal centred.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -57,7 +66,8 @@ def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
     R = data.xmat[root].reshape(3, 3)
     in_body = R.T @ total @ R
     lever = float(R[:, 2] @ (centre - data.xpos[root]))
-    return lever, float(0.5 * (in_body[0, 0] + in_body[1, 1]))
+    transverse = float(0.5 * (in_body[0, 0] + in_body[1, 1]))
+    return float(model.body_mass[members].sum()), lever, transverse, float(in_body[2, 2])
 
 
 def thrust_curve(model: mujoco.MjModel) -> tuple[Array, Array] | None:

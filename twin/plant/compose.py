@@ -38,6 +38,15 @@ def is_description(vehicle: Path | None) -> bool:
     return vehicle is not None and vehicle.suffix.lower() == ".toml"
 
 
+def described_motor(vehicle: Path) -> Path | None:
+    """Motor file that a vehicle's description names; None for an MJCF file or without one."""
+    if not is_description(vehicle):
+        return None
+    from twin.physics import vehicle as vehicles
+
+    return vehicles.motor_path(vehicles.described(vehicle))
+
+
 def compose(
     scene: str,
     vehicle: Path | None = None,
