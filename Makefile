@@ -39,6 +39,8 @@ lint: env
 	$(BIN)/python .ci/stub.py --check
 	$(BIN)/python .ci/states.py --check
 	$(BIN)/python .ci/docs_check.py
+	@bash .ci/test-tools cppcheck
+	@bash .ci/cppcheck
 
 format: env
 	$(BIN)/ruff check --fix .

@@ -1,6 +1,7 @@
 """The check of the documentation reports what does not exist, and accepts what does."""
 
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -103,3 +104,10 @@ def test_a_table_without_a_diagram_fails(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["states.py", "--check"])
     assert states.main() == 1
     assert "twin.somewhere" in capsys.readouterr().out
+
+
+def test_the_citation_has_the_version_of_the_package():
+    package = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {package['version']}\n" in citation
+    assert f"\nlicense: {package['license']}\n" in citation

@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis import schema
 from analysis.schema import AnalysisError
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 
@@ -160,3 +164,35 @@ class Recording:
         if name not in self.series:
             raise RecordingError(schema.unknown("recorded signal", name, self.series))
         return self.series[name]
+
+    def frame(self, signals: str | Sequence[str] | None = None) -> "pandas.DataFrame":
+        """Return signals as a pandas DataFrame, with a row for every time stamp of any of them.
+
+        The index is `time` [s], the columns are SIGNAL.COMPONENT in SI; NaN where a signal has no
+        value at a stamp, the last value where it has several.
+
+        Parameters
+        ----------
+        signals : one name, or several; all recorded ones if omitted
+
+        Raises
+        ------
+        RecordingError
+            if a signal was not recorded.
+        ImportError
+            without pandas (extra `notebook`).
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError("frame() needs pandas; install tvc-twin[notebook]") from None
+        names = self.series if signals is None else signals
+        series = [self[name] for name in ((names,) if isinstance(names, str) else names)]
+        stamps = np.unique(np.concatenate([np.empty(0, np.int64), *(s.time_ns for s in series)]))
+        columns: dict[str, Array] = {}
+        for s in series:
+            rows = np.searchsorted(stamps, s.time_ns)
+            for k, component in enumerate(s.components):
+                column = columns[f"{s.name}.{component}"] = np.full(len(stamps), np.nan)
+                column[rows] = s.values[:, k]
+        return pandas.DataFrame(columns, index=pandas.Index(stamps / 1e9, name="time"))

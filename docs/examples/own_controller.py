@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import twin
-from twin.control import control_config
+from twin.plant.authority import control_config
 
 
 class AttitudeLoop:

@@ -2,7 +2,7 @@
 
 At an event of switch s the axis stands at θ = ±(α_s + ε_s), less the switch's differential travel
 δ when it opened. With h the linearisation at the angle of the other axis, d the direction of
-motion, M a row of the command matrix and c its offset, the command and each potentiometer say
+motion, M a row of the command matrix and c its offset, command and each potentiometer f obey
 
     M p − c − d H/2 = h(θ)        f = o + k h⁻¹(M p' − c − d H/2)
 

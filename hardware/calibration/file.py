@@ -15,7 +15,7 @@ from hardware.calibration.errors import CalibrationError
 from hardware.calibration.fields import Array, array, covariance, identity, mapping, triangle
 from hardware.calibration.linearisation import HIGHEST_DEGREE, Linearisation, Matrix, Rows
 from hardware.calibration.result import Calibration, Covariance, GyroMap, PotentiometerMap
-from hardware.frames import Pair
+from hardware.frames import POTENTIOMETER_NAMES, Pair
 
 SCHEMA = "tvc-twin/calibration/2"
 STRAIGHT = "tvc-twin/calibration/1"
@@ -23,7 +23,7 @@ LARGEST_FILE = 64 * 1024
 _US = 1e-6
 _PER_US = radians(1) / _US
 _COMMAND = np.array([_US, _US, _PER_US, _PER_US, _PER_US, _PER_US])  # zero, matrix
-_NAMES = ("x_a", "x_b", "y_a", "y_b")
+_NAMES = tuple(name.removeprefix("potentiometer_") for name in POTENTIOMETER_NAMES)
 
 
 def write(path: Path, calibration: Calibration) -> None:

@@ -4,7 +4,9 @@ from dataclasses import dataclass, field
 from math import radians
 
 from hardware.calibration.linearisation import Linearisation
+from hardware.calibration.result import NEUTRAL
 from hardware.frames import Pair, Triple
+from hardware.parts import SWITCH_ANGLE
 
 SWITCHES = ("+x", "-x", "+y", "-y")
 
@@ -15,8 +17,7 @@ class CalibrationRig:
 
     Attributes
     ----------
-    switch_angle : at which +x, −x, +y, −y close; those of the printed rig, the numeric of the same
-        name in mjcf/bench.xml [rad]
+    switch_angle : at which +x, −x, +y, −y close [rad]
     switch_sigma : standard deviation of these angles [rad]
     neutral : pulse widths to start from [s]
     lowest, highest : pulse widths that are safe [s]
@@ -31,13 +32,13 @@ class CalibrationRig:
     """
 
     switch_angle: tuple[float, float, float, float] = (
-        radians(9.0),
-        radians(-9.0),
-        radians(9.0),
-        radians(-9.0),
+        SWITCH_ANGLE,
+        -SWITCH_ANGLE,
+        SWITCH_ANGLE,
+        -SWITCH_ANGLE,
     )
     switch_sigma: float = radians(0.03)
-    neutral: Pair = (1.5e-3, 1.5e-3)
+    neutral: Pair = (NEUTRAL, NEUTRAL)
     lowest: float = 1.0e-3
     highest: float = 2.0e-3
     coarse: float = 10e-6

@@ -1,4 +1,4 @@
-"""Drives the servos to four limit switches and notes what every sensor says there; no I/O.
+"""Drives the servos to four limit switches and records every sensor there; no I/O.
 
 A procedure takes sensor frames and gives back pulse widths to send. Each switch is approached
 outwards until it closes and left inwards until it opens, several times, with the other servo held
@@ -13,7 +13,7 @@ from hardware.calibration.errors import CalibrationError
 from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
 from hardware.calibration.result import Calibration
 from hardware.calibration.solve import solve
-from hardware.frames import Pair, SensorFrame
+from hardware.frames import AXES, Pair, SensorFrame
 
 Steps = Generator[Pair, SensorFrame, None]
 
@@ -36,7 +36,7 @@ class Procedure:
         self._integral = np.zeros(3)
         self._pulses = list(self.rig.neutral)
         self._direction = [1, 1]  # which way each servo moves its own axis
-        self._found = [0.0] * 4  # pulse width at which each switch closed last
+        self._closed_at = [0.0] * 4  # pulse width at which each switch closed last
         self._came = 0  # direction in which the held axis moved last
         self._random = np.random.default_rng(self.rig.seed)
         self._steps = self._run()
@@ -130,9 +130,9 @@ class Procedure:
                 self._direction[axis] = 1 if hit == names[0] else -1
             elif hit != names[(self._direction[axis] == 1)]:
                 raise CalibrationError(
-                    f"switch {SWITCHES[hit]} closes at both ends of servo {'xy'[axis]}'s travel"
+                    f"switch {SWITCHES[hit]} closes at both ends of servo {AXES[axis]}'s travel"
                 )
-            self._found[hit] = self._pulses[axis]
+            self._closed_at[hit] = self._pulses[axis]
         yield from self._move(axis, self.rig.neutral[axis])
 
     def _until_any(
@@ -147,7 +147,7 @@ class Procedure:
                 for index, closed in enumerate(frame.switches):
                     if closed and index not in own:
                         raise CalibrationError(
-                            f"switch {SWITCHES[index]} closed while servo {'xy'[axis]} moved; "
+                            f"switch {SWITCHES[index]} closed while servo {AXES[axis]} moved; "
                             "servos or switches are swapped"
                         )
                     if closed:
@@ -161,7 +161,7 @@ class Procedure:
         pulse = self._pulses[axis] + step
         if not self.rig.lowest <= pulse <= self.rig.highest:
             raise CalibrationError(
-                f"switch {SWITCHES[switch]} never closed: servo {'xy'[axis]} reached "
+                f"switch {SWITCHES[switch]} never closed: servo {AXES[axis]} reached "
                 f"{self._pulses[axis] * 1e6:.0f} µs; check the switch's wiring and place, and the "
                 "servo horn"
             )
@@ -185,11 +185,13 @@ class Procedure:
         self._came = -self._direction[other] if side > 0 else self._direction[other]
         yield from self._move(other, held + side)
         yield from self._move(other, held)
-        start = self._found[switch] - outwards * (self.rig.backoff + self._random.random() * 4e-6)
+        start = self._closed_at[switch] - outwards * (
+            self.rig.backoff + self._random.random() * 4e-6
+        )
         yield from self._move(axis, start)
         yield from self._retreat(switch, axis, outwards)
         yield from self._note(switch, axis, outwards, closing=True)
-        self._found[switch] = self._pulses[axis]
+        self._closed_at[switch] = self._pulses[axis]
         for _ in range(2):
             self._step_by(axis, outwards * self.rig.fine, switch)
             yield from self._wait(self.rig.dwell)
@@ -220,8 +222,8 @@ class Procedure:
     def _record(self, switch: int, axis: int, way: int, closing: bool, frame: SensorFrame) -> Steps:
         """Note the pulses that moved the switch, and the sensors once the servo has come to rest.
 
-        A switch moves within the time of a few frames, too short for a potentiometer: what it
-        says of the switch's differential travel would be the largest error of the matrix.
+        A switch moves within the time of a few frames, too short for a potentiometer: its error
+        in the switch's differential travel would be the largest error of the matrix.
         """
         pulses = [frame.pulse[0], frame.pulse[1]]
         # The crossing lay anywhere within the step that the servo was taking.

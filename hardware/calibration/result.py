@@ -8,11 +8,15 @@ from numpy.typing import NDArray
 
 from hardware.calibration.linearisation import Linearisation, Matrix
 from hardware.frames import Pair, Triple
+from hardware.parts import POTENTIOMETER_TRAVEL, SERVO_TRAVEL
+from hardware.protocol import constants
 
 Covariance = tuple[tuple[float, ...], ...]
 Array = NDArray[np.float64]
 
-LARGEST_DEVIATION = radians(0.2)  # play and waviness of the potentiometers stay below
+NEUTRAL = constants.PULSE_NEUTRAL * constants.TICK  # s
+SHAFT_PER_GIMBAL = 2.25  # of the designed linkage, about zero
+LARGEST_DEVIATION = radians(0.25)  # play and waviness of the potentiometers stay below
 EXACT: Covariance = ((0.0,) * 6,) * 6
 
 
@@ -172,19 +176,19 @@ class Calibration:
 def nominal(rig: int = 0) -> Calibration:
     """Return the designed values, for a rig that was never calibrated.
 
-    Servo travel 10.3 µs/° (field measurement of 9 g servos), 2.25° of servo shaft per degree of
-    gimbal, 240° potentiometers facing each other on each axis, pulses centred on 1.5 ms.
+    The two potentiometers of an axis face each other; figures of servos and potentiometers are
+    those of `hardware.parts`.
     """
-    per_second = 1.0 / (10.3e-6 * 2.25) * radians(1.0)
+    per_second = SERVO_TRAVEL / SHAFT_PER_GIMBAL
     # Glued on by eye, track length as sold: 0.015 of the travel is 3.6°, and 5 %.
     spread = ((0.015**2, 0.0), (0.0, radians(12.0) ** 2))
-    forward = PotentiometerMap(0.5, radians(240.0), spread)
-    backward = PotentiometerMap(0.5, -radians(240.0), spread)
+    forward = PotentiometerMap(0.5, POTENTIOMETER_TRAVEL, spread)
+    backward = PotentiometerMap(0.5, -POTENTIOMETER_TRAVEL, spread)
     # Uniform: trim ±40 µs and assembly ±1.5°; travel ±4 %, linkage ±4 % along and across.
     zero, own, across = 31e-6, 0.033 * per_second, 0.023 * per_second
     return Calibration(
         rig=rig,
-        zero=(1.5e-3, 1.5e-3),
+        zero=(NEUTRAL, NEUTRAL),
         matrix=((per_second, 0.0), (0.0, per_second)),
         potentiometers=(forward, backward, forward, backward),
         covariance=_diagonal((zero, zero, own, across, across, own)),

@@ -26,9 +26,9 @@ from hardware.calibration.axis import (
 from hardware.calibration.errors import CalibrationError
 from hardware.calibration.log import SWITCHES, CalibrationRig, Log
 from hardware.calibration.result import Calibration, Covariance, GyroMap, PotentiometerMap
-from hardware.frames import Pair
+from hardware.frames import AXES, POTENTIOMETER_NAMES, Pair
+from hardware.parts import POTENTIOMETER_TRAVEL
 
-TRAVEL = radians(240.0)
 LARGEST_SPREAD = radians(0.4)  # of one switch's approaches; dead band and quantisation give 0.1°
 GYRO_TOLERANCE = 0.06  # scale ±3 % by the data sheet, and as much again
 PASSES = 2  # the other axis's angle enters little: 0.1° of it moves a linearised angle by 0.01°
@@ -194,14 +194,16 @@ def _check_axis(index: int, axis: Axis, log: Log, rig: CalibrationRig) -> None:
             )
     if abs(axis.value[M1 + index]) < abs(axis.value[M2 - index]):
         raise CalibrationError(
-            f"servo {'yx'[index]} moves axis {'xy'[index]} more than its own; servos are swapped"
+            f"servo {AXES[1 - index]} moves axis {AXES[index]} more than servo {AXES[index]} does;"
+            " servos are swapped"
         )
-    for k, name in ((KA, "a"), (KB, "b")):
-        turned = abs(axis.value[k]) * TRAVEL
+    names = POTENTIOMETER_NAMES[2 * index : 2 * index + 2]
+    for k, name in zip((KA, KB), names, strict=True):
+        turned = abs(axis.value[k]) * POTENTIOMETER_TRAVEL
         if not 0.8 < turned < 1.25:
             apart = degrees(rig.switch_angle[2 * index] - rig.switch_angle[2 * index + 1])
             raise CalibrationError(
-                f"potentiometer_{'xy'[index]}_{name} turned {apart * turned:.1f}° between switches "
+                f"{name} turned {apart * turned:.1f}° between switches "
                 f"{SWITCHES[2 * index]} and {SWITCHES[2 * index + 1]}, which are {apart:.1f}° "
                 "apart; it is loose, not wired, or a switch is misplaced"
             )

@@ -11,13 +11,16 @@ from typing import Protocol
 
 from hardware.calibration.result import Calibration
 from hardware.rig.clock import ClockEstimate
+from hardware.rig.connection import Connection, RigError
 from hardware.rig.line import Endpoint, Line, LockstepLine
 from hardware.rig.phases import Phase, RigStatistics
 from hardware.rig.reading import Converter, unwrap
-from hardware.rig.rig import Rig, RigError
+from hardware.rig.rig import TIMEOUT_MS, Rig
 
 __all__ = [
+    "TIMEOUT_MS",
     "ClockEstimate",
+    "Connection",
     "Converter",
     "Endpoint",
     "Line",

@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import dataclass
 
 WINDOW = 256  # exchanges kept
-SPAN_US = 30_000_000  # a resonator drifts with temperature: older exchanges say less
+SPAN_US = 30_000_000  # a resonator drifts with temperature: older exchanges count less
 LARGEST_SKEW = 0.02  # ceramic resonators are good to 5e-3
 SKEW_SPAN_US = 150_000  # before, the slope is noise: the rates are taken as equal
 BEST = 0.25  # share of the exchanges, by delay, that count
@@ -44,7 +44,7 @@ class ClockEstimate:
         self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
         self._at_us = 0.0
         self._at_ns = 0.0
-        self.skew = skew  # of an earlier connection, until this one knows better
+        self.skew = skew  # of an earlier connection, until this one has an estimate
         self.round_trip_ns = 0
         self.added = 0
 

@@ -41,7 +41,7 @@ class Endpoint(Protocol):
         """Return what has come from it."""
 
     def close(self) -> None:
-        """Give it up."""
+        """Release the device."""
 
 
 class LockstepLine:
@@ -108,7 +108,7 @@ class LockstepLine:
         return sequence
 
     def close(self) -> None:
-        """Give the device up."""
+        """Release the device."""
         self.device.close()
 
     def _break(self, error: OSError) -> None:

@@ -1,4 +1,4 @@
-"""Where a connection to a rig stands, and what has gone over it."""
+"""Phases of a connection to a rig, and its statistics."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -7,7 +7,7 @@ from hardware.link import Gap
 
 
 class Phase(StrEnum):
-    """Where a connection stands."""
+    """Phase of a connection."""
 
     AWAY = "away"
     GREETING = "greeting"
@@ -16,7 +16,7 @@ class Phase(StrEnum):
 
 
 class Sign(StrEnum):
-    """What moves it on."""
+    """Event that changes the phase."""
 
     LOST = "lost"
     OPENED = "opened"
@@ -25,7 +25,7 @@ class Sign(StrEnum):
     SILENT = "silent"
 
 
-# A pair that is missing leaves the phase as it is.
+# A pair that is missing leaves the phase unchanged.
 TRANSITIONS: dict[tuple[Phase, Sign], Phase] = {
     (Phase.AWAY, Sign.OPENED): Phase.GREETING,
     (Phase.GREETING, Sign.HELLO): Phase.SYNCING,
@@ -37,7 +37,7 @@ TRANSITIONS: dict[tuple[Phase, Sign], Phase] = {
     (Phase.READY, Sign.OPENED): Phase.GREETING,
     (Phase.SYNCING, Sign.SILENT): Phase.GREETING,
     (Phase.READY, Sign.SILENT): Phase.GREETING,
-    (Phase.READY, Sign.HELLO): Phase.SYNCING,  # it rebooted behind our back
+    (Phase.READY, Sign.HELLO): Phase.SYNCING,  # it rebooted without a loss of the line
 }
 
 

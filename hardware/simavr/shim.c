@@ -197,6 +197,7 @@ static void bus_event(avr_irq_t *irq, uint32_t value, void *param) {
   nano_t *n = param;
   avr_twi_msg_irq_t message;
   (void)irq;
+  // cppcheck-suppress unreadVariable ; the union's other member reads it
   message.u.v = value;
   uint8_t what = message.u.twi.msg, address = message.u.twi.addr;
   if (what & TWI_COND_STOP) n->selected = -1;

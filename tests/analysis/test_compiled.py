@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import hardware.fusion.axis
 import pytest
 
 import analysis.identify.modal
@@ -16,10 +15,13 @@ import analysis.transfer_function.speed
 import twin.control.attitude
 import twin.control.guidance
 import twin.control.pid
+import twin.loop.seats
 import twin.physics.mechanism.loops
 import twin.physics.native.actuator
 import twin.physics.native.forces
+import twin.plant.flow
 import twin.plant.integrators
+import twin.plant.rods
 import twin.recorder.rows
 from analysis import compiled
 
@@ -29,14 +31,16 @@ MODULES = [
     analysis.identify.ramps,
     analysis.identify.servo_motion,
     analysis.transfer_function.speed,
-    hardware.fusion.axis,
     twin.control.attitude,
     twin.control.guidance,
     twin.control.pid,
+    twin.loop.seats,
     twin.physics.mechanism.loops,
     twin.physics.native.actuator,
     twin.physics.native.forces,
+    twin.plant.flow,
     twin.plant.integrators,
+    twin.plant.rods,
     twin.recorder.rows,
 ]
 CACHED = {  # every function with a disk cache, by its full name

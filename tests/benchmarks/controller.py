@@ -1,5 +1,6 @@
 """Cost of an own controller over the built-in attitude loop, and of an environment's step."""
 
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,15 +9,19 @@ import numpy as np
 
 from tests.benchmarks.timing import row
 from twin.config import Fly
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.experiments.assembly import make_plant
+from twin.experiments.fly import fly
 from twin.experiments.own_controller import OwnController, load
 from twin.experiments.programme import setpoint
+from twin.gym import GimbalEnv
 from twin.loop.loop import Controller
 from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.plant.authority import control_config
 from twin.plant.compiled import compiled
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "own_controller.py"
+SHORT, LONG = 1.0, 15.0  # s; what a flight costs to set up cancels
 TICKS = 1000  # the vehicle is in the air for that long
 
 
@@ -32,8 +37,8 @@ def table() -> Iterator[str]:
 
         seats = {
             "built-in": pilot(),
-            "empty": OwnController(_Empty(), plant, pilot(), 0.004),
-            "example": OwnController(load(f"{EXAMPLE}:AttitudeLoop"), plant, pilot(), 0.004),
+            "empty": OwnController(_Empty(), plant.model, pilot(), 0.004),
+            "example": OwnController(load(f"{EXAMPLE}:AttitudeLoop"), plant.model, pilot(), 0.004),
         }
         gimbal = SimulatedGimbal(plant)
         spent: dict[str, list[int]] = {name: [] for name in seats}
@@ -46,6 +51,36 @@ def table() -> Iterator[str]:
     yield row("own controller, the seat alone, over the built-in", f"{empty:.1f} µs", "", True)
     claim = "own controller, attitude loop in plain Python, over the built-in"
     yield row(claim, f"{example:.1f} µs", "≤ 40", example <= 40)
+    yield from _environment()
+
+
+def _environment() -> Iterator[str]:
+    """Steps of an environment against ticks of `twin.fly`, which also records."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "f.rrd")
+
+        def flight(duration: float) -> float:
+            began = time.process_time()
+            fly(Fly(gimbal="transfer-function", duration_s=duration, out=out))
+            return time.process_time() - began
+
+        def episode() -> float:
+            _, info = env.reset()
+            began, ended = time.process_time(), False
+            while not ended:
+                *_, terminated, truncated, info = env.step(info["attitude_loop"])
+                ended = terminated or truncated
+            return time.process_time() - began
+
+        env = GimbalEnv(duration_s=LONG)
+        flight(SHORT), episode()
+        ticks = (LONG - SHORT) * 250
+        pairs = [(flight(LONG) - flight(SHORT), episode()) for _ in range(7)]
+        tick, step = (float(np.median([p[k] for p in pairs])) for k in range(2))
+    yield row("tick of twin.fly, recorded", f"{tick / ticks * 1e6:.0f} µs", "", True)
+    steps = LONG * 250
+    claim = "step of twin.gym with observation and reward"
+    yield row(claim, f"{step / steps * 1e6:.0f} µs ({steps / step:.0f} /s)", "", True)
 
 
 class _Empty:

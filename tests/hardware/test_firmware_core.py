@@ -1,18 +1,13 @@
 """The firmware's portable core, compiled for the host under ASan and UBSan."""
 
-import os
 import random
-import shutil
-import subprocess
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hardware.device import Device
-from hardware.firmware.build import SKETCH, build_hash
+from hardware.firmware.build import build_hash
 from hardware.protocol import (
     Arm,
     Board,
@@ -25,128 +20,17 @@ from hardware.protocol import (
     Frame,
     HelloRequest,
     Mode,
-    Name,
     Ping,
     Pong,
     Telemetry,
-    constants,
     default_config,
     encode,
     hello,
     plausible,
 )
+from tests.hardware.core import BLANK, WRAP, Core
 
-DRIVER = Path(__file__).with_name("host_driver.cpp")
-WRAP = 2**32
 NEUTRAL = (3000, 3000, 3000)
-
-
-@dataclass(frozen=True)
-class Answer:
-    sent: bytes
-    pulse: tuple[int, int, int]
-    armed: bool
-    period_ms: int
-    dlpf: int
-
-    @property
-    def frames(self) -> list[Frame]:
-        decoder = Decoder()
-        decoder.receive_data(self.sent)
-        return list(decoder)
-
-
-@dataclass
-class Core:
-    process: subprocess.Popen
-    encoder: Encoder = field(default_factory=Encoder)
-
-    def line(self, *words: object) -> list[str]:
-        self.process.stdin.write(
-            " ".join(str(int(w) if isinstance(w, bool) else w) for w in words) + "\n"
-        )
-        self.process.stdin.flush()
-        answer = self.process.stdout.readline()
-        assert answer, f"the core died:\n{self.process.stderr.read()}"
-        return answer.split()
-
-    def ask(self, *words: object) -> Answer:
-        sent, *numbers = self.line(*words)
-        x, y, z, armed, period, dlpf = map(int, numbers)
-        return Answer(bytes.fromhex(sent[1:]), (x, y, z), bool(armed), period, dlpf)
-
-    def fresh(self) -> "Core":
-        self.encoder = Encoder()
-        self.ask("new")
-        return self
-
-    def boot(self, cause: int = 1, serial: int = constants.SERIAL_BLANK) -> Answer:
-        return self.ask("boot", cause, serial)
-
-    def receive(self, data: bytes, at: int = 0, now: int | None = None) -> Answer:
-        return self.ask("receive", at % WRAP, (at if now is None else now) % WRAP, data.hex())
-
-    def tell(self, message, at: int = 0) -> Answer:
-        return self.receive(self.encoder.encode(message), at)
-
-    def update(self, now: int) -> Answer:
-        return self.ask("update", now % WRAP)
-
-    def report(self, t: Telemetry) -> Answer:
-        words = [t.device_us, t.frame_us, *t.potentiometer, *t.joystick]
-        words += [*t.holder_gyro, *t.holder_accelerometer, *t.base_gyro, *t.base_accelerometer]
-        words += [*t.imu_age_us, bool(t.flags & Flags.HOLDER_IMU), bool(t.flags & Flags.BASE_IMU)]
-        return self.ask("report", *words, *t.pulse, t.switches, t.overruns)
-
-    def telemetry(self) -> Telemetry:
-        return self.report(BLANK).frames[0].message
-
-
-BLANK = Telemetry(
-    device_us=0,
-    frame_us=0,
-    potentiometer=(0, 0, 0, 0),
-    holder_gyro=(0, 0, 0),
-    holder_accelerometer=(0, 0, 0),
-    base_gyro=(0, 0, 0),
-    base_accelerometer=(0, 0, 0),
-    imu_age_us=(0, 0),
-    pulse=NEUTRAL,
-    switches=0,
-    joystick=(0, 0),
-    flags=0,
-    crc_errors=0,
-    lost=0,
-    overruns=0,
-    skipped=0,
-    acknowledged=0,
-)
-
-
-@pytest.fixture(scope="module")
-def program(tmp_path_factory) -> Path:
-    if shutil.which("g++") is None:
-        assert not os.environ.get("CI"), "g++ is missing in CI"
-        pytest.skip("g++ is not installed: the firmware's core is not tested on the host")
-    target = tmp_path_factory.mktemp("core") / "core"
-    units = [str(SKETCH / name) for name in ("core.cpp", "framing.cpp", "imu.cpp")]
-    flags = ["-std=gnu++11", "-O1", "-g", "-Wall", "-Wextra", "-Wshadow", "-Wconversion"]
-    flags += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", f"-I{SKETCH}"]
-    done = subprocess.run(
-        ["g++", *flags, str(DRIVER), *units, "-o", str(target)], capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    return target
-
-
-@pytest.fixture(scope="module")
-def running(program) -> Core:
-    process = subprocess.Popen(
-        [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    yield Core(process)
-    process.stdin.close()
-    assert process.wait() == 0, process.stderr.read()
 
 
 @pytest.fixture
@@ -183,29 +67,6 @@ def test_hello_at_boot_is_byte_for_byte_what_python_says(core):
     assert core.boot(cause=4).sent == b"\0" + encode(greeting, 0)
 
 
-def test_hello_on_request_tells_the_settings_in_force(core):
-    wanted = Config(10, 5, (2900, 3000, 3100), (2000, 2100, 2200), (4000, 4100, 4200))
-    core.tell(Config(10, 5, wanted.neutral, wanted.minimum, wanted.maximum))
-    answer = core.tell(HelloRequest())
-    assert answer.frames[0].message == hello(Board.NANO, build_hash(), wanted, reset_cause=0)
-    assert (answer.period_ms, answer.dlpf) == (10, 5)
-
-
-@pytest.mark.parametrize("kept", [constants.SERIAL_NONE, constants.SERIAL_BLANK, 77])
-@pytest.mark.parametrize("given", [0, 1, 0xFFFF_FFFE, constants.SERIAL_BLANK])
-def test_a_board_takes_one_number_and_keeps_it_as_its_stand_in_does(core, kept, given):
-    core.boot(serial=kept)
-    stand_in = Device(Board.NANO, build_hash(), serial=77 if kept == 77 else 0)
-    for serial in (given, 5):
-        core.tell(Name(serial))
-        stand_in.receive(encode(Name(serial), 0), 0, 0)
-        said = core.tell(HelloRequest()).frames[-1].message.serial
-        flags = core.telemetry().flags
-        assert (said, flags & Flags.REFUSED) == (stand_in.serial, stand_in.flags & Flags.REFUSED)
-    taken = kept != 77 and given not in (0, constants.SERIAL_BLANK)
-    assert said == (77 if kept == 77 else given if taken else 5)
-
-
 telemetries = st.builds(
     Telemetry,
     device_us=st.integers(0, WRAP - 1),
@@ -234,64 +95,14 @@ def test_telemetry_is_byte_for_byte_what_python_encodes(running, sample):
     assert running.fresh().report(sample).sent == encode(sample, 0)
 
 
-def test_a_command_before_arm_is_refused_and_not_acknowledged(core):
-    core.tell(Ping(0))  # sequence 0
-    assert core.tell(Command((3500, 2500, 3300), 100, Mode.DRIVE)).pulse == NEUTRAL
-    t = core.telemetry()
-    assert Flags(t.flags) == Flags.REFUSED
-    assert t.acknowledged == 0
-
-
-def test_an_armed_command_is_obeyed_and_acknowledged(core):
-    core.tell(Arm())
-    assert core.tell(Command((3500, 2500, 0), 100, Mode.DRIVE)).pulse == (3500, 2500, 3000)
-    t = core.telemetry()
-    assert Flags(t.flags) == Flags.ARMED | Flags.DRIVING
-    assert t.acknowledged == 1
-
-
 @pytest.mark.parametrize("start", [0, 5_000_000, WRAP - 60_000, WRAP - 1])
 def test_the_timeout_ends_a_command_exactly_on_time_even_as_the_clock_wraps(core, start):
-    core.tell(Arm(), start)
-    core.tell(Command((3500, 2500, 3300), 100, Mode.DRIVE), start)
+    core.send(Arm(), start)
+    core.send(Command((3500, 2500, 3300), 100, Mode.DRIVE), start)
     assert core.update(start + 1).pulse == (3500, 2500, 3300)
     assert core.update(start + 99_999).pulse == (3500, 2500, 3300)
     assert core.update(start + 100_000).pulse == NEUTRAL
     assert Flags(core.telemetry().flags) == Flags.ARMED | Flags.TIMED_OUT
-
-
-@pytest.mark.parametrize(
-    ("asked", "given"),
-    [(0, 3000), (1, 2000), (1999, 2000), (2000, 2000), (4000, 4000), (4001, 4000), (65535, 4000)],
-)
-def test_a_pulse_is_clamped_to_the_very_tick(core, asked, given):
-    core.tell(Arm())
-    assert core.tell(Command((asked,) * 3, 100, Mode.DRIVE)).pulse == (given,) * 3
-    clamped = asked not in (0, given)
-    assert bool(core.telemetry().flags & Flags.CLAMPED) == clamped
-
-
-def test_a_host_that_starts_again_is_not_counted_as_a_loss(core):
-    for sequence in (4990, 5000, 0, 1):
-        core.receive(encode(Ping(0), sequence))
-    assert core.telemetry().lost == 9
-
-
-def test_the_timeout_flag_stays_until_arm_though_driving_goes_on(core):
-    core.tell(Arm())
-    core.tell(Command((3500, 3000, 3000), 50, Mode.DRIVE))
-    core.update(50_000)
-    core.tell(Command((3600, 3000, 3000), 50, Mode.DRIVE), 60_000)
-    assert Flags(core.telemetry().flags) == Flags.ARMED | Flags.DRIVING | Flags.TIMED_OUT
-    core.tell(Arm(), 61_000)
-    assert Flags(core.telemetry().flags) == Flags.ARMED
-
-
-def test_disarm_is_neutral_at_once(core):
-    core.tell(Arm())
-    core.tell(Command((3500, 2500, 3300), 100, Mode.DRIVE))
-    answer = core.tell(Disarm())
-    assert (answer.pulse, answer.armed) == (NEUTRAL, False)
 
 
 @dataclass
@@ -349,7 +160,7 @@ def test_any_conversation_drives_the_servos_as_the_manual_says(running, conversa
         reference.elapse(now)
         obeyed = True
         if message is not None:
-            core.tell(message, now)
+            core.send(message, now)
             obeyed = reference.hear(message, now)
         t = core.telemetry()
         assert core.update(now).pulse == reference.pulse
@@ -366,7 +177,7 @@ def test_no_conversation_moves_a_pulse_outside_the_limits(running, conversation)
     limits = default_config()
     for message, wait in conversation:
         now += wait
-        answer = core.tell(message, now) if message is not None else core.update(now)
+        answer = core.send(message, now) if message is not None else core.update(now)
         if isinstance(message, Config) and plausible(message):
             limits = message
         for pulse, low, high in zip(answer.pulse, limits.minimum, limits.maximum, strict=True):
@@ -380,19 +191,19 @@ def test_pong_carries_both_device_stamps(core):
 
 
 def test_pong_behind_a_queue_is_dated_when_its_first_byte_will_leave(core):
-    core.ask("drain", 0)
+    core.ask("room", 0)
     core.report(BLANK)
     core.receive(core.encoder.encode(Ping(9)), at=500, now=600)
-    telemetry, pong = core.ask("drain", 1).frames
+    telemetry, pong = core.ask("room", 1000).frames
     queued = len(encode(telemetry.message, 0)) + 2  # two more in the UART's own registers
     assert pong.message.sent_us == 600 + queued * 20  # 10 bits at 500 kbaud
 
 
 def test_a_full_line_drops_whole_frames_and_counts_them(core):
-    core.ask("drain", 0)
+    core.ask("room", 0)
     for _ in range(5):
         core.report(BLANK)
-    frames = core.ask("drain", 1).frames
+    frames = core.ask("room", 1000).frames
     # 255 bytes of ring hold three frames of 72.
     assert [frame.sequence for frame in frames] == [0, 1, 2]
     assert core.telemetry().skipped == 2
@@ -401,7 +212,7 @@ def test_a_full_line_drops_whole_frames_and_counts_them(core):
 def test_receive_overruns_are_flagged_until_the_host_says_hello(core):
     loss = replace(BLANK, overruns=3)
     assert core.report(loss).frames[0].message.flags & Flags.RECEIVE_OVERRUN
-    core.tell(HelloRequest())
+    core.send(HelloRequest())
     assert not core.report(loss).frames[0].message.flags & Flags.RECEIVE_OVERRUN
 
 

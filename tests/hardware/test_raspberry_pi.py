@@ -1,7 +1,6 @@
 """The Pi's gateway against a stand-in sysfs tree, a fake SMBus and a fake SPI."""
 
 import contextlib
-import struct
 import threading
 import time
 
@@ -11,7 +10,6 @@ import pytest
 from hardware.frames import HardwareError
 from hardware.protocol import (
     Arm,
-    Board,
     Command,
     Decoder,
     Disarm,
@@ -28,112 +26,24 @@ from hardware.raspberry_pi.gateway import Gateway, serial_number
 from hardware.raspberry_pi.pwm import KernelPwm, PwmError, find_chip
 from hardware.raspberry_pi.sensors import BusError, Imu, Mcp3008, open_bus
 from tests.conftest import patient
-
-
-class _FakeBus:
-    """Two MPU6050s: registers per address; asleep until they are woken, as after power-up."""
-
-    def __init__(self, addresses=(0x68, 0x69)):
-        self.registers = {a: {0x6B: 0x40} for a in addresses}
-        self.measured = dict.fromkeys(addresses, ((100, -200, 300), (0, 0, -8192)))
-        self.gone = set()
-
-    def write_byte_data(self, i2c_addr, register, value):
-        if i2c_addr in self.gone or i2c_addr not in self.registers:
-            raise OSError(121, "Remote I/O error")
-        self.registers[i2c_addr][register] = value
-
-    def read_i2c_block_data(self, i2c_addr, register, length):
-        if i2c_addr in self.gone or i2c_addr not in self.registers:
-            raise OSError(121, "Remote I/O error")
-        assert register == 0x3B
-        assert length == 14
-        if self.registers[i2c_addr][0x6B] & 0x40:
-            return [0] * 14
-        gyro, acc = self.measured[i2c_addr]
-        return list(struct.pack(">7h", *acc, 0, *gyro))
-
-
-class _FakeSpi:
-    def __init__(self, codes):
-        self.codes = codes
-
-    def xfer2(self, values):
-        start, channel, _ = values
-        assert start == 1
-        assert channel & 0x80  # single-ended
-        code = self.codes[channel >> 4 & 7]
-        return [0, 0b11111000 | code >> 8, code & 0xFF]  # upper bits float on the wire
+from tests.hardware.fake_pi import FakeBus, FakePi, FakePort, FakeSpi, make_sysfs, pwm_value
 
 
 @pytest.fixture
 def sysfs(tmp_path):
-    """A tree as the kernel shows it; a PWM of one channel comes first and must be passed over."""
-    for name, channels in (("pwmchip0", 1), ("pwmchip2", 2)):
-        chip = tmp_path / name
-        chip.mkdir()
-        (chip / "npwm").write_text(f"{channels}\n")
-        (chip / "export").write_text("")
-        (chip / "unexport").write_text("")
-        for k in range(channels):
-            (chip / f"pwm{k}").mkdir()
-            for file in ("period", "duty_cycle", "enable"):
-                (chip / f"pwm{k}" / file).write_text("0\n")
-    return tmp_path
+    return make_sysfs(tmp_path)
 
 
-def _value(folder, channel, file):
-    text = (folder / "pwmchip2" / f"pwm{channel}" / file).read_text()
-    return int(text or -1)  # empty while a gateway in a thread of its own writes it
-
-
-class _Port:
-    url = "test"
-
-    def __init__(self):
-        self.inbox, self.outbox, self.closed = b"", b"", False
-        self.lock = threading.Lock()  # a gateway may run in another thread
-
-    def put(self, data):
-        with self.lock:
-            self.inbox += data
-
-    def read(self):
-        with self.lock:
-            data, self.inbox = self.inbox, b""
-        return data
-
-    def write(self, data):
-        with self.lock:
-            self.outbox += data
-
-    def forget(self):
-        """Drop what was written so far; what follows may begin in the middle of a message."""
-        with self.lock:
-            self.outbox = b""
-
-    def close(self):
-        self.closed = True
-
-
-class _Pi:
+class _Pi(FakePi):
     def __init__(self, sysfs, adc=True):
-        self.time_ns = 0
-        self.bus, self.port, self.root = _FakeBus(), _Port(), sysfs
-        spi = Mcp3008(_FakeSpi([500, 510, 520, 530, 512, 700, 0, 0])) if adc else None
-        self.gateway = Gateway(
-            KernelPwm(find_chip(sysfs)), self.bus, self.port, spi, clock=lambda: self.time_ns
-        )
+        super().__init__(sysfs, adc)
         self.encoder, self.decoder = Encoder(), Decoder()
 
     def run(self, *messages, milliseconds=10):
         for message in messages:
             self.port.inbox += self.encoder.encode(message)
         for _ in range(milliseconds):
-            self.gateway.step()
-            self.time_ns += 1_000_000
-        self.decoder.receive_data(self.port.outbox)
-        self.port.outbox = b""
+            self.decoder.receive_data(self.step())
         return [frame.message for frame in self.decoder]
 
 
@@ -151,29 +61,18 @@ def test_without_a_chip_the_overlay_is_named(tmp_path):
         find_chip(tmp_path)
 
 
-def test_boot_says_hello_as_a_pi_and_holds_neutral(pi, sysfs):
-    messages = pi.run()
-    assert isinstance(messages[0], Hello)
-    assert messages[0].board == Board.RASPBERRY_PI
+def test_pulses_begin_at_neutral_every_20_ms(pi, sysfs):
+    pi.run()
     for channel in (0, 1):
-        assert _value(sysfs, channel, "period") == 20_000_000
-        assert _value(sysfs, channel, "duty_cycle") == 1_500_000
-        assert _value(sysfs, channel, "enable") == 1
+        assert pwm_value(sysfs, channel, "period") == 20_000_000
+        assert pwm_value(sysfs, channel, "duty_cycle") == 1_500_000
+        assert pwm_value(sysfs, channel, "enable") == 1
 
 
-def test_commands_reach_the_kernel_in_nanoseconds_and_time_out_to_neutral(pi, sysfs):
+def test_commands_reach_the_kernel_in_nanoseconds(pi, sysfs):
     pi.run(Arm(), Command((3100, 2900, 0), 50, Mode.DRIVE))
-    assert _value(sysfs, 0, "duty_cycle") == 1_550_000
-    assert _value(sysfs, 1, "duty_cycle") == 1_450_000
-    last = pi.run(milliseconds=60)[-1]
-    assert _value(sysfs, 0, "duty_cycle") == 1_500_000
-    assert last.flags & Flags.TIMED_OUT
-
-
-def test_pulses_are_clamped_like_the_firmwares(pi, sysfs):
-    pi.run(Arm(), Command((60_000, 1, 0), 50, Mode.DRIVE))
-    assert _value(sysfs, 0, "duty_cycle") == 2_000_000
-    assert _value(sysfs, 1, "duty_cycle") == 1_000_000
+    assert pwm_value(sysfs, 0, "duty_cycle") == 1_550_000
+    assert pwm_value(sysfs, 1, "duty_cycle") == 1_450_000
 
 
 def test_telemetry_carries_imu_and_adc(pi):
@@ -211,7 +110,7 @@ def test_end_of_the_gateway_stops_the_pulses(pi, sysfs):
     pi.run()
     pi.gateway.stop()
     pi.gateway.run()
-    assert _value(sysfs, 0, "enable") == 0
+    assert pwm_value(sysfs, 0, "enable") == 0
     assert pi.port.closed
 
 
@@ -227,7 +126,7 @@ def test_forbidden_files_say_what_to_do(sysfs, monkeypatch):
 
 
 def test_imu_of_negative_counts_is_read_as_signed():
-    bus = _FakeBus()
+    bus = FakeBus()
     bus.measured[0x68] = ((-32768, 32767, -1), (0, 1, -2))
     assert Imu(bus, 0x68).read(2) == (-32768, 32767, -1, 0, 1, -2)
 
@@ -259,14 +158,14 @@ def test_command_that_waited_longer_than_its_timeout_is_not_obeyed(pi, sysfs):
     pi.run(Arm())
     pi.time_ns += 2_000_000_000  # the gateway is held up, and the socket fills
     last = pi.run(Command((3500, 3500, 0), 100, Mode.DRIVE))[-1]
-    assert _value(sysfs, 0, "duty_cycle") == 1_500_000
+    assert pwm_value(sysfs, 0, "duty_cycle") == 1_500_000
     assert last.flags & Flags.TIMED_OUT
     pi.run(Command((3500, 3500, 0), 100, Mode.DRIVE))
-    assert _value(sysfs, 0, "duty_cycle") == 1_750_000
+    assert pwm_value(sysfs, 0, "duty_cycle") == 1_750_000
 
 
 def test_all_that_waited_is_taken_at_once_and_what_is_no_command_is_obeyed(pi, sysfs):
-    class Slow(_Port):
+    class Slow(FakePort):
         def read(self):
             data, self.inbox = self.inbox[:16], self.inbox[16:]
             return data
@@ -276,12 +175,12 @@ def test_all_that_waited_is_taken_at_once_and_what_is_no_command_is_obeyed(pi, s
     pi.time_ns += 2_000_000_000
     stale = [Command((3500, 3500, 0), 100, Mode.DRIVE)] * 20
     messages = pi.run(*stale, HelloRequest(), Disarm(), milliseconds=3)
-    assert _value(sysfs, 0, "duty_cycle") == 1_500_000
+    assert pwm_value(sysfs, 0, "duty_cycle") == 1_500_000
     assert any(isinstance(m, Hello) for m in messages)
     assert not messages[-1].flags & Flags.ARMED
 
 
-class _StuckBus(_FakeBus):
+class _StuckBus(FakeBus):
     """Holds every read until it is released, as a sensor that pulls the clock down does."""
 
     def __init__(self):
@@ -299,8 +198,8 @@ class _StuckBus(_FakeBus):
 @contextlib.contextmanager
 def _running(sysfs, bus, spi=None):
     """A gateway on the wall clock; gives its port and what sends to it."""
-    port, encoder = _Port(), Encoder()
-    adc = Mcp3008(spi or _FakeSpi([500, 510, 520, 530, 512, 700, 0, 0]))
+    port, encoder = FakePort(), Encoder()
+    adc = Mcp3008(spi or FakeSpi([500, 510, 520, 530, 512, 700, 0, 0]))
     gateway = Gateway(KernelPwm(find_chip(sysfs)), bus, port, adc)
     thread = threading.Thread(target=gateway.run)
     thread.start()
@@ -338,8 +237,8 @@ def test_stuck_bus_holds_up_neither_the_timeout_nor_the_potentiometers(sysfs):
         assert bus.held.wait(20.0)  # every read waits until the bus is free
         send(Arm())
         drive = Command((4000, 3000, 0), 100, Mode.DRIVE)
-        _until(lambda: send(drive) or _value(sysfs, 0, "duty_cycle") == 2_000_000)
-        _until(lambda: _value(sysfs, 0, "duty_cycle") == 1_500_000)
+        _until(lambda: send(drive) or pwm_value(sysfs, 0, "duty_cycle") == 2_000_000)
+        _until(lambda: pwm_value(sysfs, 0, "duty_cycle") == 1_500_000)
         port.forget()
         _until(lambda: len(port.outbox) > 2000)
         last = _reports(port)[-1]
@@ -352,7 +251,7 @@ def test_stuck_bus_holds_up_neither_the_timeout_nor_the_potentiometers(sysfs):
 
 
 def test_stuck_adc_reads_as_open_wires_and_what_it_gives_late_is_not_reported(sysfs):
-    class StuckSpi(_FakeSpi):
+    class StuckSpi(FakeSpi):
         free = threading.Event()
 
         def xfer2(self, values):
@@ -360,7 +259,7 @@ def test_stuck_adc_reads_as_open_wires_and_what_it_gives_late_is_not_reported(sy
             return super().xfer2(values)
 
     StuckSpi.free.set()
-    with _running(sysfs, _FakeBus(), StuckSpi([500, 510, 520, 530, 512, 700, 0, 0])) as (port, _):
+    with _running(sysfs, FakeBus(), StuckSpi([500, 510, 520, 530, 512, 700, 0, 0])) as (port, _):
         _until(lambda: len(port.outbox) > 2000)
         StuckSpi.free.clear()
         _until(lambda: _reports(port)[-1].potentiometer == (0, 0, 0, 0))
@@ -373,7 +272,7 @@ def test_stuck_adc_reads_as_open_wires_and_what_it_gives_late_is_not_reported(sy
 
 @pytest.mark.realtime
 def test_readings_of_a_running_gateway_are_as_old_as_they_say(sysfs):
-    with _running(sysfs, _FakeBus()) as (port, _):
+    with _running(sysfs, FakeBus()) as (port, _):
         _until(lambda: len(port.outbox) > 10_000)
         reports = _reports(port)[2:]
     # a busy machine may take the thread's turn away now and then
@@ -385,7 +284,7 @@ def test_readings_of_a_running_gateway_are_as_old_as_they_say(sysfs):
 
 @patient
 def test_slow_buses_make_reports_fewer_and_none_of_them_false(sysfs):
-    class SlowBus(_FakeBus):
+    class SlowBus(FakeBus):
         def read_i2c_block_data(self, *arguments):
             time.sleep(1.6e-3)  # 17 bytes at 100 kHz
             return super().read_i2c_block_data(*arguments)
@@ -398,14 +297,14 @@ def test_slow_buses_make_reports_fewer_and_none_of_them_false(sysfs):
 
 
 def test_a_fault_of_a_sensors_thread_ends_the_gateway_and_not_the_thread_alone(sysfs):
-    class Broken(_FakeBus):
+    class Broken(FakeBus):
         def read_i2c_block_data(self, *_):
             raise RuntimeError("no such thing")
 
-    gateway = Gateway(KernelPwm(find_chip(sysfs)), Broken(), _Port())
+    gateway = Gateway(KernelPwm(find_chip(sysfs)), Broken(), FakePort())
     with pytest.raises(RuntimeError, match="no such thing"):
         gateway.run()
-    assert _value(sysfs, 0, "enable") == 0
+    assert pwm_value(sysfs, 0, "enable") == 0
 
 
 def test_closed_gateway_has_sent_the_servos_to_neutral_first(sysfs, monkeypatch):
@@ -416,16 +315,16 @@ def test_closed_gateway_has_sent_the_servos_to_neutral_first(sysfs, monkeypatch)
         written.append((path.parent.name, path.name, text.strip()))
         return real(path, text)
 
-    with _running(sysfs, _FakeBus()) as (_, send):
+    with _running(sysfs, FakeBus()) as (_, send):
         send(Arm())
         drive = Command((4000, 4000, 0), 2000, Mode.DRIVE)
-        _until(lambda: send(drive) or _value(sysfs, 1, "duty_cycle") == 2_000_000)
+        _until(lambda: send(drive) or pwm_value(sysfs, 1, "duty_cycle") == 2_000_000)
         monkeypatch.setattr(type(sysfs), "write_text", note)
     files = [w[:2] for w in written]
     for name in ("pwm0", "pwm1"):
         assert (name, "duty_cycle", "1500000") in written
         assert files.index((name, "duty_cycle")) < files.index((name, "enable"))
-    assert _value(sysfs, 0, "enable") == 0
+    assert pwm_value(sysfs, 0, "enable") == 0
 
 
 def test_refused_pulse_is_one_line_and_the_other_servo_is_still_sent_to_neutral(
@@ -433,14 +332,14 @@ def test_refused_pulse_is_one_line_and_the_other_servo_is_still_sent_to_neutral(
 ):
     chip, real = find_chip(sysfs), type(sysfs).write_text
 
-    class Begun(_Port):
+    class Begun(FakePort):
         def read(self):  # driven once, then the kernel takes nothing more for servo x
             if not self.inbox:
                 monkeypatch.setattr(type(sysfs), "write_text", refuse)
                 return b""
             return super().read()
 
-        drop = restore = _Port.close
+        drop = restore = FakePort.close
 
     def refuse(path, text):
         if path.parent.name == "pwm0":
@@ -449,7 +348,7 @@ def test_refused_pulse_is_one_line_and_the_other_servo_is_still_sent_to_neutral(
 
     encoder, port = Encoder(), Begun()
     port.inbox = encoder.encode(Arm()) + encoder.encode(Command((4000, 4000, 0), 50, Mode.DRIVE))
-    monkeypatch.setattr(command, "open_bus", lambda _: _FakeBus())
+    monkeypatch.setattr(command, "open_bus", lambda _: FakeBus())
     monkeypatch.setattr(command, "open_adc", lambda: None)
     monkeypatch.setattr(command, "KernelPwm", lambda: KernelPwm(chip))
     monkeypatch.setattr(command, "TcpPort", lambda _: port)
@@ -458,7 +357,7 @@ def test_refused_pulse_is_one_line_and_the_other_servo_is_still_sent_to_neutral(
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 2  # where to reach it, and why it ended
     assert "pwm0/duty_cycle: Input/output error" in said[1]
-    assert _value(sysfs, 1, "duty_cycle") == 1_500_000
+    assert pwm_value(sysfs, 1, "duty_cycle") == 1_500_000
     assert port.closed
 
 

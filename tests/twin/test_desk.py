@@ -76,7 +76,7 @@ def pulled_thrice(simulated, monkeypatch):
 
         return loop.run(seats, stop=watched, **more)
 
-    monkeypatch.setattr("twin.experiments.mirror.run", told)
+    monkeypatch.setattr("twin.experiments.session.run", told)
 
 
 @pytest.fixture(scope="module")

@@ -200,13 +200,13 @@ def test_a_seed_repeats_itself_and_another_differs(signal):
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"signal": "sine"}, "there are steps, staircase"),
-        ({"amplitude": 0.2}, "--amplitude-deg 11.4592: must lie in 0 to 10"),
+        ({"signal": "sine"}, "must be one of steps, staircase"),
+        ({"amplitude": 0.2}, "--amplitude-deg 11.4592: must be from 0 to 10"),
         ({"band": (5.0, 1.0)}, "--band-hz 5 1"),
-        ({"signal": "chirp", "band": (1.0, 400.0)}, "125 at most"),
+        ({"signal": "chirp", "band": (1.0, 400.0)}, "at most 125"),
         ({"signal": "staircase", "smallest": 0.5}, "--smallest-deg"),
         ({"rate_limit": 0.0}, "--rate-limit-deg-s 0"),
-        ({"repeats": 10_000, "hold": 100.0}, "3600 are the most"),
+        ({"repeats": 10_000, "hold": 100.0}, "at most 3600 s"),
         ({"seed": -1}, "--seed -1"),
     ],
     ids=str,

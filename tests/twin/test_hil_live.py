@@ -28,16 +28,12 @@ PORTS = [
     pytest.param(["--port", "0"], id="tcp"),
 ]
 STOPWATCH = """
-from twin import loop
 from twin.cli.main import main
-def told(run):
-    def wrapped(*args, each_tick=(), **kwargs):
-        def tell(time_ns):
-            print(time_ns, flush=True)
-        return run(*args, each_tick=(*each_tick, tell), **kwargs)
-    return wrapped
-from twin import experiments
-experiments.run = told(loop.run)
+from twin.experiments import session
+run = session.run
+def timed(*args, each_tick=(), **kwargs):
+    return run(*args, each_tick=(*each_tick, lambda ns: print(ns, flush=True)), **kwargs)
+session.run = timed
 main()
 """
 

@@ -39,7 +39,7 @@ def test_several_motors_in_a_file_are_chosen_by_name(tmp_path: Path) -> None:
     assert [motor.name for motor in read(file)] == ["X1", "Y2"]
     assert load(file, "Y2").name == "Y2"
     for name, says in (
-        (None, "2 motors: X1, Y2; give a file with one of them"),
+        (None, "2 motors: X1, Y2; give one by its name as .*two.eng:X1, or a file with one"),
         ("Z", "no motor 'Z'; the file holds X1, Y2"),
     ):
         with pytest.raises(MotorError, match=says):
@@ -101,7 +101,13 @@ def test_curves_are_read_only() -> None:
         (HEADER.replace("0.06", "-1") + "0.1 10\n1 0\n", "must be positive"),
         (HEADER.replace(" 29 ", " 0 ") + "0.1 10\n1 0\n", "diameter 0 m"),
         (HEADER + "0.1 10\n" + "".join(f"{k} 5\n" for k in range(1, 20_002)), "more than 20000"),
-        (GOOD + "1.2 5\n", "header line has 7 words"),
+        (GOOD + "1.2 5\n", "never ends.*5 N at 1.2 s"),
+        (GOOD + "Y2 29 124\n", "line 6: a header line has 7 words"),
+        (GOOD.replace("0.06 0.12", "60 120"), "specific impulse of 0.017 s.*grams"),
+        (GOOD.replace("0.06 0.12", "6e-5 1.2e-4"), r"impulse of 1.7e\+04 s.*kilograms"),
+        (GOOD.replace("0.12 ", "120 "), "8.* to 8000 kg/m³"),
+        (GOOD.replace("29 124", "0.029 0.124"), "kg/m³; at most 2500"),
+        (GOOD.replace("29 124", "290 1240"), "50 to 8000 kg/m³"),
         ("\x00\x01\x02 junk", "header line has 7 words"),
     ],
 )

@@ -11,12 +11,13 @@ from analysis.recording import read
 from hardware.frames import GimbalState
 from tests.twin.test_cli import run as command
 from twin.config import Fly
-from twin.control import AttitudeController, control_config
+from twin.control import AttitudeController
 from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
 from twin.experiments.own_controller import ControllerError, OwnController, load
 from twin.experiments.programme import setpoint
 from twin.loop.seats import Pilot
+from twin.plant.authority import control_config
 from twin.plant.compiled import compiled
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "own_controller.py"
@@ -102,13 +103,13 @@ BODIES = {
 
 @pytest.fixture(scope="module")
 def seat():
-    """Plant and pilot of a flight, for adapters without a whole run."""
+    """Model and pilot of a flight, for adapters without a whole run."""
     config = Fly(gimbal="transfer-function")
     with compiled():
         plant = make_plant(config)
         programme, _ = setpoint(config, plant.model)
         loop = AttitudeController(control_config(plant.model))
-        yield plant, Pilot(plant, loop, programme, 0.004)
+        yield plant.model, Pilot(plant, loop, programme, 0.004)
 
 
 @pytest.mark.parametrize(("body", "line", "says"), BODIES.values(), ids=BODIES)

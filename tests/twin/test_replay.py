@@ -80,8 +80,8 @@ def test_another_integrator_changes_the_path_by_its_error_only(flight, tmp_path)
     ("change", "told"),
     [
         (lambda p: p["versions"].update(mujoco="3.0.0"), "flown with mujoco 3.0.0"),
-        (lambda p: p.update(model_sha256="0" * 64), "another model"),
-        (lambda p: p["configuration"].update(gimbal="/dev/ttyUSB0"), "another model"),
+        (lambda p: p.update(model_sha256="0" * 64), "a model that differs"),
+        (lambda p: p["configuration"].update(gimbal="/dev/ttyUSB0"), "a model that differs"),
         (lambda p: p["configuration"].update(colour="red"), "'colour'"),
         (lambda p: p["configuration"].update(dt="fast"), "--dt fast: must be a number"),
         (lambda p: p.update(command="rm"), "'rm'"),

@@ -24,9 +24,16 @@ class Result:
         raise NotImplementedError
 
     def __fspath__(self) -> str:
-        """The file that was written, so that a result can be given wherever a file is expected."""
-        named = (getattr(self, name) for name in FILES if hasattr(self, name))
-        return str(next(named))
+        """The file that was written, so that a result can be given wherever a file is expected.
+
+        Raises
+        ------
+        TypeError : a result without a file
+        """
+        for name in FILES:
+            if hasattr(self, name):
+                return str(getattr(self, name))
+        raise TypeError(f"{type(self).__name__}: has no file that it could stand for")
 
     def text(self) -> str:
         """The table as aligned lines."""

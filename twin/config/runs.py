@@ -38,7 +38,8 @@ class Fly(FaultResponse, Run):
     group: ClassVar[str] = "flight"
 
     motor: Path | None = None
-    """Motor file (RASP .eng); the vehicle's own motor if omitted."""
+    """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
+    thrust table of two columns (.csv); the vehicle's own motor if omitted."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
     point."""
@@ -211,7 +212,8 @@ class Converge(Output, Parameters):
     model: Path | None = None
     """Identified model (JSON) for `--gimbal transfer-function`; the shipped model if omitted."""
     motor: Path | None = None
-    """Motor file (RASP .eng); the vehicle's own motor if omitted."""
+    """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
+    thrust table of two columns (.csv); the vehicle's own motor if omitted."""
     out: Path | None = None
     """Page to write (.html); runs/converge.html if omitted."""
 

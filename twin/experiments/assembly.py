@@ -16,8 +16,6 @@ from twin.plant.plant import Plant
 if TYPE_CHECKING:
     from twin.hil import RigOptions
 
-WITHOUT_LINKAGE = ("gimbal_servo_", "gimbal_rod_")  # parameters that a following gimbal lacks
-
 
 def make_plant(config: Run, motor: Path | None = None) -> Plant:
     """The simulated side of a run; its gimbal follows where a rig has the gimbal seat.
@@ -69,7 +67,7 @@ def _of_the_plant(config: Run) -> dict[str, float]:
     """Overrides without those of servos, rods and turntable, where these belong to a rig."""
     if not is_rig(config.gimbal):
         return config.overrides
-    rigs = (*WITHOUT_LINKAGE, TURNTABLE) if config.rig_scene == TURNTABLE else WITHOUT_LINKAGE
+    rigs = (*OF_SERVOS, TURNTABLE) if config.rig_scene == TURNTABLE else OF_SERVOS
     return {k: v for k, v in config.overrides.items() if not k.startswith(rigs)}
 
 

@@ -149,16 +149,16 @@ def _numbered(seat: RigGimbal) -> int:
 def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
     procedure = Procedure(rig, _numbered(seat))
     session = seat.rig.session
-    heard = seat.now_ns()
-    next_command = heard
+    received = seat.now_ns()
+    next_command = received
     bar = _Bar()
     while not procedure.done:
         seat.wait(STEP_NS)
         now = seat.now_ns()
         for frame in seat.rig.poll():
             pulses = procedure.step(frame)
-            heard = now
-        if heard == now and now >= next_command:
+            received = now
+        if received == now and now >= next_command:
             seat.rig.send_pulses(*pulses)
             next_command = now + COMMAND_NS
         if seat.rig.session != session:
@@ -167,7 +167,7 @@ def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
                 f" ({seat.rig.reason}{f', {seat.rig.started}' if seat.rig.started else ''});"
                 " check cable and supply and start again"
             )
-        if now - heard > PATIENCE_NS:
+        if now - received > PATIENCE_NS:
             raise CalibrationError(
                 f"the rig fell silent at {procedure.progress:.0%} of the calibration; check its"
                 " cable and start again"

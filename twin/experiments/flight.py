@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from analysis.timing import Verdict
 
 Array = NDArray[np.float64]
+PASSED = "passed the point"
 PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
 STUCK_NS = 1_000_000_000  # a vehicle at rest on its ramp for so long after burnout stays there
 AT_REST = 0.1  # m/s
@@ -44,6 +45,7 @@ class FlightResult(Result):
     physics_steps, physics_s : steps taken, and the time they took
     wall_s : time of the whole command
     warnings : MuJoCo's warnings with their counts
+    notes : what is worth knowing about the model, one line each
     fault : what went wrong with the rig first; None where nothing did
     turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU
         measured, while the motor burned; None without a turntable
@@ -65,6 +67,7 @@ class FlightResult(Result):
     physics_s: float
     wall_s: float
     warnings: dict[str, int]
+    notes: tuple[str, ...] = ()
     fault: str | None = None
     turntable_rms_deg: float | None = None
     timing: "Verdict | None" = None
@@ -101,6 +104,7 @@ class FlightResult(Result):
             rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
         rows.append(computing_row(self.wall_s, self.physics_steps, self.physics_s))
         rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
+        rows += [("note", note) for note in self.notes]
         return rows + recording_rows(self.recording)
 
 
@@ -175,7 +179,7 @@ class Flight:
         if plant.landed:
             return "reached the ground"
         if self._closest_ns is not None and plant.time_ns > self._closest_ns + PASSED_NS:
-            return "passed the point"
+            return PASSED
         held = self._ramp > 0.0 and self._on_ramp
         if held and plant.time_ns > self._moved_ns + STUCK_NS:
             return "never left the ramp"
@@ -205,6 +209,7 @@ class Flight:
             physics_s=plant.computing_s,
             wall_s=wall_s,
             warnings=plant.warnings(),
+            notes=plant.twin.notes,
         )
 
 

@@ -53,7 +53,7 @@ def fly(
         pilot = _pilot(plant, programme, s.tick_ns, turntable)
         commanding: Controller = pilot
         if controller is not None:
-            commanding = OwnController(controller, plant, pilot, s.tick_ns * 1e-9)
+            commanding = OwnController(controller, plant.model, pilot, s.tick_ns * 1e-9)
         guard = s.guard(commanding, config.on_fault, turntable)
         recorder = s.record(pilot, turntable, guard)
         flight = Flight(plant, pilot.error, target)

@@ -12,10 +12,11 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import TYPE_CHECKING, Any
 
+import mujoco
+
 from hardware.frames import GimbalState, Pair
 from twin.errors import TwinError
 from twin.loop.seats import Pilot
-from twin.plant.plant import Plant, VehicleState
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -93,8 +94,8 @@ class OwnController:
         `setpoint`, it is given the wanted nose direction (3,), a unit vector in the world. Where
         the object has `start(model, period)`, that is called once with the MjModel and the time
         between two updates [s].
-    plant : gives the vehicle's state
-    pilot : updated too, since it gives setpoint and error; its command is not used
+    model : of the plant
+    pilot : gives vehicle, setpoint and error; its command is not used
     period : time between two updates [s]
 
     Raises
@@ -102,14 +103,14 @@ class OwnController:
     ControllerError : no `update`, or `start` fails
     """
 
-    def __init__(self, own: object, plant: Plant, pilot: Pilot, period: float) -> None:
+    def __init__(self, own: object, model: mujoco.MjModel, pilot: Pilot, period: float) -> None:
         self._update = _check(own, "controller")
         self._with_setpoint = _takes(self._update, "setpoint")
-        self._plant, self._pilot = plant, pilot
+        self._pilot = pilot
         start = getattr(own, "start", None)
         if callable(start):
             with _reported("controller", _file(start)):
-                start(plant.model, period)
+                start(model, period)
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:
         """Gimbal angle that the own controller commands [rad].
@@ -118,12 +119,9 @@ class OwnController:
         ------
         ControllerError : it raised an exception, or returned something else than two angles
         """
-        plant, pilot = self._plant, self._pilot
+        pilot = self._pilot
         pilot.update(time, gimbal)
-        seen = pilot.seen
-        vehicle = VehicleState(
-            plant.position.copy(), plant.velocity.copy(), seen.attitude.copy(), seen.rate.copy()
-        )
+        vehicle = pilot.vehicle()
         try:
             if self._with_setpoint:
                 command = self._update(time, gimbal, vehicle, setpoint=pilot.direction.copy())

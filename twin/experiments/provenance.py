@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.config import Run
+from twin.physics.motor import split_name
 from twin.plant.model import TwinModel
 from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.recorder.rows import Rows
@@ -96,6 +97,8 @@ def _files(config: Run) -> dict[str, Path]:
     """Files that decide what the run does, by the setting that names them."""
     values = {f.name: getattr(config, f.name) for f in fields(config) if f.name not in UNRECORDED}
     named = {name: value for name, value in values.items() if isinstance(value, Path)}
+    if "motor" in named:
+        named["motor"] = split_name(named["motor"])[0]
     if (own := getattr(config, "controller_file", None)) is not None:
         named["controller"] = own
     return named

@@ -32,7 +32,7 @@ def switch_angles(model: mujoco.MjModel) -> tuple[float, float, float, float]:
 
     Raises
     ------
-    TwinError : the model does not say
+    TwinError : the model has no such numeric
     """
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "switch_angle") < 0:
         raise TwinError("the scene has no numeric 'switch_angle'; see mjcf/bench.xml")

@@ -12,6 +12,7 @@ from twin.loop.clock import Clock, Ledger
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
+TIME_UP = "time"  # why a loop ended that nothing else ended
 
 
 class Gimbal(Protocol):
@@ -81,7 +82,7 @@ def run(
         seats, steps_per_tick=steps_per_tick, duration_ns=duration_ns, command=command,
         each_tick=each_tick, stop=stop, ledger=ledger,
     )  # fmt: skip
-    while (outcome := next(tick)) is None:
+    while not isinstance(outcome := next(tick), Outcome):
         pass
     return outcome
 
@@ -95,10 +96,11 @@ def ticks(
     each_tick: Sequence[Callable[[int], None]] = (),
     stop: Callable[[], str | None] = lambda: None,
     ledger: Ledger | None = None,
-) -> Iterator[Outcome | None]:
+) -> Iterator[GimbalState | Outcome]:
     """Run the seats until `duration_ns` of experiment time or until `stop` gives a reason.
 
-    Yields None after every tick but the last, and the outcome after the last.
+    Yields the gimbal's state in every tick, before the controller is asked for its command, and
+    the outcome after the last tick.
 
     Parameters
     ----------
@@ -122,7 +124,9 @@ def ticks(
         late = clock.wait(time_ns, listen)
         if ledger is not None:
             ledger.enter(late)
-        angle = controller.update(time_ns * 1e-9, gimbal.poll())
+        state = gimbal.poll()
+        yield state
+        angle = controller.update(time_ns * 1e-9, state)
         command[0], command[1] = angle
         gimbal.send(GimbalCommand(time_ns, angle))
         for act in each_tick:
@@ -134,6 +138,4 @@ def ticks(
         if reason is not None:
             yield Outcome(count, reason)
             return
-        if time_ns < duration_ns:
-            yield None
-    yield Outcome(count, "time")
+    yield Outcome(count, TIME_UP)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.compiled import njit
 from hardware.frames import GimbalCommand, GimbalState, Pair
 from twin.control import AttitudeController, Setpoint
-from twin.plant.plant import Plant
+from twin.plant.plant import Plant, VehicleState
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,6 @@ class Pilot:
 
     Attributes
     ----------
-    seen : attitude and rate that it sees
     direction : (3,) wanted nose direction in the world
     error : (2,) rotation still missing about body x and y [rad]
     signals : setpoint, as angles of the nose from the vertical, and error; NaN without thrust,
@@ -81,7 +80,7 @@ class Pilot:
     ) -> None:
         self._plant, self._controller, self._setpoint = plant, controller, setpoint
         self._period = period
-        self.seen: Attitude = attitude or Truth(plant)
+        self._seen: Attitude = attitude or Truth(plant)
         self.direction: Array = np.zeros(3)
         self.error: Array = controller.error[0]
         self._angle: Array = np.zeros(2)
@@ -93,13 +92,20 @@ class Pilot:
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
         """Gimbal angle that turns the nose towards the setpoint [rad]."""
-        plant, seen = self._plant, self.seen
+        plant, seen = self._plant, self._seen
         seen.update()
         self.direction[:] = self._setpoint.direction(time, plant.position, plant.velocity)
         self._controller.update(
             time, self._period, seen.attitude, seen.rate, self.direction, self._angle
         )
         return float(self._angle[0]), float(self._angle[1])
+
+    def vehicle(self) -> VehicleState:
+        """Copy of the vehicle's state with the attitude and rate that the loop sees."""
+        plant, seen = self._plant, self._seen
+        return VehicleState(
+            plant.position.copy(), plant.velocity.copy(), seen.attitude.copy(), seen.rate.copy()
+        )
 
     def derive(self, time_ns: int) -> None:  # noqa: ARG002  the recorder's signature
         """Compute the signals; the plant's thrust must have been derived before."""

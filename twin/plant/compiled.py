@@ -9,6 +9,11 @@ import mujoco
 
 from twin.physics import native
 
+_lock = threading.Lock()
+_depth = 0  # blocks that are open
+_previous: object = None  # handler of warnings outside them
+_printed: set[str] = set()
+
 NOTICE_AFTER_S = 2.0  # of compiling, before a user at a terminal is told the reason
 
 
@@ -16,29 +21,45 @@ NOTICE_AFTER_S = 2.0  # of compiling, before a user at a terminal is told the re
 def compiled() -> Iterator[None]:
     """Install the native callbacks, and print each kind of MuJoCo warning once.
 
-    Compiling for the first time takes long; a notice on standard error then says so.
+    Blocks may overlap in any order, as those of several environments do. Compiling for the first
+    time takes long; a notice on standard error then says so.
     """
     timer = threading.Timer(NOTICE_AFTER_S, _explain_wait)
     timer.daemon = True
     if sys.stderr.isatty():
         timer.start()
-    before = mujoco.get_mju_user_warning()
-    printed: set[str] = set()
-
-    def warn(message: str) -> None:
-        kind = message.partition("Time")[0]
-        if kind not in printed:  # a failing simulation repeats its warning at every step
-            printed.add(kind)
-            print(f"twin: MuJoCo: {message}", file=sys.stderr)
-
-    mujoco.set_mju_user_warning(warn)  # MuJoCo's own handler writes a log file to the folder
     try:
-        with native.installed():
+        with _warnings_printed(), native.installed():
             timer.cancel()
             yield
     finally:
         timer.cancel()
-        mujoco.set_mju_user_warning(before)
+
+
+@contextmanager
+def _warnings_printed() -> Iterator[None]:
+    """Print warnings; MuJoCo's own handler writes a log file to the folder."""
+    global _depth, _previous
+    with _lock:
+        if _depth == 0:
+            _previous = mujoco.get_mju_user_warning()
+            _printed.clear()
+            mujoco.set_mju_user_warning(_warn)
+        _depth += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _depth -= 1
+            if _depth == 0:
+                mujoco.set_mju_user_warning(_previous)
+
+
+def _warn(message: str) -> None:
+    kind = message.partition("Time")[0]
+    if kind not in _printed:  # a failing simulation repeats its warning at every step
+        _printed.add(kind)
+        print(f"twin: MuJoCo: {message}", file=sys.stderr)
 
 
 def _explain_wait() -> None:

@@ -43,7 +43,7 @@ class ModelConfig:
         somebody measures, which the joints follow one physics step later
     transfer_function : file of the identified model; the shipped reference where None
     vehicle, mechanism : MJCF files in place of the scene's own
-    motor : RASP `.eng` file in place of the vehicle's own motor
+    motor : motor file, or FILE:NAME, in place of the vehicle's own motor
     overrides : named parameters, see `twin.plant.overrides`
     dt : physics step [s]; the scene's own where None
     seed : of the gusts, where no override names `wind_seed`
@@ -69,11 +69,13 @@ class TwinModel:
     mj : the compiled model; the plant of a run is its only writer
     gimbal : the seat that moves the gimbal; `fixed` where the vehicle has no gimbal
     sha256 : digest of the compiled model, the same for the same physics
+    notes : what the user should be told about it, one line each
     """
 
     mj: mujoco.MjModel
     gimbal: Literal["linkage", "transfer-function", "follow", "fixed"]
     sha256: str
+    notes: tuple[str, ...] = ()
 
 
 def load(config: ModelConfig) -> TwinModel:
@@ -91,8 +93,9 @@ def load(config: ModelConfig) -> TwinModel:
     _require(spec, seat, vehicle=vehicle)
     if seat in ("transfer-function", "follow"):
         _exchange_actuation(spec, _moved_by(config))
+    notes: list[str] = []
     if config.motor is not None:
-        _exchange_motor(spec, config.motor)
+        notes += _exchange_motor(spec, config.motor)
     if seat == "linkage":
         _set_backlash(spec, config.overrides)
         insert_backlash(spec)
@@ -106,7 +109,7 @@ def load(config: ModelConfig) -> TwinModel:
     if seat != "fixed":
         check_frame(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    return TwinModel(mj=model, gimbal=seat, sha256=digest(model))
+    return TwinModel(mj=model, gimbal=seat, sha256=digest(model), notes=tuple(notes))
 
 
 def digest(model: mujoco.MjModel) -> str:
@@ -185,8 +188,8 @@ def _set_backlash(spec: mujoco.MjSpec, overrides: Mapping[str, float]) -> None:
     numeric.data = data
 
 
-def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> None:
-    motor.apply_motor(spec, motor.load(file))
+def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> tuple[str, ...]:
+    return motor.apply_motor(spec, motor.load(file, like=motor.figures_of(spec)))
 
 
 def _check_meshes(model: mujoco.MjModel) -> None:

@@ -68,8 +68,8 @@ void begin_tick() {
 
 uint8_t read_switches() {
   const uint8_t closed = static_cast<uint8_t>(~PIND);
-  return static_cast<uint8_t>((closed & _BV(PD2) ? 1 : 0) | (closed & _BV(PD4) ? 2 : 0) |
-                              (closed & _BV(PD5) ? 4 : 0) | (closed & _BV(PD7) ? 8 : 0));
+  return static_cast<uint8_t>(((closed & _BV(PD2)) ? 1 : 0) | ((closed & _BV(PD4)) ? 2 : 0) |
+                              ((closed & _BV(PD5)) ? 4 : 0) | ((closed & _BV(PD7)) ? 8 : 0));
 }
 
 void show_armed() {

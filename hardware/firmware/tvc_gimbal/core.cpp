@@ -164,7 +164,7 @@ bool Gimbal::command(const wire::Command& command, uint32_t received_us) {
   }
   const uint16_t timeout_ms =
       command.timeout_ms < wire::TIMEOUT_LONGEST_MS ? command.timeout_ms : wire::TIMEOUT_LONGEST_MS;
-  deadline_us_ = received_us + uint32_t{1000} * timeout_ms;
+  deadline_us_ = received_us + static_cast<uint32_t>(timeout_ms) * 1000;
   set(wire::FLAGS_DRIVING, true);
   return true;
 }

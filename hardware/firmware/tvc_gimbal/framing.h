@@ -37,7 +37,7 @@ class Receiver {
   bool finish();
   void count_lost();
 
-  uint8_t body_[framing::LONGEST];
+  uint8_t body_[framing::LONGEST] = {};
   uint8_t size_ = 0;
   uint8_t code_ = 0;  // of the running COBS block; 0 before the first
   uint8_t left_ = 0;  // bytes still to come in it

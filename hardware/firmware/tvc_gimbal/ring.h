@@ -50,7 +50,7 @@ class Ring {
 
  private:
   static constexpr uint8_t MASK = SIZE - 1;
-  uint8_t data_[SIZE];
+  uint8_t data_[SIZE] = {};
   volatile uint8_t head_ = 0;
   volatile uint8_t tail_ = 0;
 };

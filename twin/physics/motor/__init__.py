@@ -1,8 +1,20 @@
-"""Solid motors: thrust curves of RASP `.eng` files, and the propellant that burns away."""
+"""Solid motors: thrust curves of motor files, and the propellant that burns away."""
 
-from twin.physics.motor.apply import apply_motor
-from twin.physics.motor.curve import Motor, MotorError
+from twin.physics.motor.apply import apply_motor, figures_of
+from twin.physics.motor.curve import Motor
 from twin.physics.motor.depletion import Depletion
-from twin.physics.motor.eng import load, parse, read
+from twin.physics.motor.eng import parse
+from twin.physics.motor.figures import MotorError
+from twin.physics.motor.files import load, read, split_name
 
-__all__ = ["Depletion", "Motor", "MotorError", "apply_motor", "load", "parse", "read"]
+__all__ = [
+    "Depletion",
+    "Motor",
+    "MotorError",
+    "apply_motor",
+    "figures_of",
+    "load",
+    "parse",
+    "read",
+    "split_name",
+]

@@ -8,19 +8,22 @@ import mujoco
 import numpy as np
 
 from twin.errors import TwinError
-from twin.physics.motor.curve import Motor, MotorError
+from twin.physics.motor.curve import Motor
+from twin.physics.motor.figures import MotorError
 from twin.physics.motor.grain import Burn, Grain
+
+SAME_WIDTH = 1e-4  # m; a casing this much narrower than its mount needs no adapter
 
 
 def apply_motor(
     target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, burn: Burn | None = None
-) -> None:
+) -> tuple[str, ...]:
     """Put a motor into a vehicle, before (`MjSpec`) or after (`MjModel`) it is compiled.
 
     The forward end stays where it is, so a shorter motor moves the nozzle up. The curve is
     thinned to the capacity of the numerics `motor_time` and `motor_thrust` with its impulse kept.
     The bodies `gimbal_motor` and `gimbal_propellant` have their origin in the middle of the
-    casing and z along it.
+    casing and z along it. Returns what the user should be told, one line each.
 
     Raises
     ------
@@ -35,11 +38,33 @@ def apply_motor(
             f"motor {motor.name!r} is {motor.diameter * 1e3:g} mm wide;"
             f" the holder takes {bore * 1e3:g} mm"
         )
+    notes: tuple[str, ...] = ()
+    if motor.diameter < bore - SAME_WIDTH:
+        notes = (_adapter(motor, bore),)
     grain = Grain.of(motor, burn)
     _place(target, motor, grain)
     _write_numerics(target, motor, grain)
     if isinstance(target, mujoco.MjModel):
         mujoco.mj_setConst(target, mujoco.MjData(target))
+    return notes
+
+
+def _adapter(motor: Motor, bore: float) -> str:
+    return (
+        f"motor {motor.name} is {motor.diameter * 1e3:g} mm wide and its mount {bore * 1e3:g} mm:"
+        " flown with an adapter that weighs nothing"
+    )
+
+
+def figures_of(target: mujoco.MjSpec | mujoco.MjModel) -> dict[str, float]:
+    """Masses [kg] and sizes [m] of a vehicle's own motor, named as those of `Motor`.
+
+    Raises
+    ------
+    TwinError : the vehicle carries no motor numerics
+    """
+    names = ("propellant_mass", "loaded_mass", "diameter", "length")
+    return {n: float(_element(target, "numeric", f"motor_{n}").data[0]) for n in names}
 
 
 def _element(target: Any, kind: str, name: str) -> Any:

@@ -1,24 +1,18 @@
 """A motor: its thrust curve and the few figures a flight needs."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import TwinError
+from twin.physics.motor.figures import MotorError, check_figures
 
 Array = NDArray[np.float64]
 
 # wide enough for the motors of any model or high-power vehicle, narrow enough to catch wrong units
-LONGEST_BURN = 300.0  # s
-LARGEST_THRUST = 1e5  # N
-LARGEST_MASS = 1e3  # kg
-LARGEST_SIZE = 10.0  # m
-
-
-class MotorError(TwinError):
-    """A motor file or figure that cannot be flown."""
+LONGEST_BURN: Final = 300.0  # s
+LARGEST_THRUST: Final = 1e5  # N
 
 
 @dataclass(frozen=True)
@@ -27,7 +21,7 @@ class Motor:
 
     Attributes
     ----------
-    name : as its file calls it
+    name : designation, as its file gives it
     time : points of the curve, strictly increasing from 0, (n,) [s]
     thrust : at those times, zero at the last, (n,) [N]
     propellant_mass, loaded_mass : [kg]
@@ -51,22 +45,14 @@ class Motor:
         """
         time, thrust = (np.array(values, dtype=np.float64) for values in (self.time, self.thrust))
         _check_curve(self.name, time, thrust)
-        for label, value, largest, unit in (
-            ("propellant mass", self.propellant_mass, LARGEST_MASS, "kg"),
-            ("loaded mass", self.loaded_mass, LARGEST_MASS, "kg"),
-            ("diameter", self.diameter, LARGEST_SIZE, "m"),
-            ("length", self.length, LARGEST_SIZE, "m"),
-        ):
-            if not 0 < value <= largest:
-                raise MotorError(
-                    f"motor {self.name!r}: {label} {value:g} {unit};"
-                    f" must be positive, at most {largest:g} {unit}"
-                )
-        if self.propellant_mass >= self.loaded_mass:
-            raise MotorError(
-                f"motor {self.name!r}: {self.propellant_mass:g} kg of propellant in a loaded motor"
-                f" of {self.loaded_mass:g} kg; the loaded mass includes propellant and casing"
-            )
+        check_figures(
+            self.name,
+            impulse=float(np.trapezoid(thrust, time)),
+            propellant=self.propellant_mass,
+            loaded=self.loaded_mass,
+            diameter=self.diameter,
+            length=self.length,
+        )
         for field, values in (("time", time), ("thrust", thrust)):
             values.setflags(write=False)
             object.__setattr__(self, field, values)
@@ -92,6 +78,12 @@ class Motor:
         """
         burnt = impulse_at(self.time, self.thrust, np.asarray(t)) / self.impulse
         return np.asarray(self.loaded_mass - self.propellant_mass * burnt)
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Masses [kg] and sizes [m] by the names of their attributes."""
+        names = ("propellant_mass", "loaded_mass", "diameter", "length")
+        return {name: getattr(self, name) for name in names}
 
     def simplified(self, count: int) -> Self:
         """The motor with at most `count` points, scaled to the same impulse.
@@ -137,15 +129,18 @@ def _check_curve(name: str, time: Array, thrust: Array) -> None:
             " times must increase from point to point"
         )
     if time[-1] > LONGEST_BURN:
-        raise MotorError(f"{motor}: burns {time[-1]:g} s; more than {LONGEST_BURN:g} s is no motor")
+        raise MotorError(
+            f"{motor}: burns {time[-1]:g} s; more than {LONGEST_BURN:g} s is no motor"
+            " (times must be in seconds)"
+        )
     if thrust.min() < 0:
         raise MotorError(f"{motor}: thrust {thrust.min():g} N is negative")
     if thrust.max() > LARGEST_THRUST:
         raise MotorError(f"{motor}: thrust {thrust.max():g} N; at most {LARGEST_THRUST:g} N")
     if thrust[-1] != 0:
         raise MotorError(
-            f"{motor}: the thrust curve never ends: its last point, at {time[-1]:g} s,"
-            f" is {thrust[-1]:g} N and must be 0"
+            f"{motor}: the thrust curve never ends: its last point is"
+            f" {thrust[-1]:g} N at {time[-1]:g} s; it must end with a thrust of 0"
         )
     if thrust.max() == 0:
         raise MotorError(f"{motor}: no thrust anywhere")

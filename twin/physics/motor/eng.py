@@ -1,55 +1,22 @@
 """RASP `.eng` files: comment lines, a header line, lines of time and thrust; several to a file.
 
-Format: thrustcurve.org, "RASP file format"; the curve starts at (0, 0) without saying so and ends
-at zero thrust.
+Format: thrustcurve.org, "RASP file format"; the curve starts at (0, 0) without stating it and ends
+at zero thrust. Also read: comments anywhere, a byte order mark, any line ends, further points of
+zero thrust after the end.
 """
 
 import math
-from pathlib import Path
+from dataclasses import dataclass, field
+from typing import Final
 
-from twin.physics.motor.curve import Motor, MotorError
+from twin.physics.motor.curve import Motor
+from twin.physics.motor.entry import Entry
+from twin.physics.motor.figures import MotorError
 
-LARGEST_FILE = 4_000_000  # bytes; thrustcurve.org's whole collection is smaller
-MOST_POINTS = 20_000  # per motor
-MOST_NAMES = 8  # listed in a message
-HEADER = "name diameter[mm] length[mm] delays propellant[kg] loaded[kg] maker"
-
-
-def load(path: Path | str, name: str | None = None) -> Motor:
-    """Motor of a file: the only one in it, or the one called `name`.
-
-    Raises
-    ------
-    MotorError : unreadable, malformed, no motor of that name or several, or several and no name
-    """
-    motors = read(Path(path))
-    names = ", ".join(motor.name for motor in motors[:MOST_NAMES])
-    names += ", …" if len(motors) > MOST_NAMES else ""
-    matching = [motor for motor in motors if name is None or motor.name == name]
-    if not matching:
-        raise MotorError(f"{path}: no motor {name!r}; the file holds {names}")
-    if len(matching) > 1:
-        called = "" if name is None else f" called {name!r}"
-        raise MotorError(
-            f"{path} holds {len(matching)} motors{called}: {names}; give a file with one of them"
-        )
-    return matching[0]
-
-
-def read(path: Path) -> list[Motor]:
-    """All motors of a file, in order.
-
-    Raises
-    ------
-    MotorError : unreadable or malformed, with the line
-    """
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise MotorError(f"{path} is larger than {LARGEST_FILE} bytes; no .eng file is")
-        text = path.read_bytes().decode("utf-8", errors="replace")
-    except OSError as error:
-        raise MotorError(f"cannot read motor {path}: {error.strerror}") from error
-    return parse(text, str(path))
+MOST_POINTS: Final = 20_000  # per motor
+MOST_MOTORS: Final = 10_000
+HEADER: Final = "name diameter[mm] length[mm] delays propellant[kg] loaded[kg] maker"
+HEADER_WORDS: Final = 7
 
 
 def parse(text: str, source: str = "motor") -> list[Motor]:
@@ -57,85 +24,131 @@ def parse(text: str, source: str = "motor") -> list[Motor]:
 
     Raises
     ------
-    MotorError : malformed, with the line
+    MotorError : the first motor that is malformed, with the line
     """
-    motors: list[Motor] = []
-    header: list[str] | None = None
-    points: list[tuple[float, float]] = []
-    for number, raw in enumerate(text.splitlines(), 1):
+    motors = []
+    for entry in entries(text, source):
+        if entry.motor is None:
+            raise MotorError(entry.fault)
+        motors.append(entry.motor)
+    return motors
+
+
+def entries(text: str, source: str = "motor") -> list[Entry]:
+    """All motors of an `.eng` text in order; one that is malformed spoils no other.
+
+    Raises
+    ------
+    MotorError : the text holds no motor, or too many
+    """
+    drafts: list[_Draft] = []
+    for number, raw in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
         words = raw.partition(";")[0].split()
         if not words:
             continue
         where = f"{source}, line {number}"
-        if header is None:
-            header, points = _header(words, where), []
-            continue
-        points.append(_point(words, where))
-        if len(points) > MOST_POINTS:
-            raise MotorError(f"{where}: more than {MOST_POINTS} points in one curve")
-        if points[-1][1] == 0 and points[-1][0] > 0 and _burning(points):
-            motors.append(_motor(header, points, source))
-            header = None
-    if header is not None:
-        last = f"{points[-1][1]:g} N at {points[-1][0]:g} s" if points else "the header"
-        raise MotorError(
-            f"{source}: the thrust curve of {header[0]!r} never ends: its last point is {last};"
-            " it must end with a thrust of 0"
-        )
-    if not motors:
+        if not drafts or _starts_motor(words):
+            drafts.append(_Draft(words, where))
+        else:
+            drafts[-1].add(words, where)
+        if len(drafts) > MOST_MOTORS:
+            raise MotorError(f"{where}: more than {MOST_MOTORS} motors in one file")
+    if not drafts:
         raise MotorError(f"{source}: holds no motor; a header line reads {HEADER}")
-    return motors
+    return [draft.entry(source) for draft in drafts]
 
 
-def _burning(points: list[tuple[float, float]]) -> bool:
-    return any(thrust > 0 for _, thrust in points)
+def _starts_motor(words: list[str]) -> bool:
+    """Whether a line is a header, also a malformed one: a point begins with a number."""
+    return len(words) >= HEADER_WORDS or not _is_number(words[0])
 
 
-def _header(words: list[str], where: str) -> list[str]:
-    if len(words) < 7:
-        raise MotorError(
-            f"{where}: a header line has 7 words, {HEADER}; here are {len(words)}: {_quote(words)}"
+@dataclass
+class _Draft:
+    """A motor while its lines are read; the first fault is kept."""
+
+    header: list[str]
+    where: str
+    points: list[tuple[float, float]] = field(default_factory=list)
+    fault: str = ""
+
+    def __post_init__(self) -> None:
+        if len(self.header) < HEADER_WORDS:
+            self.fault = (
+                f"{self.where}: a header line has {HEADER_WORDS} words, {HEADER};"
+                f" here are {len(self.header)}: {_quote(self.header)}"
+            )
+            return
+        for k in (1, 2, 4, 5):
+            self._number(self.header[k], self.where)
+
+    def add(self, words: list[str], where: str) -> None:
+        """Take a line of the curve."""
+        if self.fault:
+            return
+        if len(words) != 2:
+            self.fault = (
+                f"{where}: expected time [s] and thrust [N], found {len(words)} words:"
+                f" {_quote(words)}"
+            )
+        elif len(self.points) >= MOST_POINTS:
+            self.fault = f"{where}: more than {MOST_POINTS} points in one curve"
+        else:
+            self.points.append((self._number(words[0], where), self._number(words[1], where)))
+
+    def _number(self, word: str, where: str) -> float:
+        if not _is_number(word):
+            self.fault = self.fault or f"{where}: {_quote([word])} is not a number"
+            return math.nan
+        if not math.isfinite(float(word)):
+            self.fault = self.fault or f"{where}: {word[:40]} is not finite"
+        return float(word)
+
+    def entry(self, source: str) -> Entry:
+        """The motor, or why there is none."""
+        name, maker = self.header[0][:60], " ".join(self.header[6:])[:60]
+        if self.fault:
+            return Entry(name, maker, fault=self.fault)
+        try:
+            return Entry(name, maker, self._motor(name))
+        except MotorError as error:
+            return Entry(name, maker, fault=f"{source}: {error}")
+
+    def _motor(self, name: str) -> Motor:
+        if not self.points:
+            raise MotorError(
+                f"motor {name!r}: the thrust curve never ends: the header is its last line;"
+                " points of time [s] and thrust [N] must follow, the last with a thrust of 0"
+            )
+        time, thrust = curve(self.points)
+        return Motor(
+            name=name,
+            time=time,  # type: ignore[arg-type]
+            thrust=thrust,  # type: ignore[arg-type]
+            propellant_mass=float(self.header[4]),
+            loaded_mass=float(self.header[5]),
+            diameter=float(self.header[1]) * 1e-3,
+            length=float(self.header[2]) * 1e-3,
         )
-    for word in (words[1], words[2], words[4], words[5]):
-        _number(word, where)
-    return words
 
 
-def _point(words: list[str], where: str) -> tuple[float, float]:
-    if len(words) != 2:
-        raise MotorError(
-            f"{where}: expected time [s] and thrust [N], found {len(words)} words: {_quote(words)}"
-        )
-    return _number(words[0], where), _number(words[1], where)
+def curve(points: list[tuple[float, float]]) -> tuple[list[float], list[float]]:
+    """Times [s] and thrusts [N] from (0, 0) or the first point, without zeros after the end."""
+    last = max((k for k, (_, thrust) in enumerate(points) if thrust != 0), default=0)
+    kept = points[: last + 2]
+    if kept and kept[0][0] != 0:
+        kept = [(0.0, 0.0), *kept]
+    return [t for t, _ in kept], [f for _, f in kept]
 
 
-def _number(word: str, where: str) -> float:
+def _is_number(word: str) -> bool:
     try:
-        value = float(word)
+        float(word)
     except ValueError:
-        raise MotorError(f"{where}: {_quote([word])} is not a number") from None
-    if not math.isfinite(value):
-        raise MotorError(f"{where}: {word} is not finite")
-    return value
+        return False
+    return True
 
 
 def _quote(words: list[str]) -> str:
     text = " ".join(words)
     return repr(text if len(text) <= 60 else text[:57] + "...")
-
-
-def _motor(header: list[str], points: list[tuple[float, float]], source: str) -> Motor:
-    if points[0][0] != 0:
-        points = [(0.0, 0.0), *points]
-    try:
-        return Motor(
-            name=header[0],
-            time=[t for t, _ in points],  # type: ignore[arg-type]
-            thrust=[f for _, f in points],  # type: ignore[arg-type]
-            propellant_mass=float(header[4]),
-            loaded_mass=float(header[5]),
-            diameter=float(header[1]) * 1e-3,
-            length=float(header[2]) * 1e-3,
-        )
-    except MotorError as error:
-        raise MotorError(f"{source}: {error}") from None

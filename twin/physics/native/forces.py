@@ -12,7 +12,16 @@ from twin.physics import aerodynamics as air
 from twin.physics.native import ramp
 from twin.physics.native.cache import jit
 from twin.physics.native.index import FIRST, NOZZLE, PROPELLANT, VEHICLE, locate
-from twin.physics.native.layout import DATA, MODEL, address, floats, integers, number, size
+from twin.physics.native.layout import (
+    DATA,
+    MODEL,
+    address,
+    constant,
+    floats,
+    integers,
+    number,
+    size,
+)
 from twin.physics.native.names import SLOT
 from twin.physics.native.rigid_body import (
     Array,
@@ -35,7 +44,7 @@ _SITE_BODY = MODEL["site_bodyid"]
 
 
 def _slot(name: str) -> int:
-    return FIRST + 2 * SLOT[name]
+    return constant(FIRST + 2 * SLOT[name])
 
 
 _AIR, _AIR_MODEL, _ALTITUDE = _slot("air_enabled"), _slot("air_model"), _slot("air_altitude")
@@ -126,7 +135,7 @@ def _motor(m: int, d: int, data: Array, index: Array) -> None:
         return
     site = int(index[NOZZLE])
     nsite, nbody = size(m, _NSITE), size(m, _NBODY)
-    body = integers(m, _SITE_BODY, nsite)[site]
+    body = int(np.int64(integers(m, _SITE_BODY, nsite)[site]))  # as `_guide` has it
     nozzle = vector(floats(d, _SITE_XPOS, 3 * nsite), site)
     axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
     up = (axis[2], axis[5], axis[8])

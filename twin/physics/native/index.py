@@ -16,7 +16,7 @@ from twin.physics.aerodynamics import gust_modes
 from twin.physics.aerodynamics.atmosphere import MODE
 from twin.physics.native.cache import jit
 from twin.physics.native.check import check
-from twin.physics.native.layout import MODEL, characters, floats, integers, size
+from twin.physics.native.layout import MODEL, characters, constant, floats, integers, size
 from twin.physics.native.names import BODIES, INDEX, NUMERICS, SITES
 from twin.physics.native.ramp import launch_pose
 
@@ -33,6 +33,7 @@ def _packed(names: tuple[str, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64
 
 
 _TEXT, _START = _packed((INDEX, *BODIES, *SITES, *(n.name for n in NUMERICS)))
+_OWN: Final = constant(0)  # of the packed names; the others follow in the order of their slots
 _LEAST = np.array([n.size for n in NUMERICS])
 _NAMES, _NAMES_SIZE = MODEL["names"], MODEL["nnames"]
 _NUMERICS, _NUMERIC_NAMES = MODEL["nnumeric"], MODEL["name_numericadr"]
@@ -65,11 +66,11 @@ def resolve(m: int, index: NDArray[np.float64]) -> None:
     starts = integers(m, _ADDRESS, size(m, _NUMERICS))
     sizes = integers(m, _SIZE, size(m, _NUMERICS))
     index[0] = MARK
-    index[VEHICLE] = _find(text, bodies, 1)
-    index[PROPELLANT] = _find(text, bodies, 2)
-    index[NOZZLE] = _find(text, sites, 3)
+    index[VEHICLE] = _find(text, bodies, _OWN + VEHICLE)
+    index[PROPELLANT] = _find(text, bodies, _OWN + PROPELLANT)
+    index[NOZZLE] = _find(text, sites, _OWN + NOZZLE)
     for k in range(_LEAST.size):
-        found = _find(text, numerics, 4 + k)
+        found = _find(text, numerics, _OWN + FIRST + k)
         short = found < 0 or sizes[found] < _LEAST[k]
         index[FIRST + 2 * k] = -1 if short else starts[found]
         index[FIRST + 2 * k + 1] = 0 if short else sizes[found]
@@ -86,7 +87,7 @@ def locate(m: int) -> tuple[bool, NDArray[np.float64]]:
             return True, data[starts[k] : starts[k] + LENGTH]
     text = characters(m, _NAMES, size(m, _NAMES_SIZE))
     names = integers(m, _NUMERIC_NAMES, size(m, _NUMERICS))
-    found = _find(text, names, 0)
+    found = _find(text, names, _OWN)
     if found < 0:
         return False, data[:0]
     index = np.empty(LENGTH)

@@ -16,7 +16,7 @@ Compiled code takes the address of a struct and an offset::
 import ctypes
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import mujoco
 import numpy as np
@@ -87,8 +87,20 @@ def _struct_extent(fields: Sequence[Any]) -> tuple[int, int]:
     return end + -end % alignment, alignment
 
 
-MODEL: Final[dict[str, int]] = _place(structs.STRUCTS["mjModel"].fields)[0]
-DATA: Final[dict[str, int]] = _place(structs.STRUCTS["mjData"].fields)[0]
+def constant(value: int) -> int:
+    """Integer that numba types as int64; a Python int would be a literal, with its own compilation.
+
+    `size(m, _NBODY)` and `size(m, _NSITE)` then share their machine code.
+    """
+    return cast(int, np.int64(value))
+
+
+def _offsets(struct: str) -> dict[str, int]:
+    return {n: constant(at) for n, at in _place(structs.STRUCTS[struct].fields)[0].items()}
+
+
+MODEL: Final = _offsets("mjModel")
+DATA: Final = _offsets("mjData")
 TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; checked by a test
 
 

@@ -53,7 +53,7 @@ def vector(array: Array, row: int) -> Vector:
 def velocity_at(m: int, d: int, body: int, point: Vector) -> tuple[Vector, Vector]:
     """World velocity of a body's point, and the body's angular velocity."""
     nbody = size(m, _NBODY)
-    root = integers(m, _ROOT, nbody)[body]
+    root = int(np.int64(integers(m, _ROOT, nbody)[body]))
     com = vector(floats(d, _COM, 3 * nbody), root)
     cvel = floats(d, _CVEL, 6 * nbody)[6 * body : 6 * body + 6]
     w = (cvel[0], cvel[1], cvel[2])
@@ -68,7 +68,7 @@ def apply_force(m: int, d: int, body: int, point: Vector, force: Vector, torque:
     The same as mj_applyFT, along the chain of dofs above the body.
     """
     nbody, nv = size(m, _NBODY), size(m, _NV)
-    root = integers(m, _ROOT, nbody)[body]
+    root = int(np.int64(integers(m, _ROOT, nbody)[body]))
     com = vector(floats(d, _COM, 3 * nbody), root)
     arm = cross((point[0] - com[0], point[1] - com[1], point[2] - com[2]), force)
     t = (torque[0] + arm[0], torque[1] + arm[1], torque[2] + arm[2])

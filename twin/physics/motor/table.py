@@ -1,0 +1,107 @@
+"""Thrust curves as tables: two columns, time [s] and thrust [N].
+
+The other figures of the motor are those of the motor it replaces, unless comment lines give them:
+`# propellant_mass = 60 g`, `# loaded_mass = 125 g`, `# diameter = 29 mm`, `# length = 124 mm`.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Final
+
+from twin.physics.motor.curve import Motor
+from twin.physics.motor.eng import MOST_POINTS, curve
+from twin.physics.motor.entry import Entry
+from twin.physics.motor.figures import MotorError
+from twin.physics.units import Kind, UnitError, quantity
+
+FIGURES: Final[Mapping[str, Kind]] = {
+    "propellant_mass": "mass",
+    "loaded_mass": "mass",
+    "diameter": "length",
+    "length": "length",
+}
+_FIGURE = re.compile(r"\s*(\w+)\s*[=:]\s*(.*?)\s*")
+_SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
+
+
+def entries(
+    text: str, source: str, name: str, like: Mapping[str, float] | None = None
+) -> list[Entry]:
+    """The one motor of a table.
+
+    Parameters
+    ----------
+    name : of the motor
+    like : figures [SI] of the motor that it replaces, by the names of `FIGURES`
+
+    Raises
+    ------
+    MotorError : not a table of two columns, or without the other figures
+    """
+    figures, points = dict(like or {}), []
+    heading = True  # one line of column names may come first
+    for number, raw in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
+        where = f"{source}, line {number}"
+        line, _, comment = raw.partition("#")
+        _read_figure(comment, where, figures)
+        if not (line := line.strip(" \t,;")):
+            continue
+        cells = _SEPARATOR.split(line)
+        if heading and not any(map(_is_number, cells)):
+            heading = False
+            continue
+        heading = False
+        points.append(_point(cells, where))
+        if len(points) > MOST_POINTS:
+            raise MotorError(f"{where}: more than {MOST_POINTS} points in one curve")
+    return [_entry(points, figures, source, name)]
+
+
+def _entry(
+    points: list[tuple[float, float]], figures: Mapping[str, float], source: str, name: str
+) -> Entry:
+    if not points:
+        raise MotorError(f"{source}: holds no points; must have two columns, time [s], thrust [N]")
+    if missing := [figure for figure in FIGURES if figure not in figures]:
+        raise MotorError(
+            f"{source}: a thrust table has no {', '.join(missing)}; give each as a comment line"
+            " such as '# propellant_mass = 60 g'"
+        )
+    time, thrust = curve(points)
+    try:
+        motor = Motor(name=name, time=time, thrust=thrust, **figures)  # type: ignore[arg-type]
+    except MotorError as error:
+        return Entry(name, fault=f"{source}: {error}")
+    return Entry(name, motor=motor)
+
+
+def _read_figure(comment: str, where: str, figures: dict[str, float]) -> None:
+    match = _FIGURE.fullmatch(comment)
+    if match is None or match[1] not in FIGURES:
+        return
+    text = match[2]
+    value: object = float(text) if _is_number(text) else text
+    try:
+        figures[match[1]] = quantity(value, FIGURES[match[1]])
+    except UnitError as error:
+        raise MotorError(f"{where}: {match[1]} = {text[:40]!r} {error}") from None
+
+
+def _point(cells: list[str], where: str) -> tuple[float, float]:
+    if len(cells) != 2:
+        raise MotorError(
+            f"{where}: has {len(cells)} columns; a thrust table has two, time [s] and thrust [N]"
+        )
+    for cell in cells:
+        if not _is_number(cell) or not math.isfinite(float(cell)):
+            raise MotorError(f"{where}: {cell[:40]!r} is not a finite number")
+    return float(cells[0]), float(cells[1])
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
