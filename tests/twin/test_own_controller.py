@@ -123,10 +123,10 @@ def test_a_failing_update_is_reported_in_one_line_with_file_and_line(
     adapter = OwnController(load(f"{file}:Loop"), *seat, 0.004)
     with pytest.raises(ControllerError) as caught:
         adapter.update(0.1, GimbalState(0, (0.0, 0.0)))
-    told = str(caught.value)
-    assert told.startswith(f"controller at 0.1000 s: {file}, line {line}: ")
-    assert says in told
-    assert "\n" not in told
+    message = str(caught.value)
+    assert message.startswith(f"controller at 0.1000 s: {file}, line {line}: ")
+    assert says in message
+    assert "\n" not in message
 
 
 def test_a_failing_controller_ends_the_command_with_2_and_keeps_the_recording(capsys, tmp_path):
