@@ -176,8 +176,8 @@ class Doctor(Settings):
     group: ClassVar[str] = "doctor"
 
     vehicle: Path | None = None
-    """MJCF file of a vehicle: report mass, thrust to weight, static margin, fit of its coefficients
-    to its geometry."""
+    """Description (TOML) or MJCF file of a vehicle: report mass, thrust to weight, static margin,
+    fit of its coefficients to its geometry."""
     mechanism: Path | None = None
     """MJCF file of a gimbal mechanism: report mobility, workspace and reach."""
 

@@ -9,6 +9,7 @@ from twin.config.base import Settings
 from twin.config.evaluation import Compare, Doctor, Identify, Report, View
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import Converge, Fly, Replay, Step
+from twin.config.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,7 @@ VERBS = (
     Verb("converge", Converge, "twin.experiments.convergence:converge"),
     Verb("replay", Replay, "twin.experiments.replay:replay"),
     Verb("rig", Rig, "twin.experiments.serve:rig"),
+    Verb("vehicle", Vehicle, "twin.experiments.vehicle:vehicle"),
     Verb("view", View, "twin.cli.view:view"),
     Verb("doctor", Doctor, "twin.cli.doctor:doctor"),
 )

@@ -3,6 +3,6 @@
 from twin.physics.vehicle.built import Vehicle
 from twin.physics.vehicle.design import Design, VehicleError
 from twin.physics.vehicle.mjcf import mjcf
-from twin.physics.vehicle.read import motor_path, parse, read
+from twin.physics.vehicle.read import described, motor_path, parse, read
 
-__all__ = ["Design", "Vehicle", "VehicleError", "mjcf", "motor_path", "parse", "read"]
+__all__ = ["Design", "Vehicle", "VehicleError", "described", "mjcf", "motor_path", "parse", "read"]

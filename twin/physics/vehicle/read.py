@@ -44,11 +44,21 @@ def read(path: Path, motor_file: str | Path | None = None) -> Design:
     VehicleError : unreadable, or the key, its value and what would be right
     MotorError : the motor file cannot be used
     """
-    design = parse(_text(path), str(path), path)
+    design = described(path)
     if motor_file is not None:
         like = None if not design.motor.file else _own_motor(design).figures
         return replace(design, motor_data=motor.load(motor_file, like=like))
     return replace(design, motor_data=_own_motor(design)) if design.motor.file else design
+
+
+def described(path: Path) -> Design:
+    """Design of a vehicle's TOML file, without its motor.
+
+    Raises
+    ------
+    VehicleError : unreadable, or the key, its value and what would be right
+    """
+    return parse(_text(path), str(path), path)
 
 
 def motor_path(design: Design) -> Path | None:
