@@ -255,7 +255,7 @@ class TestMirror:
             pytest.skip("no pseudo-terminals here")
         with served(tcp=tcp) as (simulated, url):
             pulled_thrice(simulated, monkeypatch)
-            asked = Mirror(gimbal=url, steer="joystick", duration_s=5.0, out=tmp_path / "m.rrd")
+            asked = Mirror(gimbal=url, steer="joystick", duration_s=4.0, out=tmp_path / "m.rrd")
             result = mirror(asked)
         assert result.ended == "time"
         assert len(result.gaps_s) == 3, result
