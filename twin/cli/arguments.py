@@ -7,6 +7,7 @@ import io
 import re
 import textwrap
 from dataclasses import MISSING, field, fields, make_dataclass
+from difflib import get_close_matches
 from typing import Annotated, Any, get_args, get_origin
 
 import tyro
@@ -23,8 +24,13 @@ TYRO = {
     REPEATABLE: tyro.conf.UseAppendAction,
     FLAG: tyro.conf.FlagCreatePairsOff,
 }
+MISTAKE = 2  # tyro's exit code for arguments that it cannot use
 # tyro's messages, and the same in the words of this program
 PLAINER = (
+    (
+        r"no type matching \{?FLOAT(?: FLOAT)+\}? could be instantiated from \[(.*?)\]\.?",
+        r"\1: must be as many numbers as the help shows",
+    ),
     (r"no type matching FLOAT could be instantiated from \['(.*?)'\]\.?", r"'\1' is not a number"),
     (r"could not convert string to float: '(.*?)'", r"'\1' is not a number"),
     (r"invalid literal for int\(\) with base 10: '(.*?)'", r"'\1' is not a whole number"),
@@ -51,13 +57,28 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
     """
     if arguments and not arguments[0].startswith("-"):
         if arguments[0] not in BY_NAME:
-            raise TwinError(f"no verb {arguments[0]!r}; there are {', '.join(BY_NAME)}")
+            near = get_close_matches(arguments[0], BY_NAME, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(BY_NAME)}"
+            raise TwinError(f"no verb {arguments[0]!r}; {hint}")
         verb = BY_NAME[arguments[0]]
         given = _parsed(_grouped(verb.settings), verb.settings.__doc__, verb.name, arguments[1:])
         flat = {k: v for group in vars(given).values() for k, v in vars(group).items()}
         return verb, verb.settings.of(flat)
     print(_overview())
     raise SystemExit(0 if arguments and arguments[0] in ("-h", "--help") else 2)
+
+
+def _suggested(advice: str, kind: type[Settings]) -> str:
+    """The message about an unknown option, with the nearest option there is."""
+    unknown = re.match(r"Unrecognized options: (--[\w-]+)", advice)
+    if unknown is None:
+        return advice
+    flags = [f"--{name.replace('_', '-')}" for name in hints(kind)]
+    near = get_close_matches(unknown[1], flags, n=2) or [
+        f for f in flags if f.startswith(unknown[1])
+    ]
+    hint = f"; did you mean {' or '.join(near)}?" if near else ""
+    return f"unknown option {unknown[1]}{hint}"
 
 
 def _overview() -> str:
@@ -83,11 +104,10 @@ def _parsed(kind: type, description: str | None, name: str, arguments: list[str]
                 config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
             )
     except SystemExit as end:
-        if end.code in (0, None):
+        if end.code != MISTAKE:  # help was printed, or a signal ends the process
             raise
-        raise TwinError(
-            f"{_advice(box.getvalue())} (`twin {name} --help` lists the options)"
-        ) from None
+        advice = _suggested(_advice(box.getvalue()), BY_NAME[name].settings)
+        raise TwinError(f"{advice} (`twin {name} --help` lists the options)") from None
 
 
 def _grouped(kind: type[Settings]) -> type:
@@ -95,6 +115,7 @@ def _grouped(kind: type[Settings]) -> type:
     groups: dict[str, list[tuple[str, Any, Any]]] = {}
     for f in fields(kind):
         group, help_text = described(kind, f.name)
+        help_text = help_text.replace("VERB", kind.__name__.lower())
         hint, default = _for_tyro(hints(kind)[f.name], f.default)
         argument = tyro.conf.arg(help=help_text, help_behavior_hint=_behaviour(f.default))
         marked = Annotated[hint, argument]  # type: ignore[valid-type]
@@ -168,4 +189,4 @@ def _advice(box: str) -> str:
     text = " ".join(first).removeprefix("Error parsing ")
     for pattern, plain in PLAINER:
         text = re.sub(pattern, plain, text)
-    return text
+    return text.replace("one of 'None', ", "one of ")

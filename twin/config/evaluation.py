@@ -38,7 +38,7 @@ class Columns(Settings):
     input_stamps: Literal["exact", "sampled"] | None = None
     """Without `--commands`: each command was given at the sample that first shows it (exact, as in
     the log of the control loop itself), or at any time since the sample before (sampled). If
-    omitted, as exact with delays uncertain by one sampling period."""
+    omitted, like exact, with the delay's interval widened by one sampling period."""
     before: str | None = None
     """Commands in force before the first row, separated by commas, in the unit of the commands."""
 
@@ -88,9 +88,9 @@ class Identify(Columns, Output, Parameters):
     initial: Literal["rest", "free"] = "rest"
     """Whether the gimbal was at rest when a record starts, or may have moved (free)."""
     check: Files = ()
-    """Another recording or table, only to be predicted. Repeatable."""
+    """Recording or table for validation: predicted, not fitted. Repeatable."""
     both: Flag = False
-    """Write the model of a single axis for both axes, so that it can be flown."""
+    """Use the model of a single axis for both axes, so that it can be flown."""
     parameters: tuple[str, ...] = ()
     """Parameters that `--linkage` fits; those of servos and joints if omitted."""
     mechanism: Path | None = None
@@ -127,7 +127,7 @@ class Compare(Columns, Output):
     simulated angles."""
     _: KW_ONLY
     fail_below: Annotated[float, Range(-1e6, 100.0, "%")] | None = None
-    """Exit with 1 if the fit of an axis is below this value [%]."""
+    """Exit with 1 if the fit of an axis, delay not removed, is below this value [%]."""
     longest_delay_ms: Milliseconds = 250.0
     """Longest delay of one motion behind the other that is searched [ms]."""
     out: Path | None = None

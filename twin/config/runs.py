@@ -58,8 +58,8 @@ class Fly(FaultResponse, Run):
     """Time at which the step, doublet or pitch-over begins [s]."""
     about: Literal["level", "x"] | None = None
     """Axis about which step, doublet and pitch-over turn the nose: horizontal, across the launch
-    direction (level), or the vehicle's x axis (x, as a turntable can play it); x with `--attitude
-    base-gyro`, level otherwise, if omitted."""
+    direction (level), or the vehicle's x axis (x, as a turntable can reproduce it); x with
+    `--attitude base-gyro`, level otherwise, if omitted."""
     attitude: Literal["truth", "base-gyro"] = "truth"
     """Attitude that the controller sees: that of the simulated vehicle (truth), or the estimate
     from the IMU on the base of a rig that a third servo turns like the vehicle (base-gyro, the
@@ -70,7 +70,7 @@ class Fly(FaultResponse, Run):
     """Longest flight [s]; it ends earlier on the ground or past the point."""
     repeat: Count = 1
     """Number of flights, each with the next seed; more than one writes a page with the spread of
-    paths, for a rig beside both models."""
+    paths and, for a rig, the comparison with both models."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.
@@ -175,7 +175,7 @@ class Replay(Output, Parameters):
     """Own controller of the recorded flight, FILE.py:NAME; a file named in a recording is never
     executed."""
     force: Flag = False
-    """Also if the versions of libraries or the model differ from those recorded."""
+    """Replay even if versions of libraries or the model differ from those recorded."""
     out: Path | None = None
     """Recording to write; RECORDING.replay.rrd if omitted."""
 

@@ -45,7 +45,7 @@ class Range:
     def __str__(self) -> str:
         """Both limits in words."""
         unit = f" {self.unit}" if self.unit else ""
-        what = "of a size " if self.size else ""
+        what = "a magnitude " if self.size else ""
         if math.isinf(self.high):
             return f"{what}at least {self.low:g}{unit}"
         if math.isinf(self.low):

@@ -35,11 +35,13 @@ class CalibrationResult(Result):
     file : written
     calibration : result of the run
     duration_s : rig time
+    gimbal : the rig's seat
     """
 
     file: str
     calibration: Calibration
     duration_s: float
+    gimbal: str = "emulator"
 
     def as_dict(self) -> dict[str, Any]:
         """The file's content, its path, and the map's uncertainty at 0 and 8° on both axes."""
@@ -77,7 +79,11 @@ class CalibrationResult(Result):
         rows.append(("gyro bias", f"{bias} °/s"))
         if c.note:
             rows.append(("note", c.note))
-        return [*rows, ("calibration", self.file), ("", f"twin mirror --calibration {self.file}")]
+        return [
+            *rows,
+            ("calibration", self.file),
+            ("", f"twin mirror --gimbal {self.gimbal} --calibration {self.file}"),
+        ]
 
     def _uncertainty(self, axis: int) -> str:
         sigmas = (FIGURE * degrees(self.calibration.sigma((a, a))[axis]) for a in REPORTED)
@@ -107,7 +113,7 @@ def calibrate(config: Calibrate) -> CalibrationResult:
             seat.rig.neutral()
         duration = (seat.now_ns() - began) * 1e-9
     write(config.out, result)
-    return CalibrationResult(str(config.out), result, duration)
+    return CalibrationResult(str(config.out), result, duration, config.gimbal)
 
 
 def _rig(config: Calibrate) -> CalibrationRig:
