@@ -91,7 +91,7 @@ MISTAKES = [
     ("fly --set-from huge.json", "not a number"),
     ("fly --vehicle deep.xml", "deep.xml"),
     ("fly --out flight.txt", ".rrd"),
-    ("fly --out /proc/nowhere/flight.rrd", "cannot record"),
+    ("fly --out /proc/nowhere/flight.rrd", "cannot write"),
     ("fly --gimbal transfer-function --model other.json", "schema"),
     ("fly --gimbal transfer-function --model missing.json", "missing.json"),
     ("fly --gimbal rope", "linkage"),

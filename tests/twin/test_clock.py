@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.conftest import patient
 from twin.loop import realtime
-from twin.loop.clock import LOOK_NS, Ledger, Lockstep, Wall
+from twin.loop.clock import MEANWHILE_NS, Ledger, Lockstep, Wall
 
 MS = 1_000_000
 
@@ -105,7 +105,7 @@ def test_what_is_done_meanwhile_is_left_in_time_for_the_deadline():
         done = len(calls)
         clock.wait(6 * MS, lambda: bool(calls.append(0)))
     assert done > 1
-    assert calls[done - 1] < ended - LOOK_NS  # the last look leaves time to sleep
+    assert calls[done - 1] < ended - MEANWHILE_NS  # the last look leaves time to sleep
     assert len(calls) <= done + 1  # false is the end of it
 
 

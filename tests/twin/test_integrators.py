@@ -9,7 +9,8 @@ from twin.config import Converge
 from twin.errors import TwinError
 from twin.experiments.convergence import flights
 from twin.physics import native
-from twin.plant.integrators import NAMES, AdamsBashforth, coefficients, make
+from twin.plant.adams_bashforth import AdamsBashforth, coefficients
+from twin.plant.integrators import NAMES, make
 from twin.plant.plant import Plant
 
 # Coefficients as printed in E. Hairer et al., Solving Ordinary Differential Equations I, §III.1

@@ -106,7 +106,7 @@ def test_a_vehicle_given_as_a_file_is_the_scenes_own_when_it_is_the_same_file():
     np.testing.assert_array_equal(own.mj.mesh_vert, given.mj.mesh_vert)
 
 
-def test_every_missing_name_is_told_at_once(tmp_path):
+def test_all_missing_names_are_reported_at_once(tmp_path):
     path = tmp_path / "vehicle.xml"
     path.write_text('<mujoco><worldbody><body name="vehicle"/></worldbody></mujoco>')
     with pytest.raises(TwinError, match="joint 'vehicle', site 'gimbal_nozzle'"):
@@ -140,9 +140,9 @@ def test_the_digest_follows_the_physics():
         ("wind_modes[3]", "wind_seed"),
     ],
 )
-def test_a_parameter_that_something_else_decides_is_refused_with_what_to_set(name, instead):
+def test_a_parameter_without_effect_is_refused_with_the_one_to_set(name, instead):
     own = load(ModelConfig()).mj
-    with pytest.raises(TwinError, match=f"change nothing.*{instead}"):
+    with pytest.raises(TwinError, match=f"has no effect.*{instead}"):
         load(ModelConfig(overrides={name: overrides.value(own, name) + 1e-3}))
 
 

@@ -1,4 +1,4 @@
-"""Lockstep and wall clock, and the ledger of how late the wall clock's ticks were."""
+"""Lockstep and wall clock, and the lateness of every tick on the wall clock."""
 
 import gc
 import time
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from twin.loop import realtime
 from twin.loop.realtime import Rights
 
-LOOK_NS = 100_000  # between two calls of `meanwhile`
+MEANWHILE_NS = 100_000  # between two calls of `meanwhile`
 
 
 class Clock(Protocol):
     """Decides when the next tick may begin; a context manager around the loop."""
 
     def __enter__(self) -> Self:
-        """Take from the process what the loop needs."""
+        """Prepare the process for the loop."""
 
     def __exit__(
         self,
@@ -28,19 +28,19 @@ class Clock(Protocol):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Give back what the clock took from the process."""
+        """Restore the process."""
 
     def wait(self, time_ns: int, meanwhile: Callable[[], bool] | None = None) -> int:
-        """Return when experiment time `time_ns` has come; the lateness [ns].
+        """Wait until experiment time `time_ns`; return the lateness [ns].
 
         Parameters
         ----------
-        meanwhile : short; called again and again while there is time and it says true
+        meanwhile : called repeatedly while there is time left and it returns true; must be short
         """
 
 
 class Lockstep:
-    """Simulation time: the next tick may always begin."""
+    """Simulation time: the next tick begins at once."""
 
     def __enter__(self) -> Self:
         return self
@@ -49,30 +49,30 @@ class Lockstep:
         return None
 
     def wait(self, time_ns: int, meanwhile: Callable[[], bool] | None = None) -> int:  # noqa: ARG002
-        """Never late."""
+        """Return at once; never late."""
         return 0
 
 
 class Wall:
-    """Real time by absolute deadlines, so that lateness never adds up to drift.
+    """Real time by absolute deadlines, so that lateness does not accumulate to drift.
 
-    The first `wait` is for the first tick, and returns at once: time counts from there.
+    The first `wait` returns at once and sets the origin of time.
 
     Overruns: a tick whose deadline has passed begins at once, and so do those after it until the
-    loop has caught up. No tick is skipped and the physics step never changes, so the flight stays
-    the one that was asked for; what was lost is its hold on the clock, which is counted.
+    loop has caught up. No tick is skipped and the physics step never changes, so the simulated
+    motion is unaffected; ticks that began late are counted.
 
     Parameters
     ----------
-    spin_ns : length of the busy tail before a deadline [ns]; 150 µs brings the 99th percentile
-        of wake-up from about 90 µs to below 1 µs, for that much processor time a tick
-    privileged : ask for SCHED_FIFO and locked memory; `rights` tells what came of it
+    spin_ns : length of the busy wait before a deadline [ns]; 150 µs brings the 99th percentile of
+        wake-up from about 90 µs to below 1 µs, at that much processor time a tick
+    privileged : request SCHED_FIFO and locked memory; `rights` has the outcome
 
     Attributes
     ----------
-    overruns : ticks whose deadline passed while the loop was still busy with the one before
-    rights : what the system granted, known within the block
-    stolen : time that a virtual machine's host withheld meanwhile, known after the block [s]
+    overruns : ticks whose deadline passed while the loop was busy with the previous tick
+    rights : what the system granted; set within the block
+    stolen : time withheld by the host of a virtual machine; set after the block [s]
     """
 
     def __init__(self, spin_ns: int = 0, *, privileged: bool = True) -> None:
@@ -84,7 +84,7 @@ class Wall:
         self.stolen = 0.0
 
     def __enter__(self) -> Self:
-        # A collection in mid-loop costs milliseconds; what exists now will live to the end anyway.
+        # A collection within the loop costs milliseconds; what exists now lives to its end.
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -113,8 +113,8 @@ class Wall:
             self.overruns += 1
             return now - deadline
         end = deadline - self._spin
-        while meanwhile is not None and end - now > 2 * LOOK_NS and meanwhile():
-            time.sleep(LOOK_NS * 1e-9)
+        while meanwhile is not None and end - now > 2 * MEANWHILE_NS and meanwhile():
+            time.sleep(MEANWHILE_NS * 1e-9)
             now = time.monotonic_ns()
         remaining = end - now
         if remaining > 0:
@@ -126,11 +126,11 @@ class Wall:
 
 
 class Ledger:
-    """Every tick's lateness, in a preallocated array that wraps around.
+    """Lateness of every tick, in a preallocated ring.
 
     Parameters
     ----------
-    capacity : ticks remembered
+    capacity : ticks kept
 
     Attributes
     ----------
@@ -145,13 +145,13 @@ class Ledger:
         self.signals: Mapping[str, NDArray[np.float64]] = {"timing/lateness": self.latest}
 
     def enter(self, late_ns: int) -> None:
-        """Note one tick's lateness [ns]."""
+        """Add the lateness of one tick [ns]."""
         self._late[self._count % self._late.size] = late_ns
         self._count += 1
         self.latest[0] = late_ns * 1e-9
 
     def lateness(self) -> NDArray[np.int64]:
-        """Copy of the remembered lateness, oldest first, (n,) [ns]."""
+        """Copy of the kept lateness, oldest first, (n,) [ns]."""
         if self._count <= self._late.size:
             return self._late[: self._count].copy()
         return np.roll(self._late, -(self._count % self._late.size))

@@ -1,4 +1,4 @@
-"""The loop: controller → command → gimbal → state → vehicle, one row a tick. There is no other."""
+"""The loop: controller → command → gimbal → state → vehicle, one row a tick."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,36 +16,36 @@ TIME_UP = "time"  # why a loop ended that nothing else ended
 
 
 class Gimbal(Protocol):
-    """The gimbal seat: takes commands, tells the state that moves the vehicle's gimbal joints."""
+    """The gimbal seat: takes commands and gives the state that the gimbal joints follow."""
 
     def send(self, command: GimbalCommand) -> None:
-        """Pass one command on; never blocks."""
+        """Send one command; does not block."""
 
     def poll(self) -> GimbalState:
-        """The latest known state; never blocks."""
+        """Return the latest known state; does not block."""
 
 
 @runtime_checkable
 class Listening(Protocol):
-    """A gimbal seat that hears more than the loop asks for."""
+    """A gimbal seat that must be served between two polls."""
 
     def catch_up(self) -> None:
-        """Forget what came before the run, so that the first tick has no more to do than others."""
+        """Process what arrived before the run, to keep the first tick as short as others."""
 
     def listen(self) -> bool:
-        """Hear what must be dated sooner than by the next poll; whether to call again soon."""
+        """Receive what must be time-stamped before the next poll; return whether to call again."""
 
 
 class Controller(Protocol):
-    """The controller seat: one gimbal angle a tick from whatever it can see."""
+    """The controller seat: one gimbal angle a tick."""
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:
-        """Gimbal angle to command now [rad], `time` in experiment time [s]."""
+        """Return the gimbal angle to command now [rad], at experiment time `time` [s]."""
 
 
 @dataclass(frozen=True)
 class Seats:
-    """Who sits where in one run."""
+    """The components of one run."""
 
     plant: Plant
     gimbal: Gimbal
@@ -60,7 +60,7 @@ class Outcome:
     Attributes
     ----------
     ticks : control ticks begun
-    ended : why, in words
+    ended : reason
     """
 
     ticks: int
@@ -97,7 +97,7 @@ def ticks(
     stop: Callable[[], str | None] = lambda: None,
     ledger: Ledger | None = None,
 ) -> Iterator[GimbalState | Outcome]:
-    """Run the seats until `duration_ns` of experiment time or until `stop` gives a reason.
+    """Run until `duration_ns` of experiment time or until `stop` gives a reason.
 
     Yields the gimbal's state in every tick, before the controller is asked for its command, and
     the outcome after the last tick.
@@ -106,12 +106,12 @@ def ticks(
     ----------
     steps_per_tick : physics steps between two commands
     command : (2,) array that holds the latest command, for the recorder [rad]
-    each_tick : called with the tick's time [ns] after the command is sent and before the plant
-        moves on, so that what they read belongs to one instant
+    each_tick : called with the time of the tick [ns] after the command is sent and before the
+        plant advances, so that all they read belongs to one instant
 
     Raises
     ------
-    DivergenceError : the plant left the finite numbers
+    DivergenceError : the simulation diverged
     """
     plant, gimbal, controller, clock = seats.plant, seats.gimbal, seats.controller, seats.clock
     count = 0

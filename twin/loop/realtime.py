@@ -1,4 +1,4 @@
-"""Real-time rights of this process: SCHED_FIFO and locked memory, where the system allows them."""
+"""Real-time scheduling and locked memory of this process, where the system allows them."""
 
 import ctypes
 import os
@@ -13,32 +13,32 @@ PRIORITY = 40  # of 99: above everything ordinary, below the kernel's own interr
 # <sys/mman.h> on Linux; ON_FAULT locks what is used, not gigabytes that are only reserved
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
 GRANTED = "granted"
-UNASKED = "not asked for"
+UNASKED = "not requested"
 
 
 @dataclass(frozen=True)
 class Rights:
-    """What the system granted to a loop in real time, each `granted` or why not.
+    """What the system granted to a real-time loop: `granted`, or the reason against it.
 
     Attributes
     ----------
-    scheduling : SCHED_FIFO, so that nothing ordinary delays the loop
-    memory : locked memory, so that no page has to be fetched
+    scheduling : SCHED_FIFO, so that ordinary processes do not delay the loop
+    memory : locked memory, so that no page fault delays it
     """
 
     scheduling: str = UNASKED
     memory: str = UNASKED
 
     def missing(self) -> tuple[str, ...]:
-        """What was refused, in words."""
+        """What was refused, and why."""
         named = (("SCHED_FIFO", self.scheduling), ("locked memory", self.memory))
-        return tuple(f"without {name}: {told}" for name, told in named if told != GRANTED)
+        return tuple(f"without {name}: {reason}" for name, reason in named if reason != GRANTED)
 
 
 def stolen() -> float:
     """Time that the host has withheld from this virtual machine since it started [s].
 
-    Of all processors together; zero on a real machine, and where the system does not tell.
+    Sum over all processors; zero on a physical machine and where the system does not report it.
     """
     try:
         words = Path("/proc/stat").read_text().split(maxsplit=9)
@@ -49,10 +49,10 @@ def stolen() -> float:
 
 @contextmanager
 def requested() -> Iterator[Rights]:
-    """Take what rights the system gives for the length of a block, and give them back.
+    """Request real-time rights for the length of a block.
 
-    Every Python thread there is gets them, since one that is preempted while it holds the
-    interpreter lock stops the loop as well; threads started meanwhile are ordinary ones.
+    Every existing Python thread gets them, since a thread that is preempted while it holds the
+    interpreter lock stops the loop as well; threads started later are ordinary ones.
     """
     if not sys.platform.startswith("linux"):
         yield Rights("only Linux has it", "only Linux has it")

@@ -1,4 +1,4 @@
-"""Who can sit in the gimbal seat and in the controller seat when everything is simulated."""
+"""Components for the gimbal, attitude and controller seats when everything is simulated."""
 
 import math
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ class SimulatedGimbal:
 
 
 class Attitude(Protocol):
-    """The attitude seat: what the controller sees of how the vehicle lies and turns.
+    """The attitude seat: attitude and rate of the vehicle as the controller sees them.
 
     Attributes
     ----------
@@ -42,11 +42,11 @@ class Attitude(Protocol):
     rate: Array
 
     def update(self) -> None:
-        """Renew both, once a tick."""
+        """Update both, once a tick."""
 
 
 class Truth:
-    """The vehicle as it is simulated, in the attitude seat."""
+    """The simulated attitude without errors."""
 
     def __init__(self, plant: Plant) -> None:
         self.attitude, self.rate = plant.attitude, plant.rate
@@ -56,11 +56,11 @@ class Truth:
 
 
 class Pilot:
-    """Attitude loop in the controller seat: setpoint programme and PID on what it sees.
+    """Attitude loop in the controller seat: setpoint programme and PID.
 
     Parameters
     ----------
-    attitude : what it sees; the truth without it
+    attitude : source of attitude and rate; the simulated ones if omitted
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Pilot:
         }
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
-        """Gimbal angle that turns the nose towards the setpoint [rad]."""
+        """Return the gimbal angle that turns the nose towards the setpoint [rad]."""
         plant, seen = self._plant, self._seen
         seen.update()
         self.direction[:] = self._setpoint.direction(time, plant.position, plant.velocity)
@@ -108,7 +108,7 @@ class Pilot:
         )
 
     def derive(self, time_ns: int) -> None:  # noqa: ARG002  the recorder's signature
-        """Compute the signals; the plant's thrust must have been derived before."""
+        """Compute the signals; the plant must have derived its thrust before."""
         _steering(self._values, self.direction, self.error, self._plant.thrust)
 
 
@@ -122,11 +122,11 @@ def _steering(out: Array, nose: Array, error: Array, thrust: Array) -> None:
 
 
 class Sequence:
-    """Open loop in the controller seat: gimbal angles given beforehand.
+    """Open-loop command sequence in the controller seat.
 
     Parameters
     ----------
-    times : (n,) when each angle begins [s], ascending from 0
+    times : (n,) start of each angle [s], ascending from 0
     angles : (n, 2) gimbal angles [rad]
     """
 
@@ -134,8 +134,8 @@ class Sequence:
         self._times, self._angles = times, angles
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
-        """Angle in force at `time` [rad]."""
-        # half a nanosecond: times are decimal fractions, a tick must not miss its own change
+        """Return the angle of the sequence at `time` [rad]."""
+        # half a nanosecond more: times are rounded, a tick must not miss its own change
         k = int(np.searchsorted(self._times, time + 5e-10, side="right")) - 1
         x, y = self._angles[max(k, 0)]
         return float(x), float(y)

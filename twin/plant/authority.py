@@ -1,4 +1,4 @@
-"""Gains, control authority and steering of a vehicle from its model."""
+"""Gains, control authority and steering programmes of a vehicle from its model."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,7 +13,7 @@ from twin.control.setpoint import Vector, off_axis
 from twin.physics.aerodynamics.atmosphere import SEA_LEVEL_DENSITY
 
 Array = NDArray[np.float64]
-INSTANT = 1e-9  # s; a thrust that is there at once comes within this
+INSTANT = 1e-9  # s; rise time of a thrust curve that begins above zero
 
 # numeric of the vehicle → field of ControlConfig
 NUMERICS = {
@@ -40,7 +40,7 @@ def numeric(model: mujoco.MjModel, name: str) -> Array | None:
 def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
     """Distance from gimbal pivot to centre of mass [m], transverse inertia about that [kg m²].
 
-    Of the vehicle as compiled, gimbal centred.
+    Of the vehicle at its initial pose, gimbal centred.
     """
     _, lever, transverse, _ = balance(model)
     return lever, transverse
@@ -73,13 +73,13 @@ def balance(model: mujoco.MjModel) -> tuple[float, float, float, float]:
 def thrust_curve(model: mujoco.MjModel) -> tuple[Array, Array] | None:
     """Times (n,) [s], ignition included, and thrusts (n,) [N] of the model's motor, or None.
 
-    It begins and ends at zero thrust, since a table is held outside its times.
+    The curve begins and ends at zero, since interpolation holds its ends.
     """
     time, thrust = numeric(model, "motor_time"), numeric(model, "motor_thrust")
     if time is None or thrust is None:
         return None
     ignition = numeric(model, "motor_ignition")
-    count = int(np.argmax(time)) + 1  # the rest of the table repeats its end
+    count = int(np.argmax(time)) + 1  # the rest of the table repeats the last point
     time = time[:count] + (0.0 if ignition is None else ignition[0])
     thrust = thrust[:count]
     if thrust[0] > 0.0:
@@ -92,12 +92,12 @@ def thrust_curve(model: mujoco.MjModel) -> tuple[Array, Array] | None:
 def control_config(model: mujoco.MjModel) -> ControlConfig:
     """Gains from the model's `control_*` numerics, authority from its thrust curve.
 
-    What the model does not carry keeps its default. Lever and inertia are those of the loaded
-    vehicle: the burn takes the reference vehicle's authority 15 % above that (field notes: 0.45 to
-    0.49 m from the tail, 0.099 to 0.084 kg m²), which the gain margin covers.
+    Gains that the model lacks keep their defaults. Lever and inertia are those of the loaded
+    vehicle: burning raises the authority of the reference vehicle by 15 % (centre of mass 0.45 to
+    0.49 m from the tail, inertia 0.099 to 0.084 kg m²), which the gain margin covers.
     """
-    found = {field: numeric(model, name) for name, field in NUMERICS.items()}
-    gains = {field: float(v[0]) for field, v in found.items() if v is not None}
+    values = {field: numeric(model, name) for name, field in NUMERICS.items()}
+    gains = {field: float(v[0]) for field, v in values.items() if v is not None}
     config = replace(ControlConfig(), **gains)  # type: ignore[arg-type]
     curve = thrust_curve(model)
     if curve is None:
@@ -120,15 +120,15 @@ def launch_of(model: mujoco.MjModel) -> tuple[Vector, Vector]:
 
 
 def fixed_point(
-    model: mujoco.MjModel, right: float, up: float, distance: float = 500.0, **knobs: float
+    model: mujoco.MjModel, right: float, up: float, distance: float = 500.0, **attributes: float
 ) -> FixedPoint:
     """Programme that steers to a point given relative to the launch direction.
 
     Parameters
     ----------
-    right, up : off the launch direction, as seen along it [rad]
+    right, up : angles off the launch direction, seen along it [rad]
     distance : from the launch point [m]
-    knobs : further attributes of `FixedPoint`
+    attributes : further ones of `FixedPoint`
 
     Raises
     ------
@@ -138,11 +138,11 @@ def fixed_point(
     launch, origin = launch_of(model)
     toward = off_axis(launch, right, up)
     target = tuple(o + distance * t for o, t in zip(origin, toward, strict=True))
-    return steer_to(model, (target[0], target[1], target[2]), **knobs)
+    return steer_to(model, (target[0], target[1], target[2]), **attributes)
 
 
-def steer_to(model: mujoco.MjModel, target: Vector, **knobs: float) -> FixedPoint:
-    """Programme that steers to `target` [m], world, with the vehicle's own thrust, mass and air.
+def steer_to(model: mujoco.MjModel, target: Vector, **attributes: float) -> FixedPoint:
+    """Programme that steers to `target` [m], world frame, with the vehicle's thrust, mass and drag.
 
     Raises
     ------
@@ -150,16 +150,16 @@ def steer_to(model: mujoco.MjModel, target: Vector, **knobs: float) -> FixedPoin
         The point lies outside the 30° cone around the launch direction.
     """
     launch, origin = launch_of(model)
-    base = FixedPoint(target, launch, origin, **knobs)  # type: ignore[arg-type]
-    found: dict[str, Any] = {"mass": float(model.body_subtreemass[model.body("vehicle").id])}
+    base = FixedPoint(target, launch, origin, **attributes)  # type: ignore[arg-type]
+    known: dict[str, Any] = {"mass": float(model.body_subtreemass[model.body("vehicle").id])}
     curve = thrust_curve(model)
     if curve is not None:
-        found["thrust_time"] = tuple(float(t) for t in curve[0])
-        found["thrust"] = tuple(float(f) for f in curve[1])
+        known["thrust_time"] = tuple(float(t) for t in curve[0])
+        known["thrust"] = tuple(float(f) for f in curve[1])
     area, drag = numeric(model, "air_reference_area"), numeric(model, "air_axial_drag")
     nose, fins = numeric(model, "air_nose_slope"), numeric(model, "air_fin_slope")
     if area is not None and nose is not None and fins is not None:
-        found["normal_force"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * (nose.sum() + fins.sum()))
+        known["normal_force"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * (nose.sum() + fins.sum()))
     if area is not None and drag is not None:
-        found["drag"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * drag[0])
-    return replace(base, **(found | knobs))
+        known["drag"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * drag[0])
+    return replace(base, **(known | attributes))

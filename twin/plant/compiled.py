@@ -14,7 +14,7 @@ _depth = 0  # blocks that are open
 _previous: object = None  # handler of warnings outside them
 _printed: set[str] = set()
 
-NOTICE_AFTER_S = 2.0  # of compiling, before a user at a terminal is told the reason
+NOTICE_AFTER_S = 2.0  # of compiling, then a user at a terminal is given the reason
 
 
 @contextmanager
@@ -22,7 +22,7 @@ def compiled() -> Iterator[None]:
     """Install the native callbacks, and print each kind of MuJoCo warning once.
 
     Blocks may overlap in any order, as those of several environments do. Compiling for the first
-    time takes long; a notice on standard error then says so.
+    time takes long; a notice is then printed on standard error.
     """
     timer = threading.Timer(NOTICE_AFTER_S, _explain_wait)
     timer.daemon = True

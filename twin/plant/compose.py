@@ -1,4 +1,4 @@
-"""One MjSpec out of a scene, a vehicle and a mechanism, each perhaps somebody else's file."""
+"""Compose one MjSpec from a scene, a vehicle and a mechanism, each a shipped or a user's file."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -23,7 +23,7 @@ def scene_path(name: str) -> Path:
 
     Raises
     ------
-    TwinError : neither a shipped scene nor a file
+    TwinError : neither a shipped scene nor an MJCF file
     """
     if name in SCENES:
         return MJCF / f"{name}.xml"
@@ -53,7 +53,7 @@ def compose(
     mechanism: Path | None = None,
     motor: Path | None = None,
 ) -> mujoco.MjSpec:
-    """Uncompiled model of `scene`, vehicle and mechanism exchanged where files are given.
+    """Uncompiled model of `scene`, with vehicle and mechanism replaced where files are given.
 
     A vehicle that is a TOML description is built here, with `motor` in place of its own.
 
@@ -62,7 +62,7 @@ def compose(
 
     Raises
     ------
-    TwinError : a file is missing, is no MJCF, or has nowhere to put the given part
+    TwinError : a file is missing, is not MJCF, or has no place for the given part
     """
     path = scene_path(scene)
     if vehicle is None and mechanism is None:
@@ -82,7 +82,7 @@ def _parsed(path: Path, parse: Callable[[], mujoco.MjSpec]) -> mujoco.MjSpec:
     try:
         return parse()
     except (ValueError, RecursionError) as error:
-        raise TwinError(f"{path} is no model MuJoCo can read: {one_line(error)}") from error
+        raise TwinError(f"{path}: MuJoCo cannot read it: {one_line(error)}") from error
 
 
 def one_line(error: Exception) -> str:
@@ -99,17 +99,17 @@ def _tree(
 ) -> ET.Element:
     """Root element of an MJCF file, includes resolved and file references made absolute.
 
-    Where `vehicle` is given it takes the place of the file's `<include>` and of its mechanism;
-    `part` is its root element, where it is not to be read from its file.
-    An `<include>` may stand anywhere, and is looked for beside the file it stands in, then in
-    `main`, the folder of the file that includes them all; both as MuJoCo does.
+    A given `vehicle` replaces the file's `<include>` and its mechanism. An included file is looked
+    for in the folder of the file that includes it, then in `main`, the folder of the outermost
+    file, as MuJoCo does.
+    `part` is the root element of a vehicle that is not read from its file.
     """
     root = _root(path, included=main is not None)
     if depth > DEEPEST_INCLUDE:
         raise TwinError(f"{path} is included more than {DEEPEST_INCLUDE} files deep")
     if vehicle is not None:
         if root.find("include") is None:
-            raise TwinError(f"{path} includes no vehicle that {vehicle} could replace")
+            raise TwinError(f"{path}: has no <include> that {vehicle} could replace")
         for asset in root.findall("asset"):
             for model in asset.findall("model[@name='mechanism']"):
                 asset.remove(model)
@@ -147,15 +147,15 @@ def _built(vehicle: Path | None, mechanism: Path | None, motor: Path | None) -> 
 def _root(path: Path, *, included: bool) -> ET.Element:
     """Root element of one MJCF file, its own file references made absolute."""
     if not path.is_file():
-        raise TwinError(f"{path} is not a file; give an MJCF file")
+        raise TwinError(f"{path}: not a file; give an MJCF file")
     if path.stat().st_size > LARGEST_XML:
-        raise TwinError(f"{path} is larger than {LARGEST_XML} bytes, which no MJCF file needs")
+        raise TwinError(f"{path}: larger than {LARGEST_XML} bytes, the limit for MJCF files")
     try:
         root = ET.fromstring(path.read_bytes())  # noqa: S314  expat ≥ 2.4.1 bounds entity expansion
     except ET.ParseError as error:
         raise TwinError(f"{path} is not well-formed XML: {error}") from error
-    if root.tag != "mujoco" and not included:  # what is included may be called anything
-        raise TwinError(f"{path} has the root element <{root.tag}>; an MJCF file has <mujoco>")
+    if root.tag != "mujoco" and not included:  # an included file may have any root element
+        raise TwinError(f"{path}: the root element is <{root.tag}>; must be <mujoco>")
     base = path.resolve().parent
     for compiler in root.iter("compiler"):
         for key in DIRECTORIES:
@@ -173,7 +173,7 @@ def _root(path: Path, *, included: bool) -> ET.Element:
 
 
 def _directory(root: ET.Element, key: str) -> Path | None:
-    """Folder of a kind of asset, as the file's compiler element names it, already absolute."""
+    """Folder of a kind of asset given by the file's compiler element, already absolute."""
     for name in (key, "assetdir"):
         for compiler in root.iter("compiler"):
             if name in compiler.attrib:
@@ -183,9 +183,9 @@ def _directory(root: ET.Element, key: str) -> Path | None:
 
 def _place_mechanism(root: ET.Element, mechanism: Path, owner: Path) -> None:
     if not mechanism.is_file():
-        raise TwinError(f"{mechanism} is not a file; give an MJCF file")
+        raise TwinError(f"{mechanism}: not a file; give an MJCF file")
     places = root.findall("asset/model[@name='mechanism']")
     if not places:
-        raise TwinError(f"{owner} has no model asset 'mechanism' that {mechanism} could replace")
+        raise TwinError(f"{owner}: has no model asset 'mechanism' that {mechanism} could replace")
     for place in places:
         place.set("file", str(mechanism.resolve()))

@@ -1,21 +1,14 @@
-"""Time integration: MuJoCo's own methods, and Adams–Bashforth 1 to 4 for strictly forward time.
+"""Integrators by name, and the largest steps of the explicit ones.
 
-An Adams–Bashforth step asks for the derivative once, at the present instant, and reuses past
-answers, so simulation never runs ahead of a clock or a rig. docs/integrators.md has orders,
-stability limits and costs.
+docs/integrators.md has orders, stability limits and costs.
 """
 
 from typing import Final, Protocol
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
-from analysis.compiled import njit
 from twin.errors import TwinError
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from twin.plant.adams_bashforth import AdamsBashforth
 
 NATIVE: Final = {
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
@@ -27,24 +20,12 @@ NAMES: Final = (*NATIVE, *ADAMS_BASHFORTH)
 
 # Largest steps [s] of explicit methods; others take any. An eigenvalue λ must keep dt·λ inside the
 # method's region of stability. The lugs of the reference vehicle on its ramp, 15000 N/m and
-# 60 N s/m each, have λ = −73 ± 177i /s while both hold, which ends at 4.0, 4.6, 3.3 and 1.9 ms for
-# orders 1 to 4; rods closed with a time constant of 4 ms have λ = −250 /s twice, which ends at 8.0,
-# 4.0, 2.2 and 1.2 ms. Here is what is left of that in flight, where modes couple: the largest steps
-# of a steered launch, tried every half millisecond, that end within 0.4 m of the place after 6 s.
+# 60 N s/m each, have λ = −73 ± 177i /s while both hold, which limits dt to 4.0, 4.6, 3.3 and 1.9 ms
+# for orders 1 to 4; rods closed with a time constant of 4 ms have λ = −250 /s twice: 8.0, 4.0, 2.2
+# and 1.2 ms. In flight modes couple and less remains: these are the largest steps of a steered
+# launch, in increments of 0.5 ms, that end within 0.4 m of the reference position after 6 s.
 ON_RAMP: Final = {"ab1": 0.0035, "ab2": 0.004, "ab3": 0.0025, "ab4": 0.0015}
 WITH_RODS: Final = {"ab1": 0.005, "ab2": 0.004, "ab3": 0.0015, "ab4": 0.001}
-
-# The first step is cut into ever longer parts, the shortest 2⁻ᵏ of it, so that the low orders it
-# must begin with leave no trace: an Euler step of 2⁻¹⁴·dt errs 4e-9 as much as one of dt.
-_STARTUP: Final = {1: 0, 2: 0, 3: 14, 4: 14}
-
-_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
-# Activations that are rates of a smooth state; the others are updates over one step.
-_SMOOTH_ACTIVATIONS: Final = (
-    mujoco.mjtDyn.mjDYN_INTEGRATOR,
-    mujoco.mjtDyn.mjDYN_FILTER,
-    mujoco.mjtDyn.mjDYN_MUSCLE,
-)
 
 
 class Stepper(Protocol):
@@ -56,10 +37,10 @@ class Stepper(Protocol):
         """Take `n` steps of `dt` [s], the model's own time step by default."""
 
     def fresh(self) -> "Stepper":
-        """Return the same method without any memory of past steps."""
+        """Return the same method without history."""
 
     def restart(self) -> None:
-        """Forget past steps, as after a jump of the command; costs nothing."""
+        """Discard the history, as after a jump of the command; costs nothing."""
 
 
 def make(name: str) -> Stepper:
@@ -74,11 +55,11 @@ def make(name: str) -> Stepper:
         return Native(NATIVE[name])
     if name in ADAMS_BASHFORTH:
         return AdamsBashforth(ADAMS_BASHFORTH[name])
-    raise TwinError(f"no integrator {name!r}; there are {', '.join(NAMES)}")
+    raise TwinError(f"no integrator {name!r}; valid: {', '.join(NAMES)}")
 
 
 def check_step(name: str, dt: float, *, ramp: bool, rods: bool) -> None:
-    """Refuse a step that an integrator cannot take.
+    """Refuse a step at which an integrator is unstable.
 
     Parameters
     ----------
@@ -88,7 +69,7 @@ def check_step(name: str, dt: float, *, ramp: bool, rods: bool) -> None:
 
     Raises
     ------
-    TwinError : the step, the largest one, and what holds it
+    TwinError : gives the step and the largest stable one
     """
     holds = ((ramp, ON_RAMP, "lugs on a ramp"), (rods, WITH_RODS, "rods"))
     limits = [(largest[name], what) for there, largest, what in holds if there and name in largest]
@@ -97,8 +78,8 @@ def check_step(name: str, dt: float, *, ramp: bool, rods: bool) -> None:
     largest, what = min(limits)
     if dt > largest * (1 + 1e-9):
         raise TwinError(
-            f"--dt {dt:g}: --integrator {name} is unstable with {what} beyond {largest:g} s; take"
-            " that, or implicitfast"
+            f"--dt {dt:g}: --integrator {name} is unstable with {what} above {largest:g} s; give"
+            " a smaller step, or --integrator implicitfast"
         )
 
 
@@ -123,215 +104,8 @@ class Native:
             model.opt.timestep = own
 
     def fresh(self) -> "Native":
-        """Return itself: it remembers nothing."""
+        """Return itself: there is no history."""
         return self
 
     def restart(self) -> None:
-        """Do nothing: there is no memory."""
-
-
-@njit(nogil=True)
-def coefficients(ages: Array, dt: float, out: Array) -> None:
-    """Weights (s,) of s past derivatives for a step of `dt`, for any spacing.
-
-    The integral of the Lagrange polynomial through the derivatives at `ages` (s,) before now,
-    ages[0] = 0 [s]: two-point Gauss quadrature, which is exact up to the cubic of order 4
-    (E. Hairer, S. P. Nørsett, G. Wanner, Solving Ordinary Differential Equations I, §III.5).
-    """
-    half = 0.5 / np.sqrt(3.0)
-    for i in range(len(out)):
-        first, second = 1.0, 1.0
-        for j in range(len(out)):
-            if j != i:
-                first *= ((0.5 + half) * dt + ages[j]) / (ages[j] - ages[i])
-                second *= ((0.5 - half) * dt + ages[j]) / (ages[j] - ages[i])
-        out[i] = 0.5 * dt * (first + second)
-
-
-@njit(nogil=True)
-def _position_rate(qpos: Array, qvel: Array, joints: Integers, out: Array) -> None:
-    """dqpos/dt (nq,), quaternions in their four components: q̇ = ½ q ⊗ ω, ω in the body frame."""
-    for kind, q, v in joints:
-        if kind == _FREE:
-            out[q], out[q + 1], out[q + 2] = qvel[v], qvel[v + 1], qvel[v + 2]
-            q, v = q + 3, v + 3
-        elif kind != _BALL:
-            out[q] = qvel[v]
-            continue
-        w, x, y, z = qpos[q], qpos[q + 1], qpos[q + 2], qpos[q + 3]
-        a, b, c = 0.5 * qvel[v], 0.5 * qvel[v + 1], 0.5 * qvel[v + 2]
-        out[q] = -x * a - y * b - z * c
-        out[q + 1] = w * a + y * c - z * b
-        out[q + 2] = w * b + z * a - x * c
-        out[q + 3] = w * c + x * b - y * a
-
-
-@njit(nogil=True)
-def _normalise(qpos: Array, joints: Integers) -> None:
-    for kind, q, _ in joints:
-        start = q + 3 if kind == _FREE else q
-        if kind in (_FREE, _BALL):
-            part = qpos[start : start + 4]
-            part /= np.sqrt(part @ part)
-
-
-@njit(nogil=True)
-def _advance(
-    qpos: Array, qvel: Array, act: Array, qacc: Array, act_dot: Array,
-    joints: Integers, smooth: NDArray[np.bool_], history: Array, ages: Array,
-    known: int, dt: float, variable: bool,
-) -> None:  # fmt: skip
-    """One step of order `known` + 1 at most; `history` (s, nq+nv+na), newest first."""
-    order = min(known + 1, len(ages))
-    nq, nv = len(qpos), len(qvel)
-    for k in range(len(ages) - 1, 0, -1):
-        history[k] = history[k - 1]
-    now = history[0]
-    _position_rate(qpos, qvel, joints, now[:nq])
-    now[nq : nq + nv] = qacc
-    now[nq + nv :] = act_dot
-    weights = np.empty(order)
-    # fixed coefficients pretend that the past was spaced like the step ahead
-    past = ages[:order].copy()
-    if not variable:
-        for k in range(order):
-            past[k] = k * dt
-    coefficients(past, dt, weights)
-    for k in range(order):
-        qpos += weights[k] * history[k, :nq]
-        qvel += weights[k] * history[k, nq : nq + nv]
-        for a in range(len(act)):
-            if smooth[a]:
-                act[a] += weights[k] * history[k, nq + nv + a]
-    _normalise(qpos, joints)
-    for k in range(len(ages) - 1, 0, -1):
-        ages[k] = ages[k - 1] + dt
-    ages[0] = 0.0
-
-
-class AdamsBashforth:
-    """Adams–Bashforth of order 1 to 4 with one `mj_forward` per step.
-
-    Quaternions are integrated in their four components and normalised, which keeps the order.
-    The model's integrator is set to RK4, which tells compiled callbacks that time is continuous.
-    Memory restarts by itself when somebody moved `data.time`; after a jump in the forces call
-    `fresh`.
-
-    Parameters
-    ----------
-    order : 1 to 4
-    variable : coefficients follow the actual spacing of the steps; False shows what is lost
-        without that when steps are not equal
-    """
-
-    def __init__(self, order: int, variable: bool = True) -> None:
-        if order not in _STARTUP:
-            raise TwinError(f"Adams–Bashforth of order {order}; there are 1 to 4")
-        self.order, self.variable = order, variable
-        self._owner: tuple[object, object] | None = None
-        self._known, self._time = 0, np.nan
-
-    def fresh(self) -> "AdamsBashforth":
-        """Return the same method without any memory of past steps."""
-        return AdamsBashforth(self.order, self.variable)
-
-    def restart(self) -> None:
-        """Forget past steps; the next one starts up anew."""
-        self._known = 0
-
-    def step(
-        self, model: mujoco.MjModel, data: mujoco.MjData, n: int = 1, dt: float | None = None
-    ) -> None:
-        """Take `n` steps of `dt` [s], the model's own time step by default.
-
-        Raises
-        ------
-        TwinError
-            The model has delay buffers or plugins, which only `mj_step` can advance, or `dt`
-            differs from the step its transfer-function actuators were made for.
-        """
-        if self._owner is None or self._owner[0] is not model or self._owner[1] is not data:
-            self._bind(model, data)
-        h = float(model.opt.timestep) if dt is None else dt
-        if len(self._phases) and abs(h - model.opt.timestep) > 1e-12:
-            raise TwinError(
-                f"step {h:g} s: the transfer-function actuator of this model is exact for steps of"
-                f" {model.opt.timestep:g} s only"
-            )
-        for _ in range(n):
-            if self._known == 0 or data.time != self._time:
-                self._start(model, data, h)
-            else:
-                self._forward(model, data)
-                self._move(data, h)
-                self._updates(model, data, h, data.act_dot)
-            self._time = data.time
-
-    def _bind(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        from twin.physics.native.actuator import phases
-
-        if model.nhistory or model.nplugin:
-            raise TwinError("Adams–Bashforth cannot advance delay buffers or plugins of a model")
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-        self._owner, self._known = (model, data), 0
-        self._joints = np.stack(
-            [model.jnt_type, model.jnt_qposadr, model.jnt_dofadr], axis=1
-        ).astype(np.int64)
-        kinds = np.repeat(model.actuator_dyntype, np.maximum(model.actuator_actnum, 0))
-        self._smooth = np.isin(kinds, _SMOOTH_ACTIVATIONS)
-        self._lag = _lags(model)
-        self._phases = phases(model)
-        self._history = np.zeros((self.order, model.nq + model.nv + model.na))
-        self._ages = np.zeros(self.order)
-
-    def _start(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:
-        """First step, in parts of h·2⁻ᵏ, h·2⁻ᵏ, h·2¹⁻ᵏ … h/2: forward only, no part repeated."""
-        self._known = 0
-        self._ages[:] = 0.0
-        parts = _STARTUP[self.order]
-        begin = data.time
-        rates = np.zeros(model.na)
-        for k in range(parts + 1):
-            self._forward(model, data)
-            if k == 0:
-                rates[:] = data.act_dot
-            self._move(data, h * 2.0 ** -(parts - max(k - 1, 0)) if parts else h)
-        data.time = begin + h
-        self._updates(model, data, h, rates)
-
-    def _forward(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        mujoco.mj_forward(model, data)
-        data.qacc_warmstart[:] = data.qacc
-
-    def _move(self, data: mujoco.MjData, h: float) -> None:
-        # right after the start the past is not spaced evenly whatever the steps are
-        variable = self.variable or self._known < _STARTUP[self.order] + self.order
-        _advance(
-            data.qpos, data.qvel, data.act, data.qacc, data.act_dot, self._joints, self._smooth,
-            self._history, self._ages, self._known, h, variable,
-        )  # fmt: skip
-        self._known += 1
-        data.time += h
-
-    def _updates(self, model: mujoco.MjModel, data: mujoco.MjData, h: float, rates: Array) -> None:
-        """Advance the activations whose rates mean an update over one whole step."""
-        if not model.na:
-            return
-        lag = np.where(self._lag > 0.0, self._lag, 1.0)
-        span = np.where(self._lag > 0.0, -lag * np.expm1(-h / lag), h)
-        data.act[~self._smooth] += (span * rates)[~self._smooth]
-        data.act[self._phases] = 0.0
-
-
-def _lags(model: mujoco.MjModel) -> Array:
-    """Time constants (na,) of activations that MuJoCo integrates as exponentials [s], else 0.
-
-    Of `filterexact`, and of the current of a `dcmotor` with inductance, its last activation.
-    """
-    lags = np.zeros(model.na)
-    exact = mujoco.mjtDyn.mjDYN_FILTEREXACT, mujoco.mjtDyn.mjDYN_DCMOTOR
-    for k in np.flatnonzero(np.isin(model.actuator_dyntype, exact)):
-        if model.actuator_actnum[k] > 0:
-            last = model.actuator_actadr[k] + model.actuator_actnum[k] - 1
-            lags[last] = model.actuator_dynprm[k, 0]
-    return lags
+        """Do nothing: there is no history."""

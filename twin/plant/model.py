@@ -1,4 +1,4 @@
-"""From files and overrides to a compiled model whose needed names have been checked."""
+"""Compile a model from files and overrides, and check the names that the loop needs."""
 
 import hashlib
 from collections.abc import Mapping
@@ -35,13 +35,13 @@ NEEDED: Mapping[str, tuple[tuple[str, str], ...]] = {
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """What a run's model is made of; everything here goes into the recording.
+    """Sources of the model of a run; all of it is recorded.
 
     Attributes
     ----------
     scene : a shipped scene's name or an MJCF file
-    gimbal : who moves the gimbal joints: the servos and rods, an identified model, or angles that
-        somebody measures, which the joints follow one physics step later
+    gimbal : what moves the gimbal joints: servos and rods, an identified model, or measured angles,
+        which the joints follow one physics step later
     transfer_function : file of the identified model; the shipped reference where None
     vehicle : MJCF or TOML file in place of the scene's own
     mechanism : MJCF file in place of the scene's own
@@ -64,14 +64,14 @@ class ModelConfig:
 
 @dataclass(frozen=True)
 class TwinModel:
-    """A compiled model and what was decided on the way.
+    """A compiled model and how its gimbal is moved.
 
     Attributes
     ----------
     mj : the compiled model; the plant of a run is its only writer
     gimbal : the seat that moves the gimbal; `fixed` where the vehicle has no gimbal
     sha256 : digest of the compiled model, the same for the same physics
-    notes : what the user should be told about it, one line each
+    notes : for the user, one line each
     """
 
     mj: mujoco.MjModel
@@ -156,8 +156,8 @@ def _moved_by(config: ModelConfig) -> TransferFunctionModel:
 def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> None:
     """Take servos and rods out of the mechanism and let a transfer function move the joints.
 
-    Horns stay where they are as dead weight; rods are a gram each and go, since without their
-    loops they would have to be led by hand.
+    Horns stay as fixed masses. Rods, one gram each, are removed: without their loops nothing would
+    guide them.
     """
     from twin.physics.native import actuator
 
@@ -181,7 +181,7 @@ def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> N
 
 
 def _set_backlash(spec: mujoco.MjSpec, overrides: Mapping[str, float]) -> None:
-    """Overrides of the play, which takes joints that a compiled model can no longer get."""
+    """Apply overrides of the backlash before compilation, since backlash needs further joints."""
     numeric = spec.numeric("gimbal_backlash")
     if numeric is None:
         return
@@ -190,13 +190,13 @@ def _set_backlash(spec: mujoco.MjSpec, overrides: Mapping[str, float]) -> None:
         match = override.NAME.fullmatch(name)
         if match and match["owner"] == "gimbal_backlash" and not match["attribute"]:
             place = int(match["index"] or 0)
-            if place < len(data):  # what does not fit is refused with all other overrides
+            if place < len(data):  # an index that is too large is refused with all other overrides
                 data[place] = value
     numeric.data = data
 
 
 def _check_meshes(model: mujoco.MjModel) -> None:
-    """Refuse meshes that give mass and are not closed; the shipped ones are checked by tests."""
+    """Refuse meshes that give mass and are not closed; tests check the shipped ones."""
     from meshes import MeshError, check_model
 
     try:
@@ -213,7 +213,7 @@ def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def _require(spec: mujoco.MjSpec, seat: str, *, vehicle: bool) -> None:
-    """Refuse a model that lacks a name the loop needs, naming all that are missing."""
+    """Refuse a model without a name that the loop needs; the message lists all missing ones."""
     groups = {"vehicle": vehicle, "gimbal": seat != "fixed", "linkage": seat == "linkage"}
     missing = [
         f"{kind} {name!r}"
@@ -223,6 +223,4 @@ def _require(spec: mujoco.MjSpec, seat: str, *, vehicle: bool) -> None:
         if getattr(spec, kind)(name) is None
     ]
     if missing:
-        raise TwinError(
-            f"the model lacks {', '.join(missing)}; docs/vehicles.md lists what each is"
-        )
+        raise TwinError(f"the model lacks {', '.join(missing)}; docs/vehicles.md describes them")

@@ -32,47 +32,47 @@ DOFS = {
 }
 OPTIONS = ("gravity",)
 NOT_NEGATIVE = ("stiffness", "damping", "armature", "frictionloss")
-# MuJoCo reads a range only where this says so
+# MuJoCo uses a range only where this flag is set
 LIMITED = {
     "range": "jnt_limited",
     "ctrlrange": "actuator_ctrllimited",
     "forcerange": "actuator_forcelimited",
 }
-# parameters that something else decides: what, and what to set instead
-BURNS = "the propellant is renewed while it burns; set motor_propellant_mass, motor_grain_length"
-WRITTEN = "it is written when a model is loaded"
+# parameters that something else determines: what, and what to set instead
+BURNS = "the propellant changes while it burns; set motor_propellant_mass, motor_grain_length"
+WRITTEN = "it is computed when a model is loaded"
 DECIDED: Mapping[str, str] = {
     "gimbal_propellant.mass": BURNS,
     "gimbal_propellant.inertia": BURNS,
     "motor_loaded_mass": (
-        "it only describes the motor in place; set gimbal_motor.mass for the casing,"
+        "it only describes the installed motor; set gimbal_motor.mass for the casing,"
         " motor_propellant_mass for the propellant, or give --motor FILE"
     ),
-    "motor_length": "it only describes the motor in place; --motor FILE exchanges it",
-    "motor_diameter": "it only describes the motor in place; --motor FILE exchanges it",
+    "motor_length": "it only describes the installed motor; --motor FILE replaces it",
+    "motor_diameter": "it only describes the installed motor; --motor FILE replaces it",
     "wind_modes": f"{WRITTEN}; set wind_seed, wind_length",
     "native_index": WRITTEN,
 }
 
 
 def apply(model: mujoco.MjModel, overrides: Mapping[str, float]) -> None:
-    """Write overrides into a compiled model and renew what MuJoCo derives from them.
+    """Write overrides into a compiled model and update what MuJoCo derives from them.
 
     A name is a numeric (`wind_speed`, `air_strip[3]`), an element and attribute
     (`vehicle.mass`, `gimbal_x.damping`, `gimbal_x.range[1]`) or an option (`gravity[2]`).
     A body's inertia follows an overridden mass in proportion; a ball or free joint takes one value
-    for all its axes; a range is heeded from then on, wherever it was not.
+    for all its axes; a range that is set is also enabled.
 
     Raises
     ------
-    TwinError : no such name, and the message lists the nearest ones; a value that no such thing
-        can have; a parameter that would change nothing, and what to set instead
+    TwinError : no such name, with the nearest ones; an impossible value; a parameter without
+        effect, with the one to set instead
     """
     ranges: dict[tuple[str, str], set[int]] = {}
     for name, value in overrides.items():
         match = NAME.fullmatch(name)
         if match is None:
-            raise TwinError(f"{name!r} is no parameter name; {_examples()}")
+            raise TwinError(f"{name!r} is not a parameter name; give a numeric, {_examples()}")
         owner, attribute, at = match["owner"], match["attribute"], match["index"]
         _write(model, name, value, owner, attribute, at)
         if attribute in LIMITED:
@@ -87,15 +87,15 @@ def apply(model: mujoco.MjModel, overrides: Mapping[str, float]) -> None:
 
 
 def value(model: mujoco.MjModel, name: str) -> float:
-    """What a compiled model has under a name that `apply` would change.
+    """Value of a parameter of a compiled model, by the name that `apply` takes.
 
     Raises
     ------
-    TwinError : no such name; the message lists the nearest ones
+    TwinError : no such name, with the nearest ones
     """
     match = NAME.fullmatch(name)
     if match is None:
-        raise TwinError(f"{name!r} is no parameter name; {_examples()}")
+        raise TwinError(f"{name!r} is not a parameter name; give a numeric, {_examples()}")
     array, index = _place(model, name, match["owner"], match["attribute"], match["index"])
     return float(array[index])
 
@@ -112,15 +112,15 @@ def _write(
     if attribute in NOT_NEGATIVE and value < 0:
         raise TwinError(f"{name} = {value:g}: must be 0 or more")
     if attribute == "inertia" and value <= 0:
-        raise TwinError(f"{name}: an inertia of {value:g} kg m² is not positive")
+        raise TwinError(f"{name} = {value:g} kg m²: must be greater than 0")
     if attribute == "mass":
         if value <= 0:
-            raise TwinError(f"{name}: a mass of {value} kg is not positive")
+            raise TwinError(f"{name} = {value:g} kg: must be greater than 0")
         body = model.body(owner).id
         if not model.body_mass[body] > 0:
             raise TwinError(
-                f"{name}: the file gives this body no mass, so none of its inertia could follow;"
-                " set that of a part that has one"
+                f"{name}: this body has no mass in the file to scale its inertia from; set the mass"
+                " of another part"
             )
         model.body_inertia[body] *= value / model.body_mass[body]
     if at is None and array.size > 1:  # all axes of a joint
@@ -130,32 +130,34 @@ def _write(
 
 
 def _limit(model: mujoco.MjModel, owner: str, attribute: str, places: set[int]) -> None:
-    """Let a range that was written be heeded."""
+    """Enable a range that was written."""
     kind, field = ATTRIBUTES[attribute]
     index = mujoco.mj_name2id(model, kind, owner)
     limited, (low, high) = getattr(model, LIMITED[attribute]), getattr(model, field)[index]
     name = f"{owner}.{attribute}"
     if not limited[index] and places != {0, 1}:
         missing = 1 if 0 in places else 0
-        raise TwinError(f"{name}: there is no limit yet, so set both; {name}[{missing}] is missing")
+        raise TwinError(
+            f"{name}: the file has no such limit, so set both ends; {name}[{missing}] is missing"
+        )
     if not low < high:
         raise TwinError(f"{name} = {low:g} to {high:g}: {name}[0] must be less than {name}[1]")
     limited[index] = 1
 
 
 def _refuse_decided(model: mujoco.MjModel, name: str) -> None:
-    """Refuse a parameter that would change nothing."""
+    """Refuse a parameter without effect."""
     plain = name.partition("[")[0]
     reason = DECIDED.get(plain, "")
     if reason == BURNS and not _burns(model):
         return
     owner, _, attribute = plain.partition(".")
     if attribute in ("pos", "range") and _is_free(model, owner, attribute):
-        reason = "a free joint says where it is and has no range"
+        reason = "a free joint determines the position and has no range"
         if owner == "vehicle":
-            reason = "the ramp says where it starts; set ramp_position, ramp_elevation"
+            reason = "the ramp determines the start; set ramp_position, ramp_elevation"
     if reason:
-        raise TwinError(f"{name} would change nothing: {reason}")
+        raise TwinError(f"{name} has no effect: {reason}")
 
 
 def _burns(model: mujoco.MjModel) -> bool:
@@ -172,20 +174,20 @@ def _is_free(model: mujoco.MjModel, owner: str, attribute: str) -> bool:
 
 
 def _check_inertia(model: mujoco.MjModel, bodies: Iterable[str]) -> None:
-    """Refuse inertias that no distribution of mass has: none exceeds the sum of the other two."""
+    """Refuse impossible inertias: none may exceed the sum of the other two."""
     for body in bodies:
         a, b, c = sorted(model.body(body).inertia.tolist())
         if c > (a + b) * (1 + 1e-9):
             raise TwinError(
-                f"{body}.inertia = {a:g}, {b:g}, {c:g} kg m²: the largest exceeds the sum of the"
-                " other two, as in no body"
+                f"{body}.inertia = {a:g}, {b:g}, {c:g} kg m²: the largest must not exceed the sum"
+                " of the other two"
             )
 
 
 def _place(
     model: mujoco.MjModel, name: str, owner: str, attribute: str | None, at: str | None
 ) -> tuple[np.ndarray, int]:
-    """The array of a parameter and the place in it."""
+    """The array of a parameter and the index in it."""
     if attribute is None:
         return _indexed(_plain(model, owner), at, name)
     if attribute not in ATTRIBUTES:
@@ -194,7 +196,7 @@ def _place(
     index = mujoco.mj_name2id(model, kind, owner)
     if index < 0:
         known = _names(model, kind)
-        raise TwinError(f"{name}: no {_word(kind)} {owner!r}; valid: {', '.join(known)}")
+        raise TwinError(f"{name}: no {_kind(kind)} {owner!r}; valid: {', '.join(known)}")
     array = getattr(model, field)
     if field.startswith("dof_"):
         first, axes = int(model.jnt_dofadr[index]), DOFS[mujoco.mjtJoint(model.jnt_type[index])]
@@ -212,7 +214,7 @@ def _plain(model: mujoco.MjModel, owner: str) -> np.ndarray:
     if index < 0:
         known = [*_names(model, mujoco.mjtObj.mjOBJ_NUMERIC), *OPTIONS]
         near = get_close_matches(owner, known, n=3)
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        hint = f"; did you mean {' or '.join(near)}?" if near else "."
         raise TwinError(f"no parameter {owner!r}{hint} Valid: {', '.join(known)}; {_examples()}")
     start = int(model.numeric_adr[index])
     return np.asarray(model.numeric_data[start : start + int(model.numeric_size[index])])
@@ -221,11 +223,11 @@ def _plain(model: mujoco.MjModel, owner: str) -> np.ndarray:
 def _indexed(array: np.ndarray, at: str | None, name: str) -> tuple[np.ndarray, int]:
     if at is None and array.size > 1:
         raise TwinError(
-            f"{name} has {array.size} values; write {name}[0] to {name}[{array.size - 1}]"
+            f"{name}: has {array.size} values; give {name}[0] to {name}[{array.size - 1}]"
         )
     index = int(at or 0)
     if index >= array.size:
-        raise TwinError(f"{name}: index {index} is past the last, {array.size - 1}")
+        raise TwinError(f"{name}: index {index} must be at most {array.size - 1}")
     return array, index
 
 
@@ -245,7 +247,7 @@ def _names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
     return names
 
 
-def _word(kind: mujoco.mjtObj) -> str:
+def _kind(kind: mujoco.mjtObj) -> str:
     return str(kind.name).removeprefix("mjOBJ_").lower()
 
 

@@ -22,13 +22,13 @@ Array = NDArray[np.float64]
 
 # Beyond these a small vehicle's state is numerical nonsense, long before it overflows.
 LARGEST_SPEED = 5e3  # m/s and rad/s
-BEYOND_STOP = math.radians(3.0)  # servos at full torque press half a degree into a stop
-RENEWAL_NS = 4_000_000  # the reference motor burns 30 mg meanwhile, a 30000th of the vehicle
+BEYOND_STOP = math.radians(3.0)  # tolerance; servos at full torque press half a degree into a stop
+RENEWAL_NS = 4_000_000  # the reference motor burns 30 mg in it, 1/30000 of the vehicle
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """Where the vehicle is and how it moves.
+    """Position, attitude and velocities of the vehicle.
 
     Attributes
     ----------
@@ -45,19 +45,19 @@ class VehicleState:
 
 
 class Plant:
-    """Steps one model and reads it; every consumer sees the same consistent instant.
+    """Steps one model and gives its state; all consumers see the same instant.
 
-    After `advance` state, poses and site positions belong to the instant `time_ns`; MuJoCo's
-    sensors, forces and centres of mass are those of the beginning of the last step.
+    After `advance`, state, poses and site positions belong to the instant `time_ns`; MuJoCo's
+    sensors, forces and centres of mass belong to the beginning of the last step.
 
     Attributes
     ----------
-    renewal_ns : longest time between two renewals of the propellant's mass [ns]
+    renewal_ns : longest time between two updates of the propellant mass [ns]
     position, velocity, attitude, rate : views of the vehicle's state, as `VehicleState`
     gimbal_angle, gimbal_rate : (2,) views of the gimbal joints; zeros of a fixed motor [rad, rad/s]
     closure : (2,) gap of the two rod loops at the last `derive` [m]; zeros without rods
     thrust : (1,) of the motor at the last `derive` [N]; zero without a vehicle
-    signals : what is recorded of it, views by name of `analysis.schema`
+    signals : what is recorded, views by name of `analysis.schema`
     """
 
     renewal_ns = RENEWAL_NS
@@ -81,7 +81,7 @@ class Plant:
         self.reset()
 
     def _view(self) -> None:
-        """Bind views of the state once; MuJoCo's arrays stay where they are for life."""
+        """Make the views of the state; MuJoCo never moves its arrays."""
         data, model = self.data, self.model
         self._qvel = data.qvel
         self._fixed = model.body_weldid[model.geom_bodyid] == 0
@@ -132,9 +132,9 @@ class Plant:
             self._flow.derive(time_ns)
 
     def _read_stops(self) -> tuple[float, float, float, float]:
-        """Gimbal angles past which the simulation is nonsense: x low, high, y low, high [rad]."""
+        """Gimbal angles beyond which it has diverged: x low, high, y low, high [rad]."""
         stops = [-math.inf, math.inf] * len(AXES)
-        # what somebody measures may be anything, and says nothing about the simulation
+        # measured angles may exceed the stops of the model
         if self.twin.gimbal in ("linkage", "transfer-function"):
             for k, axis in enumerate(AXES):
                 joint = self.model.joint(f"gimbal_{axis}")
@@ -187,19 +187,19 @@ class Plant:
 
         Raises
         ------
-        DivergenceError : the state left the finite numbers, or the gimbal its stops
+        DivergenceError : a velocity is not finite or far too large, or the gimbal is past its stops
         """
-        while n > self._renewal:  # commands at less than 250 Hz; propellant burns on between them
+        while n > self._renewal:  # commands below 250 Hz: update the propellant in between
             self._move(self._renewal)
             n -= self._renewal
         self._move(n)
 
     def _move(self, n: int) -> None:
-        """Take `n` steps with one mass of the propellant."""
+        """Take `n` steps with constant propellant mass."""
         self._propellant.update(self.time_ns * 1e-9)
         began = time.perf_counter()
         self._stepper.step(self.model, self.data, n)
-        # a step leaves poses where it began; what is drawn and measured belongs to its end
+        # mj_step leaves poses at its beginning; those recorded belong to its end
         mujoco.mj_kinematics(self.model, self.data)
         self.computing_s += time.perf_counter() - began
         self.steps += n
@@ -212,9 +212,9 @@ class Plant:
 
     @property
     def landed(self) -> bool:
-        """Whether the vehicle touches something that stands still, or its pivot is below z = 0.
+        """Whether the vehicle touches a fixed geom, or its pivot is below z = 0.
 
-        Contacts among its own parts are no landing.
+        Contacts between parts of the vehicle do not count.
         """
         if self.data.ncon:
             one, other = self.data.contact.geom.T

@@ -1,4 +1,4 @@
-"""The pushrod loops of a plant: how far their ends gape, and where the servo shafts stand."""
+"""The pushrod loops of a plant: gaps at their ends, and angles of the servo shafts."""
 
 import math
 from collections.abc import Mapping

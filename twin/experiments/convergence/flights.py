@@ -17,9 +17,9 @@ from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
+from twin.plant.adams_bashforth import AdamsBashforth
 from twin.plant.authority import control_config
 from twin.plant.compose import MJCF
-from twin.plant.integrators import AdamsBashforth
 from twin.plant.model import ModelConfig, TwinModel, load
 from twin.plant.plant import Plant
 
