@@ -96,9 +96,13 @@ def load(config: ModelConfig) -> TwinModel:
     if seat in ("transfer-function", "follow"):
         _exchange_actuation(spec, _moved_by(config))
     motor.fit_stated_motor(spec)
-    if config.motor is not None and not is_description(config.vehicle):
-        motor.apply_motor(spec, motor.load(config.motor, like=motor.figures_of(spec)))
-    notes = motor.adapter_note(spec)
+    notes: tuple[str, ...] = ()
+    if not is_description(config.vehicle):
+        if config.vehicle is not None:  # before another motor, which changes the shape
+            notes += misfits(_compiled(spec))
+        if config.motor is not None:
+            motor.apply_motor(spec, motor.load(config.motor, like=motor.figures_of(spec)))
+    notes += motor.adapter_note(spec)
     if seat == "linkage":
         _set_backlash(spec, config.overrides)
         insert_backlash(spec)
@@ -109,8 +113,6 @@ def load(config: ModelConfig) -> TwinModel:
     if seat == "linkage":
         apply_servo(model)
     native.bind(model)
-    if config.vehicle is not None and not is_description(config.vehicle):
-        notes += misfits(model)
     if seat != "fixed":
         check_frame(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)

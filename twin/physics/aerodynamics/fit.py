@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 STATIONS: Final = 120
 LENGTH: Final = 0.02  # of the vehicle's length: ends and centroid of the planform
 AREA: Final = 0.06  # of the planform, in which facets and fins seen askew cost up to 4 %
+NUMERIC: Final = mujoco.mjtObj.mjOBJ_NUMERIC
+NEEDED: Final = ("strip_z", "strip_area", "nose_slope", "nose_z", "fin_slope", "fin_z")
 VISIBLE: Final = 2  # largest geom group of what the air meets; inner parts are in higher ones
 REBUILD: Final = "`twin doctor --vehicle FILE` computes them from the geometry"
 _TURN: Final = 2 * np.pi * np.arange(24) / 24
@@ -25,6 +27,8 @@ def misfits(model: mujoco.MjModel) -> tuple[str, ...]:
     describe, and the stations of nose and fins, with the geoms that are not hidden.
     """
     parts = _outer_parts(model)
+    if any(mujoco.mj_name2id(model, NUMERIC, f"air_{name}") < 0 for name in NEEDED):
+        return ()
     z, area = (np.array(model.numeric(f"air_strip_{what}").data) for what in ("z", "area"))
     if not parts or not area.sum() > 0:
         return ()

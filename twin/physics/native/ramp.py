@@ -9,6 +9,7 @@ from twin.errors import TwinError
 
 RELEASE = 0.02  # m; the rail lets go of a lug over this stretch, so that forces have no step
 ASIDE = 0.04  # m; a lug farther than this from the rail's line is losing it, see `_fade`
+STEEPEST = np.pi / 2 + 1e-5  # rad; 90 degrees, also where they are written with five digits
 BELOW = 0.25  # m; as far below the foot; sagging into its stop, a heavy vehicle stays above
 
 
@@ -77,7 +78,7 @@ def launch_pose(model: mujoco.MjModel) -> NDArray[np.float64]:
     elevation, azimuth, length = (
         float(model.numeric(f"ramp_{name}").data[0]) for name in ("elevation", "azimuth", "length")
     )
-    if not abs(elevation) <= np.pi / 2 + 1e-9:
+    if not abs(elevation) <= STEEPEST:
         raise TwinError(f"ramp_elevation = {elevation:g} rad: must lie within ±π/2")
     if not 0 <= length < np.inf:
         raise TwinError(f"ramp_length = {length:g} m: must be 0 (by hand) or positive")
