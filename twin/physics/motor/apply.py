@@ -23,7 +23,7 @@ def apply_motor(
     The forward end stays where it is, so a shorter motor moves the nozzle up. The curve is
     thinned to the capacity of the numerics `motor_time` and `motor_thrust` with its impulse kept.
     The bodies `gimbal_motor` and `gimbal_propellant` have their origin in the middle of the
-    casing and z along it. Returns what the user should be told, one line each.
+    casing and z along it. Returns notes for the user, one line each.
 
     Raises
     ------
