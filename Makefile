@@ -12,6 +12,8 @@ $(STAMP): .ci/lock.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --require-hashes -r .ci/lock.txt
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@echo "env: compiling the callbacks once, about 20 s"
+	$(BIN)/twin fly --duration-s 0.1 --out $(VENV)/first.rrd >/dev/null
 	touch $@
 
 run: env
@@ -38,6 +40,7 @@ lint: env
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/stub.py --check
 	$(BIN)/python .ci/states.py --check
+	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
 	@bash .ci/test-tools cppcheck
 	@bash .ci/cppcheck
@@ -51,12 +54,14 @@ meshes: env
 
 docs-check: env
 	$(BIN)/python .ci/states.py --check
+	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
 
-# Writes what is generated: the typed signatures and the state diagrams.
+# Writes what is generated: the typed signatures, the state diagrams and the tables of messages.
 generated: env
 	$(BIN)/python .ci/stub.py
 	$(BIN)/python .ci/states.py
+	$(BIN)/python .ci/protocol.py
 
 # Renews the pinned lock; needs uv. The lock carries no registry address.
 lock:

@@ -79,7 +79,7 @@ def _function(name: str, verb: Any, returns: str) -> str:  # noqa: ANN401  twin.
             kind = "object"
         if p.kind is not p.KEYWORD_ONLY:
             many = kind.startswith("tuple")
-            lines.append(f"    *{p.name}: {FILE}," if many else f"    {p.name}: {FILE},")
+            lines.append(f"    *{p.name}: {FILE}," if many else f"    {p.name}: {kind},")
             starred = many
             continue
         if not starred:

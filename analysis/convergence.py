@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.plain import Plain
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ Flight = Callable[[str, float], Trajectory | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Distance:
+class Distance(Plain):
     """Largest separation of two trajectories: position [m], angle between attitudes [rad]."""
 
     position: float

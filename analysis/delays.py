@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.plain import Plain
 from analysis.recording.series import Recording
 
 Array = NDArray[np.float64]
@@ -19,7 +20,7 @@ class Delays:
 
 
 @dataclass(frozen=True, slots=True)
-class Percentiles:
+class Percentiles(Plain):
     """Of `n` values [s]."""
 
     p50: float

@@ -6,7 +6,7 @@ knows what flies.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
@@ -22,6 +22,7 @@ from analysis.delays import (
     recorded_percentiles,
     recorded_values,
 )
+from analysis.plain import Plain
 from analysis.recording.series import Recording
 from analysis.schema import AnalysisError
 
@@ -36,7 +37,7 @@ Rerun = Callable[[Delays | None, int], Trajectory]
 
 
 @dataclass(frozen=True, slots=True)
-class Split:
+class Split(Plain):
     """Where a command's way to the gimbal and the answer's way back spend their time, medians [s].
 
     Attributes
@@ -55,7 +56,7 @@ class Split:
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class Moved(Plain):
     """How far the path was moved, by flights that differ in one thing only.
 
     Attributes
@@ -92,7 +93,7 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(Plain):
     """One word, and why.
 
     Attributes
@@ -120,21 +121,9 @@ class Verdict:
 
     def as_dict(self) -> dict[str, object]:
         """JSON values in SI; None where unknown."""
-        values = {
-            name: None if value is None else asdict(value)
-            for name in ("lateness", "sensor_age", "round_trip", "delay", "split", "moved")
-            for value in (getattr(self, name),)
-        }
-        return {
-            "verdict": self.word,
-            "reasons": list(self.reasons),
-            "ticks": self.ticks,
-            "period_s": self.period,
-            "overruns": self.overruns,
-            "rights": dict(self.rights),
-            "stolen_s": self.stolen,
-            **values,
-        }
+        content = Plain.to_dict(self)
+        renamed = {"word": "verdict", "period": "period_s", "stolen": "stolen_s"}
+        return {renamed.get(name, name): value for name, value in content.items()}
 
     def text(self) -> str:
         """One line: the word and why."""

@@ -1,1 +1,1 @@
-"""Everything between a computer and a gimbal on the desk; needs neither MuJoCo nor the twin."""
+"""Interface between a computer and a gimbal rig; needs neither MuJoCo nor the twin."""

@@ -1,4 +1,4 @@
-"""The frozen values that travel between the seats: command, sensor readings, estimated state."""
+"""Frozen values exchanged by the seats of the loop: command, sensor frame, gimbal state."""
 
 from dataclasses import dataclass
 
@@ -18,12 +18,12 @@ POTENTIOMETER_NAMES = (
 
 
 class HardwareError(ValueError):
-    """A mistake at the desk (port, calibration, fault name), told in one line."""
+    """A user's mistake with a rig (port, calibration, fault name); the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class GimbalCommand:
-    """What the controller asks of the gimbal.
+    """Gimbal angle commanded by the controller.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class GimbalCommand:
 
 @dataclass(frozen=True, slots=True)
 class GimbalState:
-    """What is known of the gimbal, by simulation or by sensors.
+    """Gimbal state from simulation or sensors.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class GimbalState:
     angle : gimbal angle about x and y [rad]
     rate : its time derivative [rad/s]
     sigma : standard deviation of the angle; zero where the state is exact [rad]
-    healthy : false while a sensor behind the state is known to be wrong
+    healthy : false while a sensor that the state depends on has a named fault
     """
 
     time_ns: int

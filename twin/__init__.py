@@ -23,6 +23,7 @@ VERBS = (
     "report",
     "rig",
     "step",
+    "vehicle",
     "view",
 )
 OTHERS = {

@@ -19,6 +19,8 @@ from twin.experiments.mirror import MirrorResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
+from twin.experiments.vehicle import BuildResult
+from twin.experiments.vehicle import VehicleResult
 
 def calibrate(
     *,
@@ -65,7 +67,9 @@ def converge(
     motor: str | PathLike[str] | None = ...,
 ) -> ConvergenceResult: ...
 def doctor(
-
+    *,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
 ) -> DoctorResult: ...
 def fly(
     *,
@@ -225,6 +229,14 @@ def step(
     rate_limit_deg_s: float | None = ...,
     control_hz: float = ...,
 ) -> StepResult: ...
+def vehicle(
+    action: Literal['show', 'build'],
+    file: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    motor: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> VehicleResult | BuildResult: ...
 def view(
     recording: str | PathLike[str],
     *,

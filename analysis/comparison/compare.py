@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.comparison.motion import FEWEST, bridged, in_gap, unbroken
+from analysis.plain import Plain, plain
 from analysis.recording.series import TimeSeries
 from analysis.schema import AnalysisError
 
@@ -20,7 +21,7 @@ _SEGMENTS = 6  # of the record, averaged for coherence
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class Errors(Plain):
     """How far one motion is from another.
 
     Attributes
@@ -38,7 +39,7 @@ class Errors:
 
 
 @dataclass(frozen=True, slots=True)
-class Spectrum:
+class Spectrum(Plain):
     """Transfer from reference to other over frequency.
 
     Attributes
@@ -56,7 +57,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True, slots=True)
-class AxisComparison:
+class AxisComparison(Plain):
     """One axis of two motions.
 
     Attributes
@@ -87,7 +88,7 @@ class AxisComparison:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class Comparison(Plain):
     """Two motions side by side, axis by axis."""
 
     reference: str
@@ -112,9 +113,7 @@ class Comparison:
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON; NaN becomes None."""
-        content = _plain(self)
-        assert isinstance(content, dict)
-        return {**content, "fit": _plain(self.fit), "uncounted": self.uncounted}
+        return {**Plain.to_dict(self), "fit": plain(self.fit), "uncounted": self.uncounted}
 
 
 def compare(
@@ -263,15 +262,3 @@ def _spectrum(t: Array, y: Array, x: Array) -> Spectrum:
     for values in frozen:
         values.setflags(write=False)
     return Spectrum(*frozen)
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.ndarray):
-        return [_plain(float(v)) for v in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, Comparison | AxisComparison | Errors | Spectrum):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    return value

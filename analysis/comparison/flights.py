@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.plain import Plain, plain
 from analysis.recording.series import Recording
 from analysis.response.metrics import StepMetrics, measure
 from analysis.response.steps import cut_steps
@@ -45,7 +46,7 @@ class FlightPath:
 
 
 @dataclass(frozen=True, slots=True)
-class PathDifference:
+class PathDifference(Plain):
     """How far two flights lie apart while both were steered.
 
     Attributes
@@ -75,9 +76,9 @@ class PathDifference:
             f" at most, {100.0 * self.share:.2f} % of {self.length:.0f} m"
         )
 
-    def to_dict(self) -> dict[str, float | None]:
-        """JSON values in SI; None for the share of no way at all."""
-        return {**asdict(self), "path_share": self.share if math.isfinite(self.share) else None}
+    def to_dict(self) -> dict[str, object]:
+        """JSON values in SI; None for the share of a path of no length."""
+        return {**Plain.to_dict(self), "path_share": plain(self.share)}
 
 
 @dataclass(frozen=True, slots=True)

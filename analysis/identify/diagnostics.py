@@ -1,6 +1,6 @@
 """What a model leaves unexplained: saturation of the speed, structure in the residual."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 from analysis.identify import noise as sensor_noise
 from analysis.identify.problem import Problem
 from analysis.identify.segments import step_of_row
+from analysis.plain import Plain
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Saturation:
+class Saturation(Plain):
     """How the speed grows with the step, against a linear gimbal's.
 
     Attributes
@@ -30,10 +31,6 @@ class Saturation:
     steps: int
     range: float
     saturated: bool | None
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain numbers for JSON."""
-        return asdict(self)
 
 
 _UNKNOWN = Saturation(float("nan"), float("nan"), 0, 1.0, None)
@@ -116,7 +113,7 @@ def _apart(values: Array, count: int) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Residuals:
+class Residuals(Plain):
     """What is left in the residual that a complete model would have taken.
 
     Attributes
@@ -131,10 +128,6 @@ class Residuals:
     whiteness: float
     cross_correlation: float
     bound: float
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain numbers for JSON."""
-        return asdict(self)
 
 
 _LAGS = 20

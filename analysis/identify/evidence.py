@@ -1,18 +1,19 @@
 """What an identification says of one number, one axis and one channel, with its uncertainty."""
 
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify.diagnostics import Residuals, Saturation
+from analysis.plain import Plain, plain
 from analysis.transfer_function.servo import Structure
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(Plain):
     """One estimated number.
 
     Attributes
@@ -36,14 +37,11 @@ class Estimate:
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON."""
         low, high = self.interval
-        return {
-            "name": self.name, "value": self.value, "std": self.std, "unit": self.unit,
-            "low": low, "high": high,
-        }  # fmt: skip
+        return {**Plain.to_dict(self), "low": plain(low), "high": plain(high)}
 
 
 @dataclass(frozen=True, slots=True)
-class AxisEvidence:
+class AxisEvidence(Plain):
     """What the readings of one axis say about its model.
 
     Attributes
@@ -76,10 +74,6 @@ class AxisEvidence:
     def fit(self) -> tuple[float, ...]:
         """NRMSE fit of each record [%], of the angle where any was measured, else of the rate."""
         return self.fit_angle if np.isfinite(self.fit_angle).any() else self.fit_rate
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain numbers for JSON; NaN becomes None."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,24 +112,3 @@ class ChannelFit:
     estimates: tuple[Estimate, ...]
     parameters: Array = field(repr=False)
     covariance: Array = field(repr=False)
-
-    def frequency_response(self, omega: Array) -> NDArray[np.complex128]:
-        """Complex gain at angular frequencies (n,) [rad/s], delay included."""
-        s = 1j * np.asarray(omega, dtype=np.float64)
-        ratio = np.polyval(self.num, s) / np.polyval(self.den, s)
-        return np.asarray(ratio * np.exp(-s * self.delay))
-
-
-def plain(value: object) -> object:
-    """Dataclasses, tuples and NumPy numbers as what JSON holds."""
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    if isinstance(value, tuple | list):
-        return [plain(v) for v in value]
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
-    if is_dataclass(value):
-        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, np.bool_ | np.integer):
-        return value.item()
-    return value

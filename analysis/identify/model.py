@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.identify.errors import IdentificationError
-from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds, plain
+from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
+from analysis.plain import plain
 from analysis.transfer_function import Channel, Servo, TransferFunctionModel
 from analysis.transfer_function.servo import Structure
 
@@ -63,11 +64,6 @@ class IdentifiedModel:
         names = ", ".join(e.name for e in self.estimates)
         raise IdentificationError(f"no estimate '{name}'; there are: {names}")
 
-    def frequency_response(self, omega: Array) -> NDArray[np.complex128]:
-        """Complex gains (n, outputs, inputs) of the linear part at frequencies (n,) [rad/s]."""
-        rows = [[c.frequency_response(omega) for c in row] for row in self.channels]
-        return np.moveaxis(np.asarray(rows), 2, 0)
-
     def to_transfer_function(self) -> TransferFunctionModel:
         """The model file's content: what a flight with `--model` flies.
 
@@ -103,7 +99,7 @@ class IdentifiedModel:
         """Plain numbers for JSON; NaN becomes None."""
         return {
             "model": self.to_transfer_function().to_dict(),
-            "estimates": [plain(e.to_dict()) for e in self.estimates],
+            "estimates": [e.to_dict() for e in self.estimates],
             "axes": [a.to_dict() for a in self.axes],
             "fit": plain(self.fit),
             "warnings": list(self.warnings),

@@ -1,7 +1,7 @@
 """How many poles and zeros: the smallest order that predicts steps it has not seen."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from analysis.identify.identification import check_order, layout_of, longest_del
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import Problem
 from analysis.identify.segments import Mask, step_folds
+from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ _GAIN = 0.02  # of the error: what one more parameter must save on steps held ou
 
 
 @dataclass(frozen=True, slots=True)
-class OrderScore:
+class OrderScore(Plain):
     """How well one order predicts steps that were held out.
 
     Attributes
@@ -38,10 +39,6 @@ class OrderScore:
     zeros: int
     fit: float
     error: float
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain numbers for JSON."""
-        return asdict(self)
 
 
 def select_order(

@@ -1,4 +1,4 @@
-"""How far the estimates may be off: Jacobian covariance, Cramér–Rao, bootstrap over whole steps."""
+"""How far the estimates may be off: Jacobian covariance, and bootstrap over whole steps."""
 
 import itertools
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.identify.problem import Problem, Solution
+from analysis.identify.problem import Solution
 
 Array = NDArray[np.float64]
 
@@ -28,29 +28,6 @@ def covariance(jacobian: Array) -> Array:
     scale[scale == 0.0] = 1.0
     normal = (jacobian / scale).T @ (jacobian / scale)
     return np.asarray(np.linalg.pinv(normal, rcond=1e-13, hermitian=True) / np.outer(scale, scale))
-
-
-def cramer_rao(problem: Problem, theta: Array, linear: Array, noise: tuple[float, float]) -> Array:
-    """Smallest covariance any unbiased estimate can have (all, all), at the true parameters.
-
-    Parameters
-    ----------
-    theta, linear : the true parameters
-    noise : true standard deviation of angle [rad] and rate [rad/s] readings
-    """
-    sigma = np.where(problem.is_rate, noise[1], noise[0])
-    exact = problem.weighed(1.0 / sigma)
-    quiet = Problem(
-        exact.layout,
-        exact.parts,
-        exact.predict(theta, linear),
-        exact.is_rate,
-        exact.owner,
-        exact.time,
-        exact.weight,
-        exact.shared_offset,
-    )
-    return covariance(whole_jacobian(quiet.solve(theta)))
 
 
 def bootstrap(

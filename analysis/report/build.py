@@ -13,7 +13,7 @@ from analysis.report.numbers import ReportNumbers, numbers_of
 from analysis.report.page import render
 from analysis.report.sections import SECTIONS
 from analysis.schema import AnalysisError
-from analysis.transfer_function import TransferFunctionModel
+from analysis.transfer_function import Loop, TransferFunctionModel, margins
 
 NO_MODELS: Mapping[str, TransferFunctionModel] = MappingProxyType({})
 LARGEST = 2_000_000  # ticks simulated for one model
@@ -25,6 +25,7 @@ def report(
     out: Path | str,
     *,
     models: Mapping[str, TransferFunctionModel] = NO_MODELS,
+    loops: Sequence[Loop] = (),
     labels: Sequence[str] | None = None,
     title: str = "Gimbal report",
 ) -> ReportNumbers:
@@ -35,6 +36,7 @@ def report(
     runs : the first is the reference, usually the hardware
     out : the page, `.html`
     models : identified models by name; each is simulated under the first run's commands
+    loops : control loops whose margins with each model are reported
     labels : names of the runs in the report; their gimbal seats without it
 
     Raises
@@ -50,7 +52,11 @@ def report(
     whose = [*(None for _ in named), *models.values()]
     answers = [simulated(named[0], name, model) for name, model in models.items()]
     runs = aligned((*named, *answers))
-    numbers = replace(numbers_of(runs, title, whose), page=str(out))
+    numbers = replace(
+        numbers_of(runs, title, whose),
+        page=str(out),
+        margins={name: margins(loops, model) for name, model in models.items() if loops},
+    )
     sections = [s for compose in SECTIONS if (s := compose(runs, numbers)) is not None]
     render(sections, title, out, numbers.to_dict())
     return numbers

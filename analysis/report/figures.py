@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 from analysis.recording.series import TimeSeries
 from analysis.report.spectrum import frequency_response, measured_figures
@@ -48,22 +49,13 @@ FEWEST_SIZES = 3  # of steps tell where a speed stops growing
 
 
 @dataclass(frozen=True, slots=True)
-class AxisFigures:
+class AxisFigures(Plain):
     """Figures of one axis of one run, and what could not be told."""
 
     axis: str
     kind: Kind
     figures: tuple[Figure, ...]
     notes: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain numbers for JSON; what could not be measured is None, and a note says why."""
-        return {
-            "axis": self.axis,
-            "kind": self.kind,
-            "figures": [f.to_dict() for f in self.figures],
-            "notes": list(self.notes),
-        }
 
 
 def kind_of(axis: Measurement) -> Kind:

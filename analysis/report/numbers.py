@@ -1,20 +1,20 @@
 """The report's numbers, for machines: the same the page shows."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.comparison.compare import Comparison, compare
+from analysis.plain import Plain
 from analysis.recording.caveats import caveats
 from analysis.recording.measurements import Measurement
 from analysis.report.figures import AxisFigures, report_figures
 from analysis.report.spectrum import FrequencyResponse, frequency_response
 from analysis.response import disagreements
 from analysis.schema import AnalysisError
-from analysis.transfer_function import TransferFunctionModel
+from analysis.transfer_function import Margins, TransferFunctionModel
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ BROADBAND = ("broadband",)
 
 
 @dataclass(frozen=True, slots=True)
-class RunNumbers:
+class RunNumbers(Plain):
     """What is told of one run.
 
     Attributes
@@ -49,22 +49,13 @@ class RunNumbers:
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON."""
-        return {
-            "label": self.label,
-            "motion": self.motion,
-            "duration": self.duration,
-            "samples": self.samples,
-            "axes": [f.to_dict() for f in self.figures],
-            "frequency_response": {k: r.to_dict() for k, r in self.responses.items()},
-            "disagree": [
-                [axis, name, amplitude if math.isfinite(amplitude) else None]
-                for axis, name, amplitude in self.disagree
-            ],
-        }
+        content = Plain.to_dict(self)
+        axes, responses = content.pop("figures"), content.pop("responses")
+        return {**content, "axes": axes, "frequency_response": responses}
 
 
 @dataclass(frozen=True, slots=True)
-class ReportNumbers:
+class ReportNumbers(Plain):
     """Every number of a report.
 
     Attributes
@@ -73,7 +64,8 @@ class ReportNumbers:
     page : file written, or empty
     runs : in the order given; the first is the reference
     comparisons : every later run against every earlier one
-    notes : what could not be told
+    notes : what could not be computed, and reasons for doubt
+    margins : of a control loop with each model, by the model's name
     """
 
     title: str
@@ -81,16 +73,7 @@ class ReportNumbers:
     runs: tuple[RunNumbers, ...]
     comparisons: tuple[Comparison, ...]
     notes: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain numbers for JSON; what could not be measured is None."""
-        return {
-            "title": self.title,
-            "page": self.page,
-            "runs": [r.to_dict() for r in self.runs],
-            "comparisons": [c.to_dict() for c in self.comparisons],
-            "notes": list(self.notes),
-        }
+    margins: Mapping[str, tuple[Margins, ...]] = field(default_factory=dict)
 
 
 def numbers_of(

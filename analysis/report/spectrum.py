@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 from analysis.response import Figure
 from analysis.schema import AnalysisError
@@ -20,7 +21,7 @@ SURE = 1.96  # standard deviations of a 95 % interval
 
 
 @dataclass(frozen=True, slots=True)
-class FrequencyResponse:
+class FrequencyResponse(Plain):
     """Transfer from command to angle where the command excited it; arrays (m,).
 
     Attributes
@@ -44,11 +45,10 @@ class FrequencyResponse:
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON."""
-        arrays = ("frequency", "gain", "phase", "coherence", "error")
+        content = Plain.to_dict(self)
         return {
-            **{name: [float(f"{v:.7g}") for v in getattr(self, name)] for name in arrays},
-            "averages": self.averages,
-            "amplitude": self.amplitude,
+            k: [float(f"{x:.7g}") for x in v] if isinstance(v, list) else v
+            for k, v in content.items()
         }
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.plain import Plain
 from analysis.schema import AnalysisError
 
 Array = NDArray[np.float64]
@@ -15,7 +16,7 @@ ALIKE = 0.05  # of the amplitude: figures of motions that close are of the same
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class Figure(Plain):
     """A figure with what it needs to be believed.
 
     Attributes
@@ -33,21 +34,6 @@ class Figure:
     amplitude: float = math.nan
     n: int = 1
     interval: tuple[float, float] = (math.nan, math.nan)
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain numbers for JSON; NaN becomes None."""
-
-        def plain(x: float) -> float | None:
-            return float(x) if math.isfinite(x) else None
-
-        return {
-            "name": self.name,
-            "value": plain(self.value),
-            "unit": self.unit,
-            "amplitude": plain(self.amplitude),
-            "n": self.n,
-            "interval": [plain(x) for x in self.interval],
-        }
 
 
 def over_repeats(name: str, values: ArrayLike, unit: str, amplitude: float = math.nan) -> Figure:

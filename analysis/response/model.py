@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from analysis.response.figure import Figure
 from analysis.response.metrics import StepMetrics, step_metrics
 from analysis.schema import AnalysisError
+from analysis.transfer_function import Channel
 
 Array = NDArray[np.float64]
 
@@ -21,26 +21,7 @@ _UNITS = {
 }  # fmt: skip
 
 
-class Rational(Protocol):
-    """A transfer function num/den·exp(−delay·s), descending powers of s."""
-
-    @property
-    def num(self) -> tuple[float, ...]:
-        """Numerator."""
-
-    @property
-    def den(self) -> tuple[float, ...]:
-        """Denominator."""
-
-    @property
-    def delay(self) -> float:
-        """Transport delay [s]."""
-
-    def frequency_response(self, omega: Array) -> NDArray[np.complex128]:
-        """Complex gain at angular frequencies (n,) [rad/s]."""
-
-
-def step_response(channel: Rational, horizon: float | None = None) -> tuple[Array, Array]:
+def step_response(channel: Channel, horizon: float | None = None) -> tuple[Array, Array]:
     """Time [s] and response (n,) to a unit step, on a grid as fine as the metrics need.
 
     Raises
@@ -50,25 +31,24 @@ def step_response(channel: Rational, horizon: float | None = None) -> tuple[Arra
     """
     import control
 
-    poles = np.roots(channel.den)
+    poles = channel.poles
     if len(poles) and poles.real.max() >= 0.0:
         raise AnalysisError(f"a pole at {poles.real.max():g} rad/s: no step response settles")
     slowest = 1.0 / -poles.real.max() if len(poles) else 1e-3
     time = np.linspace(0.0, horizon or _HORIZON * slowest, _POINTS)
-    system = control.ss(control.tf(list(channel.num), list(channel.den)))
-    _, response = control.step_response(system, time)
-    late = max(channel.delay, 0.0)
-    return np.concatenate([[0.0], time + late]), np.concatenate([[0.0], np.asarray(response)])
+    _, response = control.step_response(control.ss(channel.system()), time)
+    late = time + channel.delay
+    return np.concatenate([[0.0], late]), np.concatenate([[0.0], np.asarray(response)])
 
 
-def model_step_metrics(channel: Rational, band: float = 0.02) -> StepMetrics:
+def model_step_metrics(channel: Channel, band: float = 0.02) -> StepMetrics:
     """Step metrics of a unit step, as MATLAB's `stepinfo`; `static_error` is 1 − gain."""
     time, response = step_response(channel)
     gain = channel.num[-1] / channel.den[-1]
     return step_metrics(time, response, start=0.0, final=gain, command_change=1.0, band=band)
 
 
-def model_figures(channel: Rational) -> tuple[Figure, ...]:
+def model_figures(channel: Channel) -> tuple[Figure, ...]:
     """Every figure of a channel: step metrics of a unit step and the frequency response's."""
     metrics = model_step_metrics(channel)
     found = [
@@ -78,7 +58,7 @@ def model_figures(channel: Rational) -> tuple[Figure, ...]:
     return (*found, *frequency_figures(channel))
 
 
-def frequency_figures(channel: Rational) -> tuple[Figure, ...]:
+def frequency_figures(channel: Channel) -> tuple[Figure, ...]:
     """Bandwidth (−3 dB), −90° frequency, phase lag at 1 Hz and equivalent delay of a channel.
 
     The equivalent delay is the pure delay with the same phase lag at 1 Hz; gain margins are those
@@ -95,19 +75,19 @@ def frequency_figures(channel: Rational) -> tuple[Figure, ...]:
     return tuple(Figure(name, value, unit, math.nan, 0) for name, value, unit in values)
 
 
-def bandwidth(channel: Rational, drop_db: float = 3.0103) -> float:
+def bandwidth(channel: Channel, drop_db: float = 3.0103) -> float:
     """Frequency [rad/s] at which the gain first falls by `drop_db` below that at rest."""
     at_rest = abs(channel.num[-1] / channel.den[-1])
     level = at_rest * 10.0 ** (-drop_db / 20.0)
     return _first(lambda w: np.abs(channel.frequency_response(w)) - level, channel)
 
 
-def phase_frequency(channel: Rational, degrees: float) -> float:
+def phase_frequency(channel: Channel, degrees: float) -> float:
     """Frequency [rad/s] at which the phase first falls to an angle [°], delay included."""
     return _first(lambda w: _phase(channel, w) - math.radians(degrees), channel)
 
 
-def _grid(channel: Rational) -> Array:
+def _grid(channel: Channel) -> Array:
     scale = np.abs(np.roots(channel.den))
     low = 1e-3 * float(scale.min()) if len(scale) else 1e-3
     high = 1e3 * float(scale.max()) if len(scale) else 1e3
@@ -116,7 +96,7 @@ def _grid(channel: Rational) -> Array:
     return np.geomspace(low, high, 20_000)
 
 
-def _phase(channel: Rational, omega: Array) -> Array:
+def _phase(channel: Channel, omega: Array) -> Array:
     """Unwrapped phase [rad] (n,): zeros and poles one by one, so that no grid is too coarse."""
     s = 1j * omega
     total = -omega * channel.delay
@@ -127,7 +107,7 @@ def _phase(channel: Rational, omega: Array) -> Array:
     return total + (math.pi if gain < 0.0 else 0.0)
 
 
-def _first(value: Callable[[Array], Array], channel: Rational) -> float:
+def _first(value: Callable[[Array], Array], channel: Channel) -> float:
     """First downward crossing of zero over frequency; NaN if there is none."""
     from scipy.optimize import brentq
 

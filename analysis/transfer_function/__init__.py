@@ -8,6 +8,7 @@ from analysis.transfer_function.discrete import (
     whole_steps,
 )
 from analysis.transfer_function.file import SCHEMA, ModelFileError
+from analysis.transfer_function.margins import Loop, Margins, margins
 from analysis.transfer_function.model import TransferFunctionModel
 from analysis.transfer_function.servo import Servo, speed_loop
 
@@ -16,10 +17,13 @@ __all__ = [
     "Channel",
     "Discrete",
     "DiscreteChannel",
+    "Loop",
+    "Margins",
     "ModelFileError",
     "Servo",
     "TransferFunctionModel",
     "discretise_channel",
+    "margins",
     "speed_loop",
     "whole_steps",
 ]

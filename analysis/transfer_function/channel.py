@@ -1,13 +1,16 @@
 """One delayed transfer function and its exact responses."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.transfer_function import file
-from analysis.transfer_function.discrete import discretise_channel
 from analysis.transfer_function.file import ModelFileError
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 
@@ -66,21 +69,16 @@ class Channel:
         """Whether every pole lies in the open left half-plane."""
         return bool(np.all(self.poles.real < 0.0))
 
+    def system(self) -> "control.TransferFunction":
+        """The rational part as python-control's transfer function; the delay is left out."""
+        import control  # costs a second, and most runs need no response
+
+        return control.tf(list(self.num), list(self.den))
+
     def frequency_response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Complex gain at angular frequencies (n,) [rad/s], delay included."""
         s = 1j * np.asarray(omega, dtype=np.float64)
-        gain = np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-s * self.delay)
-        return np.asarray(gain, dtype=np.complex128)
-
-    def step_response(self, time: ArrayLike) -> Array:
-        """Output (n,) at any times (n,) [s] after a unit step at zero, exact."""
-        t = np.asarray(time, dtype=np.float64) - self.delay
-        out = np.zeros(t.shape)
-        after = t >= 0.0
-        for k in np.flatnonzero(after):
-            step = discretise_channel(self.num, self.den, 0.0, max(float(t.flat[k]), 0.0))
-            out.flat[k] = step.C @ step.now + step.D
-        return out
+        return np.asarray(self.system()(s) * np.exp(-s * self.delay), dtype=np.complex128)
 
 
 def _trimmed(coefficients: tuple[float, ...]) -> tuple[float, ...]:

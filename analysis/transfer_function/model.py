@@ -203,19 +203,6 @@ class TransferFunctionModel:
             y, v = move(y, v, late[n + 1], dt - first, k, w, limit, servo.dead_band)
         return out
 
-    def frequency_response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Complex gains (n, outputs, inputs) at angular frequencies (n,) [rad/s]."""
-        rows = [[c.frequency_response(omega) for c in row] for row in self.channels]
-        return np.moveaxis(np.asarray(rows), 2, 0)
-
-    def step_response(self, time: ArrayLike) -> Array:
-        """Exact outputs (n, outputs, inputs) at any times (n,) [s] after a unit step of each input.
-
-        The servo block is not part of it: its answer depends on amplitude.
-        """
-        rows = [[c.step_response(time) for c in row] for row in self.channels]
-        return np.moveaxis(np.asarray(rows), 2, 0)
-
 
 def _index(names: tuple[str, ...], key: int | str) -> int:
     if isinstance(key, str):

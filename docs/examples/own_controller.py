@@ -69,7 +69,9 @@ def main(folder):
     flown = {}
     for name, controller in (("built-in", None), ("own", AttitudeLoop())):
         out = folder / f"{name}.rrd"
-        flight = twin.fly(programme="doublet", controller=controller, out=out)
+        flight = twin.fly(
+            programme="doublet", controller=controller, gimbal="transfer-function", out=out
+        )
         flown[name] = twin.read(flight)
         print(f"{name:9} {flight.ended}, height {flight.max_height_m:.1f} m")
     for signal in ("vehicle/position", "gimbal/command"):

@@ -1,4 +1,4 @@
-"""What every board does, and the ports and the server that put it on the wall clock."""
+"""Behaviour of every board, and the ports and the server that run it on the wall clock."""
 
 from hardware.device.device import BYTE_US, LOOP_US, Device, Sample
 from hardware.device.ports import Port, PtyPort, ServerError, TcpPort

@@ -1,4 +1,4 @@
-"""What the firmware does, in Python: frames in, pulse widths and frames out.
+"""The firmware's behaviour in Python: frames to pulse widths and frames.
 
 Follows `firmware/tvc_gimbal/core.cpp` decision by decision; the Raspberry Pi gateway runs it too.
 """
@@ -30,7 +30,7 @@ from hardware.protocol import (
 
 LOOP_US = 1000  # period of a board's main loop, on its own clock
 BYTE_US = 10_000_000 // BAUD  # start bit, eight data bits, stop bit
-TRANSMIT_ROOM = 255  # bytes; a frame that finds no room is dropped and counted
+TRANSMIT_ROOM = 255  # bytes; a frame without room is dropped and counted
 _WRAP = 0xFFFF_FFFF
 _INPUT = Flags.HOLDER_IMU | Flags.BASE_IMU
 
@@ -39,7 +39,7 @@ Ticks = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What the board senses for one telemetry frame; units as in `Telemetry`."""
+    """Sensor readings of one telemetry frame; units as in `Telemetry`."""
 
     device_us: int
     frame_us: int
@@ -57,9 +57,9 @@ class Device:
 
     Parameters
     ----------
-    board : who speaks
-    build : identity of its program, u32
-    serial : which board it is, u32; 0 for one without a number
+    board : kind of board
+    build : identifier of its program, u32
+    serial : serial number, u32; 0 without one
     """
 
     def __init__(
@@ -81,20 +81,20 @@ class Device:
 
     @property
     def armed(self) -> bool:
-        """Commands are obeyed."""
+        """Whether commands are obeyed."""
         return bool(self.flags & Flags.ARMED)
 
     def boot(self) -> None:
-        """Say who is here, after ending whatever the line carried before."""
+        """Send HELLO, after a delimiter that ends whatever the line carried before."""
         self.transmit += b"\0"
         self.hello()
 
     def hello(self) -> None:
-        """Say who is here."""
+        """Send HELLO."""
         self._send(hello(self.board, self.build, self.config, self.reset_cause, self.serial))
 
     def receive(self, data: bytes, received_us: int, now_us: int) -> None:
-        """Take bytes whose last one arrived at `received_us` of the device's clock."""
+        """Process bytes, the last of which arrived at `received_us` of the device's clock."""
         self._decoder.receive_data(data)
         for frame in self._decoder:
             if self._obey(frame.message, received_us, now_us):
@@ -165,7 +165,7 @@ class Device:
         self._send(Pong(ping.host_ns, received_us & _WRAP, sent & _WRAP))
 
     def update(self, now_us: int) -> None:
-        """Let a command run out."""
+        """Go to neutral once the command in force has timed out."""
         if self.flags & Flags.DRIVING and now_us >= self._deadline_us:
             self._neutral()
             self._set(Flags.TIMED_OUT, True)

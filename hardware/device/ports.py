@@ -15,7 +15,7 @@ _CHUNK = 4096
 
 
 class ServerError(HardwareError):
-    """The emulated rig cannot be offered there."""
+    """The port cannot be opened for hosts."""
 
 
 class Port(Protocol):
@@ -27,24 +27,24 @@ class Port(Protocol):
         """Return what the host has sent."""
 
     def write(self, data: bytes) -> None:
-        """Send to the host; bytes that nobody takes are lost, as on a wire."""
+        """Send to the host; bytes that the host does not read are lost."""
 
     def drop(self) -> None:
-        """Pull the cable: the port is gone."""
+        """Disconnect: the port disappears."""
 
     def restore(self) -> None:
-        """Put the cable back: the port is there again under the same name."""
+        """Reconnect under the same name."""
 
     def close(self) -> None:
-        """Take the port away."""
+        """Close the port."""
 
 
 class PtyPort:
-    """A raw pseudo-terminal behind a symbolic link, which survives a pull. POSIX only.
+    """A raw pseudo-terminal behind a symbolic link, which survives a disconnection. POSIX only.
 
     Parameters
     ----------
-    link : path of the link, `url` then; a temporary one when left out
+    link : path of the link, `url` then; a temporary one if omitted
 
     Raises
     ------
@@ -56,7 +56,7 @@ class PtyPort:
             import pty
             import tty
         except ImportError:
-            raise ServerError("no pseudo-terminals here; serve over TCP instead") from None
+            raise ServerError("no pseudo-terminals on this system; use TCP instead") from None
         self._make: Callable[[], tuple[int, int]] = pty.openpty
         self._raw = tty.setraw
         self._folder = None if link else tempfile.TemporaryDirectory(prefix="tvc-rig-")
@@ -85,7 +85,7 @@ class PtyPort:
     def read(self) -> bytes:
         """Return what the host has sent."""
         try:
-            # a read that finds nothing waits for the kernel's worker, see `hardware.link.Link.poll`
+            # a read without input waits for the kernel's worker, see `hardware.link.Link.poll`
             return os.read(self._ours, _CHUNK) if _waiting(self._ours) else b""
         except OSError:
             return b""
@@ -102,7 +102,7 @@ class PtyPort:
             self._hang_up()
 
     def close(self) -> None:
-        """Take the terminal away."""
+        """Close the terminal."""
         self.drop()
         if self._folder is not None:
             self._folder.cleanup()
@@ -132,14 +132,14 @@ class TcpPort:
 
     def __init__(self, port: int = 0) -> None:
         if not 0 <= port <= 65535:
-            raise ServerError(f"TCP port {port} must be 0…65535")
+            raise ServerError(f"TCP port {port}: must be 0…65535")
         self._port = port
         self._host: socket.socket | None = None
         self._listener: socket.socket | None = None
         self.restore()
 
     def restore(self) -> None:
-        """Listen, on the port first taken."""
+        """Listen, again on the same port number."""
         listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -160,7 +160,7 @@ class TcpPort:
             return
         with contextlib.suppress(BlockingIOError, OSError):
             host, _ = self._listener.accept()
-            self._leave()  # the newcomer wins: the old one may be a host that died
+            self._leave()  # a new host replaces the old one, which may have died
             host.setblocking(False)
             host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._host = host

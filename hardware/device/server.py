@@ -11,24 +11,24 @@ from hardware.device.device import LOOP_US
 from hardware.device.ports import Port, PtyPort, TcpPort
 
 TICK_NS = 1000 * LOOP_US
-LONGEST_LAG_NS = 200_000_000  # a machine that slept must not make the rig race to catch up
+LONGEST_LAG_NS = 200_000_000  # after a longer pause of the machine the device does not catch up
 
 
 class SteppedDevice(Protocol):
     """A device whose clock its caller advances: `Emulator`, or a simulated Nano."""
 
     def write(self, data: bytes) -> object:
-        """Send bytes to it."""
+        """Send bytes to the device."""
 
     def read(self) -> bytes:
-        """Return what has come from it."""
+        """Return the bytes it has sent."""
 
     def advance_us(self, duration: int) -> object:
-        """Let its time pass [µs]."""
+        """Advance its clock [µs]."""
 
 
 class Server:
-    """Lets a device live on the wall clock and carries its bytes.
+    """Runs a device on the wall clock behind a port.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Server:
         self.port.close()
 
     def stop(self) -> None:
-        """End `run` after its present tick; for another thread."""
+        """End `run` after the current tick; for another thread."""
         self._stopped = True
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
@@ -70,7 +70,7 @@ class Server:
                 time.sleep(-late * 1e-9)
 
     def tick(self) -> None:
-        """Carry what the host sent, let a millisecond pass, carry the answers."""
+        """Pass the host's bytes on, advance one millisecond, pass the answers back."""
         incoming = b"" if self._pulled else self.port.read()
         try:
             if incoming:
@@ -90,13 +90,13 @@ class Server:
 
 
 def serve(device: SteppedDevice, *, tcp: int | None = None, link: Path | None = None) -> Server:
-    """Return a server for a device: a pty, or TCP on loopback when a port is given or needed.
+    """Return a server for a device: on TCP if a port number is given, else on a pseudo-terminal.
 
     Parameters
     ----------
     device : the rig
     tcp : port on 127.0.0.1, 0 for a free one
-    link : name of the pty
+    link : path of the pseudo-terminal's link
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A rig without hardware: the firmware's behaviour and the errors of real sensors, over any plant.
+"""A simulated rig: the firmware's behaviour and the errors of real sensors, over any plant.
 
 >>> from hardware.emulator import Emulator
 >>> rig = Emulator()
@@ -7,7 +7,7 @@
 True
 """
 
-from hardware.emulator.bench import Bench, RigParameters, quiet, reference_rig, sample_rig
+from hardware.emulator.bench import Bench, RigParameters, reference_rig, sample_rig
 from hardware.emulator.cable import UnpluggedError
 from hardware.emulator.emulator import Emulator, identity
 from hardware.emulator.injection import FaultNameError, Injection, parse, valid_names
@@ -30,7 +30,6 @@ __all__ = [
     "UnpluggedError",
     "identity",
     "parse",
-    "quiet",
     "reference_rig",
     "sample_rig",
     "valid_names",

@@ -1,6 +1,6 @@
-"""The analog half of a rig: pulses in, voltages and registers out; a real firmware may read it."""
+"""Analog part of a simulated rig: pulse widths to voltages and registers, for any firmware."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import radians
 
 import numpy as np
@@ -19,7 +19,7 @@ OPEN_WIRE_TIME = 1e-3  # s; a pull-down of 1 MΩ empties the input's and cable's
 
 @dataclass(frozen=True, slots=True)
 class RigParameters:
-    """Everything that makes one rig differ from another.
+    """Parameters in which one rig differs from another.
 
     Attributes
     ----------
@@ -36,12 +36,12 @@ class RigParameters:
 
 
 def reference_rig() -> RigParameters:
-    """Return the rig as drawn: no tolerances, only noise, dead band, friction and backlash."""
+    """Return the nominal rig: no tolerances, only noise, dead band, friction and backlash."""
     return RigParameters(PlantParameters(), SensorParameters())
 
 
 def sample_rig(seed: int) -> RigParameters:
-    """Return one of many rigs, every tolerance drawn; the same seed gives the same rig."""
+    """Return a rig with random tolerances; the same seed gives the same rig."""
     rng = np.random.default_rng([seed, 1])
     return RigParameters(
         plant=sample_parameters(rng),
@@ -56,7 +56,7 @@ class Bench:
     Parameters
     ----------
     parameters : the rig
-    plant : other physics than the analytic plant; it brings its own servos
+    plant : physics with its own servos; the analytic plant if omitted
     injections : faults
     seed : of the sensors' noise
     """
@@ -86,7 +86,7 @@ class Bench:
         self._watch_switches()
 
     def set_pulses(self, pulses: Triple) -> None:
-        """Let the servos see pulse widths [s]; call it when a PWM frame begins."""
+        """Apply pulse widths [s]; call it when a PWM frame begins."""
         servos: tuple[ServoParameters, ...] = self.parameters.plant.servos
         third = servos[2].command(pulses[2])
         if self.injections and self._value("turntable", "stuck"):
@@ -94,7 +94,7 @@ class Bench:
         self._shaft = servos[0].command(pulses[0]), servos[1].command(pulses[1]), third
 
     def advance(self, dt: float) -> None:
-        """Move everything by dt [s], about 1 ms."""
+        """Advance everything by dt [s], about 1 ms."""
         self.plant.advance(dt, self._shaft)
         self.time += dt
         self._watch_switches()
@@ -126,7 +126,7 @@ class Bench:
         return 0.0
 
     def potentiometer_codes(self) -> tuple[int, int, int, int]:
-        """Return what the ADC gives for the four potentiometers now."""
+        """Return the ADC's codes of the four potentiometers."""
         s = self.parameters.sensors
         angles = self.plant.angles()
         supply = 1.0 + s.supply_ripple * self._gaussian()
@@ -174,36 +174,23 @@ class Bench:
         return counts
 
     def imu_present(self) -> tuple[bool, bool]:
-        """Tell whether the IMUs of holder and base answer on the bus."""
+        """Return whether the IMUs of holder and base answer on the bus."""
         if not self.injections:
             return True, True
         return not self._value("imu", "unplug"), not self._value("base_imu", "unplug")
 
     def supply_dipped(self) -> bool:
-        """Tell, once for each, whether a dip of the supply resets the board now."""
+        """Return whether a dip of the supply resets the board now; true once for each."""
         past = [f for f in self._dips if f.start <= self.time]
         self._dips = [f for f in self._dips if f not in past]
         return bool(past)
 
-    def gyro_bias(self) -> Triple:
-        """Return the holder gyro's zero-rate output as it is now [rad/s]."""
-        jump = radians(self._value("gyro", "bias"))
-        x, y, z = self._imus.bias[:3].tolist()
-        return x + jump, y + jump, z + jump
-
     def switch_bits(self) -> int:
-        """Return bits 0…3: +x, −x, +y, −y closed."""
+        """Return the closed switches: bits 0…3 are +x, −x, +y, −y."""
         return sum(closed << i for i, closed in enumerate(self._closed))
 
     def joystick_codes(self) -> tuple[int, int]:
-        """Return what the ADC gives for the joystick."""
+        """Return the ADC's codes of the joystick."""
         half = c.ADC_LEVELS // 2
         x, y = (min(max(round(half + half * v), 0), c.ADC_LEVELS - 1) for v in self.joystick)
         return x, y
-
-
-def quiet(parameters: RigParameters) -> RigParameters:
-    """Return the rig without sensor noise, for tests that look at one effect at a time."""
-    s = parameters.sensors
-    a, b, d, e = (replace(p, noise=0.0) for p in s.potentiometers)
-    return replace(parameters, sensors=replace(s, potentiometers=(a, b, d, e), supply_ripple=0.0))

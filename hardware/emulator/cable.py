@@ -1,4 +1,4 @@
-"""The cable between host and simulated device, and what may be wrong with it."""
+"""Cable between host and simulated device, with its faults."""
 
 import numpy as np
 
@@ -6,32 +6,32 @@ from hardware.emulator.injection import Injection
 
 
 class UnpluggedError(OSError):
-    """The cable of a simulated rig is out."""
+    """The cable of a simulated rig is unplugged."""
 
 
 class Cable:
-    """Drops, corrupts or is pulled, as the injections of target `link` ask."""
+    """Drops or corrupts bytes, or is unplugged, by the injections of target `link`."""
 
     def __init__(self, injections: tuple[Injection, ...], seed: int) -> None:
         self._faults = [f for f in injections if f.target == "link"]
         self._random = np.random.default_rng([seed, 5])
 
     def unplugged(self, time: float) -> bool:
-        """Tell whether the cable is out at a rig time [s]."""
+        """Return whether the cable is unplugged at a rig time [s]."""
         return any(f.kind == "unplug" and f.active(time) for f in self._faults)
 
     def check(self, time: float) -> None:
-        """Raise while the cable is out.
+        """Raise while the cable is unplugged.
 
         Raises
         ------
-        UnpluggedError : it is
+        UnpluggedError : it is unplugged
         """
         if self._faults and self.unplugged(time):
             raise UnpluggedError("rig unplugged")
 
     def carry(self, data: bytes, time: float) -> bytes:
-        """Return what is left of bytes that pass at a rig time [s]."""
+        """Return the bytes that arrive of those sent at a rig time [s]."""
         for fault in self._faults:
             if not data or fault.kind not in ("drop", "corrupt") or not fault.active(time):
                 continue

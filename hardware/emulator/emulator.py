@@ -1,4 +1,4 @@
-"""A whole rig in one object, in lockstep: write bytes, let time pass, read bytes."""
+"""A simulated rig in lockstep: write bytes, advance time, read bytes."""
 
 import hashlib
 from collections import deque
@@ -18,18 +18,18 @@ IMU_AGE_US = (620, 310)  # the two readings are taken one after the other before
 
 
 def identity(parameters: RigParameters) -> int:
-    """Return a serial number that tells one emulated rig from another, u32."""
+    """Return the serial number of an emulated rig, u32: a hash of its parameters."""
     digest = hashlib.sha256(repr(parameters).encode()).digest()
     return 1 + int.from_bytes(digest[:4], "little") % (constants.SERIAL_BLANK - 1)
 
 
 class Emulator:
-    """Firmware's behaviour over a bench; the world's clock is `time_us`, the device's is skewed.
+    """The firmware's behaviour over a bench; world time is `time_us`, the device's clock is skewed.
 
     Parameters
     ----------
-    parameters : the rig; the reference rig when left out
-    plant : other physics than the analytic plant
+    parameters : the rig; the reference rig if omitted
+    plant : physics; the analytic plant if omitted
     injections : faults, from `injection.parse`
     seed : of the noise
     boot_us : device clock when the world's is zero [µs]
@@ -74,7 +74,7 @@ class Emulator:
         return self.time_us * 1000
 
     def truth(self) -> tuple[Pair, Pair]:
-        """Return gimbal angles [rad] and rates [rad/s] as they are."""
+        """Return the true gimbal angles [rad] and rates [rad/s]."""
         return self.bench.plant.angles(), self.bench.plant.rates()
 
     def write(self, data: bytes) -> None:
@@ -82,7 +82,7 @@ class Emulator:
 
         Raises
         ------
-        UnpluggedError : the cable is out
+        UnpluggedError : the cable is unplugged
         """
         self._cable.check(self.time_us * 1e-6)
         at = max(self._wire_free[0], self.time_us)
@@ -96,7 +96,7 @@ class Emulator:
 
         Raises
         ------
-        UnpluggedError : the cable is out
+        UnpluggedError : the cable is unplugged
         """
         pieces = []
         while self._outgoing and self._outgoing[0][0] <= self.time_us:
@@ -105,10 +105,10 @@ class Emulator:
         return self._cable.carry(b"".join(pieces), self.time_us * 1e-6) if pieces else b""
 
     def close(self) -> None:
-        """Do nothing; there is no port to give back."""
+        """Do nothing: there is no port to close."""
 
     def advance_us(self, duration: int) -> None:
-        """Let the world's time pass [µs]."""
+        """Advance world time [µs]."""
         self.time_us += duration
         while (self._tick + 1) * self._tick_s * 1e6 <= self.time_us:
             self._advance_tick()
@@ -130,7 +130,7 @@ class Emulator:
         self._transmit(world_us)
 
     def _restart(self) -> None:
-        """Boot again, with the clock at zero; what was still to be sent is lost."""
+        """Boot again with the clock at zero; unsent bytes are lost."""
         self.device = Device(Board.EMULATOR, 0, BROWN_OUT, self.device.serial)
         self._booted, self._boot_us = self._tick, 0
         self._imu, self._read_us = [0] * 12, [0, 0]
@@ -138,9 +138,9 @@ class Emulator:
         self._latch()
 
     def _latch(self) -> None:
-        """Timer1 takes the new widths when a frame begins: its compare registers are doubled."""
+        """Put the wanted pulse widths into force, as Timer1's double buffering does."""
         self._latched = self.device.pulse
-        # A fast clock makes short microseconds, and short pulses.
+        # A fast clock makes short microseconds and short pulses.
         second = constants.TICK / (1 + self.parameters.skew)
         a, b, c = self._latched
         pulses: Triple = (a * second, b * second, c * second)
@@ -174,7 +174,7 @@ class Emulator:
         )
 
     def _read_imus(self, device_us: int) -> tuple[bool, bool]:
-        """Take the registers of the IMUs that answer; tell which do."""
+        """Read the registers of the IMUs that answer; return which did."""
         counts, present = self.bench.imu_counts(self._age_s), self.bench.imu_present()
         for k, answers in enumerate(present):
             if answers:
@@ -183,7 +183,7 @@ class Emulator:
         return present
 
     def _transmit(self, world_us: float) -> None:
-        """Move what is queued onto the wire, as far as a tick goes."""
+        """Put queued bytes on the wire, as many as it takes in a tick."""
         queue = self.device.transmit
         if not queue:
             return

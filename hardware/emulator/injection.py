@@ -1,4 +1,4 @@
-"""Faults on request, as strings: `target:kind[:value][@start[-end]]`, times in seconds."""
+"""Injected faults, as strings `target:kind[:value][@start[-end]]`, times in seconds."""
 
 import math
 from dataclasses import dataclass
@@ -7,34 +7,34 @@ from hardware.frames import POTENTIOMETER_NAMES, HardwareError
 
 
 class FaultNameError(HardwareError):
-    """A fault that no rig can have."""
+    """A fault string does not name a valid fault."""
 
 
 _UNPLUG = {"unplug": (2.0, 0.0, 3600.0, "seconds")}
 # kind → (default value, lowest, highest, meaning of the value)
 _POTENTIOMETER = {
     "glitch": (0.2, 0.0, 1.0, "fraction of readings that are wrong"),
-    "stuck": (0.0, 0.0, 0.0, "no value"),
-    "open": (0.0, 0.0, 0.0, "no value"),
+    "stuck": (0.0, 0.0, 0.0, "none"),
+    "open": (0.0, 0.0, 0.0, "none"),
     "offset": (5.0, -180.0, 180.0, "degrees"),
 }
 VALID: dict[str, dict[str, tuple[float, float, float, str]]] = {
     **dict.fromkeys(POTENTIOMETER_NAMES, _POTENTIOMETER),
     "supply": {
         "sag": (0.1, 0.0, 0.9, "fraction of the supply that is missing"),
-        "reset": (0.0, 0.0, 0.0, "no value"),
+        "reset": (0.0, 0.0, 0.0, "none"),
     },
     "gyro": {
         "bias": (20.0, -500.0, 500.0, "degrees per second"),
-        "frozen": (0.0, 0.0, 0.0, "no value"),
+        "frozen": (0.0, 0.0, 0.0, "none"),
     },
     "base_gyro": {
         "bias": (20.0, -500.0, 500.0, "degrees per second"),
-        "frozen": (0.0, 0.0, 0.0, "no value"),
+        "frozen": (0.0, 0.0, 0.0, "none"),
     },
     "imu": _UNPLUG,
     "base_imu": _UNPLUG,
-    "turntable": {"stuck": (0.0, 0.0, 0.0, "no value")},
+    "turntable": {"stuck": (0.0, 0.0, 0.0, "none")},
     "link": {
         "drop": (0.001, 0.0, 1.0, "fraction of bytes"),
         "corrupt": (0.001, 0.0, 1.0, "fraction of bytes"),
@@ -62,17 +62,17 @@ class Injection:
 
     @property
     def strength(self) -> float:
-        """`value`, or 1 for a fault that has none; a value of 0 is a fault of nothing."""
+        """`value`, or 1 for a fault without one; a value of 0 has no effect."""
         _, low, high, _ = VALID[self.target][self.kind]
         return self.value if low < high else 1.0
 
     def active(self, time: float) -> bool:
-        """Tell whether the fault is there at a rig time [s]."""
+        """Return whether the fault is active at a rig time [s]."""
         return self.start <= time < self.end
 
 
 def valid_names() -> str:
-    """Return every fault that can be asked for, for messages and help."""
+    """Return every fault that can be requested, for messages and help."""
     return ", ".join(f"{target}:{kind}" for target, kinds in VALID.items() for kind in kinds)
 
 
@@ -96,7 +96,7 @@ def _window(text: str, whole: str) -> tuple[float, float]:
 
 
 def parse(text: str) -> Injection:
-    """Return the fault that a string asks for.
+    """Return the fault that a string names.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def parse(text: str) -> Injection:
     parts = body.split(":")
     target, kind = parts[0], parts[1] if len(parts) > 1 else ""
     if kind not in VALID.get(target, {}) or len(parts) > 3:
-        raise FaultNameError(f"no fault {text!r}; valid are {valid_names()}")
+        raise FaultNameError(f"fault {text!r}: must be one of {valid_names()}")
     default, low, high, meaning = VALID[target][kind]
     value = _number(parts[2], "value", text) if len(parts) == 3 else default
     if len(parts) == 3 and not low <= value <= high:

@@ -1,4 +1,4 @@
-"""The real firmware, on a simulated ATmega328P, wired to the emulator's bench."""
+"""The compiled firmware on a simulated ATmega328P, wired to the emulator's bench."""
 
 from pathlib import Path
 
@@ -13,15 +13,15 @@ from hardware.protocol import constants
 
 
 class FirmwareRig:
-    """Same bench, same faults and same calls as `Emulator`, but the C++ that ships decides.
+    """Same bench, faults and methods as `Emulator`, with the compiled firmware in place of Python.
 
     Parameters
     ----------
-    parameters : the rig; the reference rig when left out
-    plant : other physics than the analytic plant
+    parameters : the rig; the reference rig if omitted
+    plant : physics; the analytic plant if omitted
     injections : faults, from `injection.parse`
     seed : of the noise
-    elf : a built firmware; this tree's own when left out
+    elf : a built firmware; this tree's own if omitted
 
     Raises
     ------
@@ -56,7 +56,7 @@ class FirmwareRig:
         return self.time_us * 1000
 
     def truth(self) -> tuple[Pair, Pair]:
-        """Return gimbal angles [rad] and rates [rad/s] as they are."""
+        """Return the true gimbal angles [rad] and rates [rad/s]."""
         return self.bench.plant.angles(), self.bench.plant.rates()
 
     def write(self, data: bytes) -> None:
@@ -64,7 +64,7 @@ class FirmwareRig:
 
         Raises
         ------
-        UnpluggedError : the cable is out
+        UnpluggedError : the cable is unplugged
         """
         self._cable.check(self.time_us * 1e-6)
         self.nano.write(self._cable.carry(data, self.time_us * 1e-6))
@@ -74,7 +74,7 @@ class FirmwareRig:
 
         Raises
         ------
-        UnpluggedError : the cable is out
+        UnpluggedError : the cable is unplugged
         """
         data = self.nano.read()
         self._cable.check(self.time_us * 1e-6)
@@ -85,7 +85,7 @@ class FirmwareRig:
         self.nano.close()
 
     def advance_us(self, duration: int) -> None:
-        """Let the world's time pass [µs]."""
+        """Advance world time [µs]."""
         self.time_us += duration
         while (self._tick + 1) * self._tick_s * 1e6 <= self.time_us:
             self._advance_tick()

@@ -1,4 +1,4 @@
-"""What the electronics are bolted to: the moving gimbal, as a seat anybody's physics can take."""
+"""Physics of a simulated rig: the interface that any plant implements, and an analytic plant."""
 
 from dataclasses import dataclass, field
 from math import cos, pi, radians, sin
@@ -14,10 +14,10 @@ STOP = radians(10.0)
 
 
 class Plant(Protocol):
-    """Servos, linkage, gimbal and base; the emulator brings pulses and takes motion."""
+    """Servos, linkage, gimbal and base, driven by shaft angles."""
 
     def advance(self, dt: float, shaft: Triple) -> None:
-        """Move for dt [s] with the shaft angles that the pulses ask of servos x, y, turntable."""
+        """Advance by dt [s] with the commanded shaft angles of servos x, y and turntable [rad]."""
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""
@@ -34,7 +34,7 @@ class Plant(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PlantParameters:
-    """Figures of the analytic plant.
+    """Parameters of the analytic plant.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class PlantParameters:
 
 
 def sample_parameters(rng: np.random.Generator) -> PlantParameters:
-    """Return one of many rigs: ±4 % linkage ratio, ±4 % cross coupling, ±1.5° assembly error."""
+    """Return random parameters: ±4 % linkage ratio, ±4 % cross coupling, ±1.5° assembly error."""
     diagonal = 0.444 * rng.uniform(0.96, 1.04, 2)
     cross = 0.444 * rng.uniform(-0.04, 0.04, 2)
     offset = np.radians(rng.uniform(-1.5, 1.5, 2))
@@ -82,7 +82,7 @@ class AnalyticPlant:
         self._turn = self._turn_rate = 0.0
 
     def advance(self, dt: float, shaft: Triple) -> None:
-        """Move for dt [s]; see `Plant`."""
+        """Advance by dt [s]; see `Plant`."""
         p = self.parameters
         u = self.servos[0].advance(dt, shaft[0])
         v = self.servos[1].advance(dt, shaft[1])

@@ -19,7 +19,7 @@ from hardware.protocol import constants as c
 
 
 class Gaussian:
-    """Standard normal numbers one by one, drawn in blocks because single draws are slow."""
+    """Standard normal numbers one by one, sampled in blocks because single samples are slow."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -35,12 +35,12 @@ class Gaussian:
 
 @dataclass(frozen=True, slots=True)
 class Potentiometer:
-    """Ratiometric: what it reads is a fraction of the ADC's reference.
+    """Ratiometric potentiometer: its reading is a fraction of the ADC's reference.
 
     Attributes
     ----------
     zero : fraction at zero angle [1]
-    direction : +1, or −1 where it faces its twin from the other end of the axis
+    direction : +1, or −1 at the other end of the axis
     scale : deviation of the track length [1]
     bend, period, phase : waviness of the track: amplitude [rad], period [rad], phase [rad]
     noise : of one reading before quantisation, in steps of the ADC [LSB]
@@ -117,12 +117,12 @@ def _imu(rng: np.random.Generator) -> Mpu6050:
 
 
 def sample(rng: np.random.Generator, switch_sigma: float = radians(0.03)) -> SensorParameters:
-    """Return the sensors of one of many rigs.
+    """Return sensors with random tolerances.
 
     Parameters
     ----------
-    rng : source of the rig
-    switch_sigma : how well the printed calibration rig holds its switches [rad]
+    rng : random generator
+    switch_sigma : standard deviation of the printed rig's switch angles [rad]
     """
     base = SensorParameters()
     potentiometers = tuple(
@@ -170,18 +170,18 @@ class ImuPair:
         self._stage = np.zeros((2, 12))
         self._before = np.zeros(12)  # the second stage `_dt` earlier
         self._dt = 1.0
-        self._draws = np.empty((0, 12))
+        self._samples = np.empty((0, 12))
         self._at = 0
         self._primed = False
 
     def advance(self, dt: float, truth: NDArray[np.float64], delay: float) -> None:
-        """Take in dt [s] of motion (12,) through a low-pass of the given delay [s]."""
-        if self._at >= len(self._draws):
-            self._draws, self._at = self._rng.standard_normal((1024, 12)), 0
-        draw = self._draws[self._at]
+        """Advance by dt [s] of true motion (12,) through a low-pass of the given delay [s]."""
+        if self._at >= len(self._samples):
+            self._samples, self._at = self._rng.standard_normal((1024, 12)), 0
+        sample = self._samples[self._at]
         self._at += 1
-        self.bias += self._walk * (dt**0.5) * draw[::-1]
-        sensed = self._matrix @ truth + self.bias + self._noise * (0.5 / dt) ** 0.5 * draw
+        self.bias += self._walk * (dt**0.5) * sample[::-1]
+        sensed = self._matrix @ truth + self.bias + self._noise * (0.5 / dt) ** 0.5 * sample
         if not self._primed:
             self._stage[:] = sensed
             self._before[:] = sensed

@@ -13,7 +13,7 @@ PULSE_CENTRE = constants.PULSE_NEUTRAL * constants.TICK  # s
 
 @dataclass(frozen=True, slots=True)
 class ServoParameters:
-    """Figures of one servo; 0 switches dead band, friction, slew limit or backlash off.
+    """Parameters of one servo; 0 switches dead band, friction, slew limit or backlash off.
 
     Motor and gear: SG90 fitted by danb0b (robotics notes, DC motor identification), R 10 Ω,
     k_t = k_e 4.5e-3, b 1.4e-6 N·m·s, gear 55.5, controller clipped at ±5 V. Travel, dead band and
@@ -26,10 +26,10 @@ class ServoParameters:
     viscous : motor friction [N·m·s/rad]
     inertia : of motor and gear, at the motor [kg·m²]
     gear : motor turns per shaft turn [1]
-    voltage : what the controller can give [V]
+    voltage : limit of the controller's output [V]
     gain : of its position loop [V/rad of shaft]
-    dead_band : error it ignores [rad of shaft]
-    friction : dry friction, as the voltage that overcomes it [V]
+    dead_band : position error without effect [rad of shaft]
+    friction : dry friction, as a voltage at the motor [V]
     slew_limit : of the shaft [rad/s]
     backlash : full width between shaft and horn [rad]
     travel : shaft angle per pulse width [rad/s]
@@ -51,12 +51,12 @@ class ServoParameters:
     trim: float = 0.0
 
     def command(self, pulse: float) -> float:
-        """Return the shaft angle that a pulse width asks for [s] → [rad]."""
+        """Return the shaft angle commanded by a pulse width [s] → [rad]."""
         return (pulse - PULSE_CENTRE - self.trim) * self.travel
 
 
 def sample(rng: np.random.Generator) -> ServoParameters:
-    """Return a servo from the spread of a bag of them: speed ±20 %, travel ±4 %, trim ±40 µs."""
+    """Return a servo with random tolerances: speed ±20 %, travel ±4 %, trim ±40 µs."""
     base = ServoParameters()
     return replace(
         base,
@@ -71,7 +71,7 @@ def sample(rng: np.random.Generator) -> ServoParameters:
 
 
 class Servo:
-    """The moving part; `angle` is the horn's, behind the backlash."""
+    """State of a servo; `angle` is that of the horn, behind the backlash."""
 
     def __init__(self, parameters: ServoParameters) -> None:
         self.parameters = parameters
@@ -84,7 +84,7 @@ class Servo:
         self._speed_per_volt = p.torque_constant / loss / p.gear
 
     def advance(self, dt: float, command: float) -> float:
-        """Move for dt [s] towards a shaft angle [rad]; return the horn angle [rad]."""
+        """Advance by dt [s] towards a shaft angle [rad]; return the horn angle [rad]."""
         p = self.parameters
         error = command - self.shaft
         volts = 0.0 if abs(error) < p.dead_band else p.gain * error

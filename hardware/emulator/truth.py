@@ -1,4 +1,4 @@
-"""The calibration an emulated rig would get from a perfect calibration run."""
+"""Exact calibration of an emulated rig, from its parameters."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from hardware.protocol import constants
 
 
 def exact_calibration(parameters: RigParameters) -> Calibration:
-    """Return the maps that a rig of these parameters follows, backlash and waviness apart."""
+    """Return the maps of a rig with these parameters, without backlash and waviness."""
     plant, sensors = parameters.plant, parameters.sensors
     shaft = np.diag([s.travel for s in plant.servos[:2]]) / (1 + parameters.skew)
     matrix = np.array(plant.linkage) @ shaft

@@ -1,4 +1,4 @@
-"""Which sensor is wrong, and what to do about it."""
+"""Fault detection: which sensor is wrong, and how the filter treats it."""
 
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
 from hardware.faults.monitor import Monitor

@@ -1,4 +1,4 @@
-"""What the fault monitor sees of a frame, and what it asks of the filters."""
+"""Input of the fault monitor for one frame, and its output to the filter."""
 
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ class Reading(NamedTuple):
     gain : angle per full supply, signed [rad]
     gyro : raw reading of the holder gyro [rad/s]
     rate : calibrated x rate · cos y, and y rate, bias not removed [rad/s]
-    fresh : the gyro was read for this frame; else it is the last reading again
+    fresh : the gyro was read for this frame; else its last reading is repeated
     """
 
     dt: float
@@ -32,14 +32,14 @@ class Reading(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What the filters expect before they see the frame.
+    """Prediction of the filter before the frame is applied.
 
     Attributes
     ----------
     angle, rate, bias : per axis [rad], [rad/s], [rad/s]
     variance : of each potentiometer's innovation [rad²]
-    tolerance : what each potentiometer's map leaves open [rad]
-    gyro_delay : by which the gyro's reading is late [s]
+    tolerance : uncertainty of each potentiometer's map, 3 σ [rad]
+    gyro_delay : of the gyro's reading [s]
     """
 
     angle: Pair
@@ -51,12 +51,12 @@ class Prediction(NamedTuple):
 
 
 class Remedy(NamedTuple):
-    """How the filters should treat this frame.
+    """How the filter treats this frame.
 
     Attributes
     ----------
-    use : per potentiometer
-    use_gyro : per axis
+    use : whether to apply each potentiometer
+    use_gyro : whether to apply the gyro, per axis
     supply_sigma : standard deviation of a common supply error; 0 keeps the usual one [1]
     forget : per axis, standard deviations to add to angle [rad] and bias [rad/s], or None
     """

@@ -1,11 +1,11 @@
-"""What an estimator remembers, read back from JSON that may be anybody's."""
+"""State of an estimator read back from JSON, which may come from an untrusted file."""
 
 from dataclasses import fields
 from enum import StrEnum
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-LONGEST_WORD = 40
+LONGEST_TEXT = 40
 LARGEST = 1e16  # µs of a device's clock over 300 years; sums and squares stay finite
 
 
@@ -14,23 +14,23 @@ def number(value: Any) -> float:  # noqa: ANN401  whatever JSON holds
 
     Raises
     ------
-    TypeError, ValueError : it is none
+    TypeError, ValueError : it is not one
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(f"{str(value)[:LONGEST_WORD]!r} is no number")
+        raise TypeError(f"{str(value)[:LONGEST_TEXT]!r} is not a number")
     if not abs(value) <= LARGEST:  # NaN neither
-        raise ValueError("a number beyond anything an estimator remembers")
+        raise ValueError("a number out of range")
     return float(value)
 
 
 def filled(kind: type[T], values: Any) -> T:  # noqa: ANN401
-    """Return a dataclass of numbers, words and pairs of numbers with these values.
+    """Return a dataclass of numbers, texts and pairs of numbers with these values.
 
-    Each value must be of the kind that the field's default is.
+    Each value must be of the type of the field's default.
 
     Raises
     ------
-    KeyError, TypeError, ValueError : a value is missing or of another kind
+    KeyError, TypeError, ValueError : a value is missing or of another type
     """
     if not isinstance(values, dict):
         raise TypeError("not an object")
@@ -44,8 +44,8 @@ def _alike(example: Any, value: Any) -> Any:  # noqa: ANN401
     if isinstance(example, StrEnum):
         return type(example)(value)
     if isinstance(example, str):
-        if not isinstance(value, str) or len(value) > LONGEST_WORD:
-            raise TypeError("not a word")
+        if not isinstance(value, str) or len(value) > LONGEST_TEXT:
+            raise TypeError("not a short text")
         return value
     if isinstance(example, list):
         if not isinstance(value, list) or len(value) != len(example):

@@ -51,8 +51,8 @@ class Monitor:
         self._last_gyro: Triple | None = None
         self._equal = 0
         self._out = [False] * len(SENSORS)  # which sensors are named
-        self._blur = 0.0  # what the vaguest potentiometer map leaves open [rad]
-        self._stands = False  # the gyro has given one reading for too long
+        self._blur = 0.0  # 3 σ of the most uncertain potentiometer map [rad]
+        self._stands = False  # the gyro has repeated one reading for too long
 
     @property
     def healthy(self) -> bool:
@@ -83,17 +83,17 @@ class Monitor:
 
     @property
     def note(self) -> str:
-        """What the maps are too vague to show, in one line; "" where they are good enough."""
+        """What uncertain maps leave undetected, in one line; "" for a calibrated rig."""
         if self._blur <= DRIFT:
             return ""
         seen = degrees(DRIFT + self._blur)
         return (
             f"not calibrated: potentiometers of an axis may part by {seen:.0f}° before health "
-            "says so, and it cannot tell which one is wrong"
+            "reports it, and the wrong one is not named"
         )
 
     def snapshot(self) -> dict[str, object]:
-        """Return everything this monitor remembers, as JSON values."""
+        """Return the whole state of this monitor, as JSON values."""
         return {
             "time": self.time,
             "running": self._running,
@@ -104,11 +104,11 @@ class Monitor:
         }
 
     def restore(self, memory: Mapping[str, Any]) -> None:
-        """Take up what `snapshot` gave.
+        """Restore the state from a `snapshot`.
 
         Raises
         ------
-        KeyError, TypeError, ValueError : it is no such memory
+        KeyError, TypeError, ValueError : it is not a snapshot
         """
         tracks = tuple(filled(Track, values) for values in memory["tracks"])
         x, y = (filled(Axis, values) for values in memory["axes"])
@@ -125,7 +125,7 @@ class Monitor:
         self._out = [track.state in NAMED for track in tracks]
 
     def begin(self, reading: Reading) -> tuple[bool, bool, bool, bool]:
-        """Start afresh on a first frame, or after a gap; tell which potentiometers are wired."""
+        """Start again on a first frame, or after a gap; return which potentiometers are wired."""
         a, b, c, d = (RAIL < f < 1 - RAIL for f in reading.fraction)
         self._running = 0.0
         self._last_gyro, self._equal = None, 0
@@ -134,7 +134,7 @@ class Monitor:
         return (a, b, c, d)
 
     def inspect(self, reading: Reading, prediction: Prediction) -> Remedy:
-        """Judge one frame before the filters take it in."""
+        """Judge one frame before the filter applies it."""
         dt = reading.dt
         self.time += dt
         self._running += dt
@@ -215,16 +215,16 @@ class Monitor:
         return use
 
     def _alone(self, i: int, p: Prediction, rest: list[float]) -> bool:
-        """Tell whether a potentiometer contradicts the other one too, not only the prediction.
+        """Return whether a potentiometer contradicts the other one too, not only the prediction.
 
-        Two that agree against the prediction point at the gyro.
+        Two that agree against the prediction indicate a wrong gyro.
         """
         other = i ^ 1
         apart = rest[i] - rest[other]
         return self._out[other] or not apart * apart < GATE_2 * (p.variance[i] + p.variance[other])
 
     def _mute(self, r: Reading, axis: int) -> bool:
-        """Tell whether an axis's potentiometers cannot tell a sag from a motion just now."""
+        """Return whether an axis's potentiometers cannot separate a sag from a motion now."""
         return self._out[SUPPLY] and r.gain[2 * axis] * r.gain[2 * axis + 1] > 0
 
     def _frozen(self, r: Reading, p: Prediction) -> None:
@@ -276,23 +276,23 @@ class Monitor:
                 axis.bias += (p.bias[k] - axis.bias) * min(1.0, dt)
 
     def _compare(self, r: Reading, p: Prediction) -> None:
-        """Look for potentiometers that drift apart, and for both drifting from the gyro."""
+        """Detect potentiometers that drift apart, and both drifting from the gyro."""
         for k, axis in enumerate(self._axes):
             a, b = axis.distance
             if axis.doubtful:
                 axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
-            vague = max(p.tolerance[2 * k], p.tolerance[2 * k + 1])
-            moving = LAG * abs(p.rate[k]) + vague
+            uncertain = max(p.tolerance[2 * k], p.tolerance[2 * k + 1])
+            moving = LAG * abs(p.rate[k]) + uncertain
             if abs(a - b) > DRIFT + moving:
-                self._disagree(k, a, b, DRIFT + moving, r.dt, vague <= DRIFT)
+                self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
             elif min(abs(a), abs(b)) > COMMON_DRIFT + moving and a * b > 0 and not self._mute(r, k):
                 self._accuse(GYRO, 0.2, "bias")
 
     def _disagree(
-        self, index: int, a: float, b: float, margin: float, dt: float, tellable: bool
+        self, index: int, a: float, b: float, margin: float, dt: float, separable: bool
     ) -> None:
-        """Name the one further off; where the maps are too vague for that, doubt the axis."""
-        if not tellable:
+        """Name the one further off; if the maps are too uncertain, doubt the axis."""
+        if not separable:
             self._doubt(index, dt)
         elif abs(a) > abs(b) + 0.5 * margin:
             self._accuse(2 * index, 0.2, "deviating")

@@ -1,4 +1,4 @@
-"""Health of a sensor: evidence in, state out, by a table."""
+"""Health of a sensor: from evidence to state, by a transition table."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -25,7 +25,7 @@ class State(StrEnum):
 
 
 class Sign(StrEnum):
-    """What the evidence of a frame says of one sensor."""
+    """Verdict of a frame's evidence on one sensor."""
 
     CLEAN = "clean"
     ODD = "odd"
@@ -33,7 +33,7 @@ class Sign(StrEnum):
     PROVEN = "proven"  # clean for `CLEAN_TIME` and, for a potentiometer, moved with the gimbal
 
 
-# A pair that is missing leaves the state as it is.
+# A missing pair leaves the state unchanged.
 TRANSITIONS: dict[tuple[State, Sign], State] = {
     (State.OK, Sign.ODD): State.SUSPECT,
     (State.OK, Sign.BAD): State.FAULTY,
@@ -50,7 +50,7 @@ NAMED = (State.FAULTY, State.RECOVERING)
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A sensor that is known to be wrong.
+    """A sensor that was named as wrong.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Track:
     highest: float = 0.0
 
     def sign(self) -> Sign:
-        """Return what the evidence says now."""
+        """Return the verdict of the present evidence."""
         if self.score >= BAD_SCORE:
             return Sign.BAD
         if self.score > ODD_SCORE:

@@ -1,4 +1,4 @@
-"""The Nano's firmware: its sources, and how they are built and kept in step with the protocol."""
+"""The Nano's firmware: sources, build, and headers generated from the protocol."""
 
 from hardware.firmware.build import (
     FirmwareError,

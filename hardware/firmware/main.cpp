@@ -1,4 +1,4 @@
-// Entry point where no Arduino core brings its own.
+// Entry point of builds without the Arduino core.
 #include "tvc_gimbal/board.h"
 
 int main() {

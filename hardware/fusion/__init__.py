@@ -1,4 +1,4 @@
-"""Sensor frames in, gimbal states out: Kalman filter per axis and the fault monitor beside it."""
+"""Sensor frames to gimbal states: Kalman filter over both axes, with a fault monitor."""
 
 from hardware.fusion.base import BaseAttitude, BaseMap
 from hardware.fusion.estimator import Fusion

@@ -15,23 +15,23 @@ TRAVELS = 300.0, 10_000.0  # rad/s of pulse: a hobby servo turns 97° per ms, 17
 LONGEST_PULSE_S = 3e-3
 LARGEST_BIAS = radians(40.0)  # twice the data sheet's zero-rate output
 LARGEST_TILT = radians(20.0)  # of a base that stands at neutral
-LARGEST_SCALE = 0.1  # the data sheets say ±3 % each for gyro and accelerometer
+LARGEST_SCALE = 0.1  # data sheet: ±3 % each for gyro and accelerometer
 
 
 @dataclass(frozen=True, slots=True)
 class BaseMap:
-    """What the IMU of one base shows, as a turntable's own calibration finds it.
+    """Maps of a base's IMU and turntable servo, from the turntable's calibration.
 
     Attributes
     ----------
-    tilt : that the accelerometer shows at the neutral pulse [rad]
+    tilt : by the accelerometer at the neutral pulse [rad]
     gyro_bias : reading at rest [rad/s]
-    gyro_scale, tilt_scale : turn about x per turn that gyro and accelerometer show [1]
+    gyro_scale, tilt_scale : turn about x per turn measured by gyro and accelerometer [1]
     centre, travel : pulse width at neutral [s], turn per pulse width [rad/s]
 
     Raises
     ------
-    HardwareError : a figure that no such IMU has
+    HardwareError : an implausible value
     """
 
     tilt: float = 0.0
@@ -42,14 +42,14 @@ class BaseMap:
     travel: float = SERVO_TRAVEL
 
     def __post_init__(self) -> None:
-        """Refuse what would make an attitude out of nonsense."""
+        """Check that every value is plausible."""
         limits = [("tilt at neutral", self.tilt, LARGEST_TILT)]
         limits += [("gyro bias", b, LARGEST_BIAS) for b in self.gyro_bias]
         for name, value, limit in limits:
             if not abs(value) <= limit:
                 raise HardwareError(
-                    f"base IMU: {name} of {degrees(value):.1f}°; at most {degrees(limit):.0f} is"
-                    " plausible: is it mounted the right way round, and did the base stand still?"
+                    f"base IMU: {name} of {degrees(value):.1f}°; must be at most"
+                    f" {degrees(limit):.0f}°: check its mounting, and that the base was at rest"
                 )
         for scale in (self.gyro_scale, self.tilt_scale):
             if not abs(scale - 1.0) <= LARGEST_SCALE:
@@ -60,7 +60,7 @@ class BaseMap:
         lowest, highest = TRAVELS
         if not lowest <= abs(self.travel) <= highest or not 0.0 < self.centre < LONGEST_PULSE_S:
             turn, middle = degrees(self.travel) * 1e-3, self.centre * 1e3
-            raise HardwareError(f"turntable: {turn:.3g}° per ms about {middle:.3g} ms is no servo")
+            raise HardwareError(f"turntable: {turn:.3g}° per ms at {middle:.3g} ms is not a servo")
 
     def rate(self, reading: Triple) -> Triple:
         """Angular rate of the base from a reading of its gyro [rad/s]."""
@@ -78,7 +78,7 @@ class BaseMap:
 
 
 def tilt(accelerometer: Triple) -> float:
-    """Turn about x that gravity shows while the base stands still; its z points down [rad].
+    """Turn about x by gravity, base at rest, its z pointing down [rad].
 
     By y alone: z adds little near the vertical, but its offset and scale would bend the slope.
     """
@@ -87,12 +87,12 @@ def tilt(accelerometer: Triple) -> float:
 
 @dataclass(frozen=True, slots=True)
 class BaseNoise:
-    """What the base IMU is assumed to do.
+    """Assumed noise of the base IMU.
 
     Attributes
     ----------
     gyro : angle random walk [rad/√s]; 0.005 °/s/√Hz one-sided is 0.0035 °/√s
-    scale : what the gyro's scale leaves open [1], over moves of `move` [s]
+    scale : uncertainty of the gyro's scale [1], over moves of `move` [s]
     bias : random walk of its bias [rad/s/√s]
     bias_sigma : of the bias at the start [rad/s]
     tilt : of one accelerometer reading at rest [rad]; 400 µg/√Hz over some 200 Hz is 0.33°
@@ -110,7 +110,7 @@ class BaseNoise:
 
 
 class BaseAttitude:
-    """Kalman filter over turn and gyro bias: the gyro moves it on, gravity corrects it.
+    """Kalman filter (filterpy) over turn and gyro bias: gyro as input, gravity as measurement.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class BaseAttitude:
         self.angle = self.rate = 0.0
         self._kalman: Any = KalmanFilter(dim_x=2, dim_z=1, dim_u=1)
         self._kalman.x = np.zeros(2)
-        # The angle's zero is where the calibration stood.
+        # The angle is zero at the pose of the calibration.
         self._kalman.P = np.diag([radians(0.1) ** 2, self.noise.bias_sigma**2])
         self._kalman.H = np.array([[1.0, 0.0]])
         self._kalman.inv = np.reciprocal  # S is 1×1
@@ -143,7 +143,7 @@ class BaseAttitude:
         return sqrt(self._kalman.P[0, 0])
 
     def update(self, frame: SensorFrame) -> None:
-        """Take one frame in."""
+        """Process one frame."""
         rate = self.base.rate(frame.base_gyro)[0]
         if self._last_us is not None:
             self._predict(frame.device_us - self._last_us, rate)
@@ -156,7 +156,7 @@ class BaseAttitude:
 
     def _predict(self, dt_us: int, rate: float) -> None:
         n, dt, kalman = self.noise, dt_us * 1e-6, self._kalman
-        if not 0 < dt_us <= LONGEST_STEP_US:  # a gap: it may have turned anywhere meanwhile
+        if not 0 < dt_us <= LONGEST_STEP_US:  # after a gap the base may be at any turn
             kalman.P[0] = kalman.P[:, 0] = 0.0
             kalman.P[0, 0] = radians(45.0) ** 2
             return

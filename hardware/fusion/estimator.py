@@ -1,4 +1,4 @@
-"""Sensor frames in, gimbal states out; knows which sensor is wrong and goes on without it."""
+"""Sensor frames to gimbal states; leaves out sensors that the fault monitor has named."""
 
 from collections.abc import Mapping
 from math import cos, radians, sin, sqrt
@@ -22,9 +22,9 @@ from hardware.fusion.kalman import (
 )
 from hardware.protocol import Flags
 
-LARGEST, SLACK = 1e6, 1e-9  # of a remembered state, and of a covariance's negative eigenvalue
+LARGEST, SLACK = 1e6, 1e-9  # of a restored state, and of a covariance's negative eigenvalue
 _HOLDER_IMU = int(Flags.HOLDER_IMU)  # an enum's `&` takes 1 µs
-_MAP_ANGLE = radians(5.0)  # where a calibration's uncertainty is quoted
+_MAP_ANGLE = radians(5.0)  # at which a calibration's uncertainty is evaluated
 
 
 class Fusion:
@@ -71,14 +71,14 @@ class Fusion:
         self.filter.set_gyro_delay(delay)
 
     def restart(self) -> None:
-        """Forget the past; the next frame begins anew."""
+        """Restart the filter with the next frame."""
         self._last_us = None
 
     def snapshot(self) -> dict[str, object]:
-        """Return everything this estimator remembers, as JSON values.
+        """Return the whole state of this estimator, as JSON values.
 
-        With the frames that come after it, a fresh estimator that takes it up gives the same
-        states to the last bit.
+        A new estimator that restores it gives the same states for the following frames, to the
+        last bit.
         """
         return {
             "gyro_delay": self.noise.gyro_delay,
@@ -89,20 +89,20 @@ class Fusion:
         }
 
     def restore(self, memory: Mapping[str, Any]) -> None:
-        """Take up what `snapshot` gave.
+        """Restore the state from a `snapshot`.
 
         Raises
         ------
-        HardwareError : it is no such memory
+        HardwareError : it is not a snapshot
         """
         try:
             x, P = (np.array(memory[k], dtype=np.float64) for k in ("x", "P"))
             if x.shape != (2, 4) or P.shape != (2, 4, 4):
                 raise ValueError("states or covariances of another shape")
             if not (np.abs(x) < LARGEST).all() or not (np.abs(P) < LARGEST).all():
-                raise ValueError("states or covariances that no filter has")
+                raise ValueError("states or covariances out of range")
             if not all(np.linalg.eigvalsh(p + p.T)[0] > -SLACK * np.trace(p) for p in P):
-                raise ValueError("a covariance that is none")
+                raise ValueError("a matrix that is not a covariance")
             last = memory["last_us"]
             self.set_gyro_delay(number(memory["gyro_delay"]))
             self._last_us = None if last is None else int(number(last))
@@ -110,7 +110,7 @@ class Fusion:
                 self.filter.set_axis(k, x[k], P[k])
             self.monitor.restore(memory["monitor"])
         except (KeyError, TypeError, ValueError, ArithmeticError) as error:
-            raise HardwareError(f"no memory of a sensor fusion: {error}") from None
+            raise HardwareError(f"not a snapshot of a sensor fusion: {error}") from None
 
     def update(self, frame: SensorFrame) -> GimbalState:
         """Return the gimbal's state at the frame's time stamp."""
@@ -138,7 +138,7 @@ class Fusion:
         )
 
     def _rate(self, frame: SensorFrame) -> Pair:
-        """What the holder's gyro says of the gimbal alone: x rate · cos y, and y rate [rad/s]."""
+        """The gimbal's own rates by the holder's gyro: x rate · cos y, and y rate [rad/s]."""
         x, y = self.calibration.gyro.rates(frame.gyro)
         if self.base is None:
             return x, y
@@ -197,7 +197,7 @@ class Fusion:
         )
 
     def state(self, time_ns: int) -> GimbalState:
-        """Return the present estimate under a time stamp of the caller's [ns]."""
+        """Return the present estimate with a time stamp [ns]."""
         x, v = self.filter.state, self.filter.angle_variance()
         sigma: Pair = (sqrt(v[0] + self._map_variance[0]), sqrt(v[1] + self._map_variance[1]))
         return GimbalState(

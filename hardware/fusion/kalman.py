@@ -1,7 +1,7 @@
 """Kalman filter over both axes of a gimbal, on filterpy.
 
-State of an axis: angle θ, rate ω, gyro bias b, and the rate g as the gyro's own low-pass shows it,
-which is how the age of the gyro's readings enters. Measurements: both potentiometers' angles, gyro
+State of an axis: angle θ, rate ω, gyro bias b, and the rate g behind the gyro's low-pass,
+which models the age of the gyro's readings. Measurements: both potentiometers' angles, gyro
 rate. Decision and figures: docs/decisions/0007-filterpy-in-the-loop.md.
 """
 
@@ -27,7 +27,7 @@ _KEPT_STEPS = 256
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What the sensors and the motion are assumed to do.
+    """Assumed noise of sensors and motion.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ def transition(dt: float, delay: float) -> Array:
 def process_noise(dt: float, noise: Noise) -> Array:
     """Return Q (4, 4): ∫ φφᵀ over dt with φ(s) = (s, 1, 0, 1 − e^(−s/delay)), plus the bias walk.
 
-    φ is the answer of the state to an impulse of acceleration s ago; the integrals are exact.
+    φ is the response of the state to an impulse of acceleration s ago; the integrals are exact.
     """
     delay = noise.gyro_delay
     e = exp(-dt / delay) if delay > 0 else 0.0
@@ -77,7 +77,7 @@ def process_noise(dt: float, noise: Noise) -> Array:
 
 
 def observation(gyro_gain: float) -> Array:
-    """Return H (3, 4); the ring's gyro shows cos y of the rate, hence the gain [1]."""
+    """Return H (3, 4); for the ring the gyro measures cos y of the rate, hence the gain [1]."""
     return np.array([[1, 0, 0, 0], [1, 0, 0, 0], [0, 0, 1, gyro_gain]], dtype=float)
 
 
@@ -98,7 +98,7 @@ class GimbalFilter:
     """
 
     def __init__(self, noise: Noise) -> None:
-        # Half a second, most of it scipy.stats: commands without a rig do not pay for it.
+        # Half a second, most of it scipy.stats: commands without a rig do not import it.
         from filterpy.kalman import KalmanFilter
         from scipy.linalg.lapack import dposv
 

@@ -1,4 +1,4 @@
-"""The serial line to a rig: any pyserial URL, polled without blocking, reopened after a pull."""
+"""Serial line to a rig: any pyserial URL, polled without blocking, reopened when it comes back."""
 
 import contextlib
 import time
@@ -13,7 +13,7 @@ from hardware.link.port import LinkError, close_port, open_port, writer
 from hardware.protocol import DELIMITER, Counters, Decoder, Encoder, Frame, Message
 
 RETRY_NS = 200_000_000
-# Bytes taken in by one poll, about fourteen telemetry frames: a backlog is worked off over several
+# Bytes taken in by one poll, about fourteen telemetry frames: a backlog is processed over several
 # polls instead of making one long.
 _CHUNK = 1024
 
@@ -25,7 +25,7 @@ class Gap:
     Attributes
     ----------
     start_ns, end_ns : when it broke and when it was open again; None while it is broken [ns]
-    reason : what the operating system said
+    reason : the operating system's message
     """
 
     start_ns: int
@@ -35,12 +35,12 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class LinkStatistics:
-    """What went over a link since it was made, over all connections.
+    """Counts of a link since its creation, over all connections.
 
     Attributes
     ----------
     received, sent : bytes
-    refused : messages the line did not take, because it was broken or nobody read it
+    refused : messages not sent, because the line was broken or the other end did not read
     decoder : frames, CRC errors and losses
     gaps : times without a connection, in order
     """
@@ -55,14 +55,14 @@ class LinkStatistics:
 class Link:
     """Messages over one serial port; never blocks, never raises once it has been open.
 
-    A pulled cable turns `connected` false and begins a gap; `poll` then tries to open the port
+    An unplugged cable turns `connected` false and begins a gap; `poll` then tries to open the port
     again five times a second. `generation` counts connections: when it has changed, the device
     has probably been reset and needs a new handshake.
 
     Parameters
     ----------
     url : a port name or pyserial URL
-    reset : let DTR reset the board on opening; `False` needs a driver that honours it
+    reset : let DTR reset the board on opening; `False` needs a driver that supports it
     clock : monotonic nanoseconds, for gaps and `polled_ns`
 
     Raises
@@ -82,7 +82,7 @@ class Link:
         self._encoder = Encoder()
         self._decoder = Decoder()
         self._write: Callable[[bytes], int] = len
-        self._rest = b""  # of a message that the line has taken in part
+        self._rest = b""  # of a message that was sent in part
         self._earlier = Counters()
         self._received = self._sent = self._refused = 0
         self._gaps: list[Gap] = []
@@ -108,7 +108,7 @@ class Link:
 
     @property
     def statistics(self) -> LinkStatistics:
-        """What went over the link so far."""
+        """Counts so far."""
         decoder = _sum(self._earlier, self._decoder.counters)
         return LinkStatistics(self._received, self._sent, self._refused, decoder, tuple(self._gaps))
 
@@ -131,7 +131,7 @@ class Link:
         return list(self._decoder)
 
     def send(self, message: Message) -> int | None:
-        """Send a message and return its sequence number; None when the line did not take it."""
+        """Send a message and return its sequence number; None if it was not sent."""
         if self._port is None:
             self._refused += 1
             return None
@@ -144,7 +144,7 @@ class Link:
             self._break(error)
             return None
         self._sent += taken
-        if taken < len(self._rest) or not taken:  # nobody reads; nothing of this message has gone
+        if taken < len(self._rest) or not taken:  # the other end does not read
             self._rest = self._rest[taken:]
             self._refused += 1
             return None
@@ -152,7 +152,7 @@ class Link:
         return sequence
 
     def close(self) -> None:
-        """Close the port; calling it twice does no harm."""
+        """Close the port; closing it twice is harmless."""
         self._closed = True
         self._drop()
 
@@ -169,7 +169,7 @@ class Link:
         self._encoder = Encoder()
         self._write = writer(self._port)
         self.generation += 1
-        # Ends whatever the device has half received, so that our first frame stands alone.
+        # Ends a frame that the device has half received, so that our first frame is decoded.
         self._rest = DELIMITER
 
     def _reconnect(self) -> bool:

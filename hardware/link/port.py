@@ -1,4 +1,4 @@
-"""Opening, writing and closing a serial port without ever waiting for it."""
+"""Open, write and close a serial port without blocking."""
 
 import contextlib
 import errno
@@ -12,18 +12,18 @@ import serial
 from hardware.frames import HardwareError
 from hardware.protocol import BAUD
 
-# Of ports that only pyserial can write to. With a timeout of zero it would spin for ever on a
-# full buffer (serialposix.write loops on EAGAIN).
+# Of ports that only pyserial can write to. With a timeout of zero it would spin without end on
+# a full buffer (serialposix.write loops on EAGAIN).
 _WRITE_TIMEOUT_S = 0.002
 _EXAMPLES = "/dev/ttyUSB0, COM3 or socket://127.0.0.1:5555"
 
 
 class LinkError(HardwareError):
-    """A port cannot be opened; the message is one line and says what to do."""
+    """A port cannot be opened; the message is one line with the remedy."""
 
 
 def open_port(url: str, *, reset: bool) -> serial.SerialBase:
-    """Open a port that neither reads nor writes with waiting.
+    """Open a port for reading and writing without blocking.
 
     Parameters
     ----------
@@ -46,14 +46,14 @@ def open_port(url: str, *, reset: bool) -> serial.SerialBase:
         if not reset:
             port.dtr = False
         port.open()
-    except Exception as error:  # pyserial lets termios, URL and socket errors through
+    except Exception as error:  # pyserial does not wrap termios, URL and socket errors
         raise LinkError(_explain(url, error)) from None
     _lower_latency(port)
     return port
 
 
 def writer(port: serial.SerialBase) -> Callable[[bytes], int]:
-    """Return a function that writes what there is room for without waiting; it returns the count.
+    """Return a function that writes as many bytes as there is room for and returns their number.
 
     pyserial's own `write` looks with `select`, after it has written, whether there is room for
     more. On a terminal that waits for the kernel's worker just as reading does, see `Link.poll`;
@@ -83,7 +83,7 @@ def _written(port: serial.SerialBase, data: bytes) -> int:
 
 
 def close_port(port: serial.SerialBase) -> None:
-    """Close at once: pyserial sleeps 0.3 s after closing a socket, which would hold up the loop."""
+    """Close at once: pyserial sleeps 0.3 s after closing a socket, which would delay the loop."""
     line = getattr(port, "_socket", None)
     if isinstance(line, socket.socket):
         line.close()
@@ -93,11 +93,11 @@ def close_port(port: serial.SerialBase) -> None:
 
 
 def _lower_latency(port: serial.SerialBase) -> None:
-    # FTDI adapters hold bytes back for 16 ms otherwise. Ports without the setting (a pty, a
-    # driver that knows it not, another system) are right as they are.
+    # FTDI adapters delay bytes by 16 ms otherwise. Ports without the setting (a pty, a
+    # driver without it, another system) need none.
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
         port.set_low_latency_mode(True)
-    # Nagle's algorithm would hold a command back until the previous one is acknowledged.
+    # Nagle's algorithm would delay a command until the previous one is acknowledged.
     line = getattr(port, "_socket", None)
     if isinstance(line, socket.socket):
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -108,21 +108,21 @@ def _explain(url: str, error: Exception) -> str:
     text = str(error)
     if "://" in url:
         if "refused" in text:
-            return f"nothing listens at {url}: start a rig with `twin rig`, or check the address"
-        if "debug|info" in text:  # pyserial trips over its own message about a bad address
-            text = "no host and port from 1 to 65535 in it"
-        return f"cannot open {url}: {text}; a port is {_EXAMPLES}"
+            return f"{url}: nothing listens there; start one with `twin rig`, or check the address"
+        if "debug|info" in text:  # pyserial's own message about a bad address
+            text = "no host and port from 1 to 65535"
+        return f"{url}: cannot be opened ({text}); must be like {_EXAMPLES}"
     if number in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in text:
-        return f"{url} is in use by another program; close it (only one can hold the port)"
+        return f"{url}: in use by another program; close that program"
     if number in {errno.EACCES, errno.EPERM}:
-        return f"no permission to open {url}: `sudo usermod -aG dialout $USER`, then log in again"
+        return f"{url}: no permission; run `sudo usermod -aG dialout $USER`, then log in again"
     if number in {errno.ENOENT, errno.ENODEV, errno.ENXIO} or "FileNotFoundError" in text:
-        return f"there is no port {url}; ports here: {_ports()}"
-    return f"{url} is no serial port ({text}); ports here: {_ports()}"
+        return f"{url}: no such port; must be one of: {_ports()}"
+    return f"{url}: not a serial port ({text}); must be one of: {_ports()}"
 
 
 def available() -> dict[str, str]:
-    """Serial ports of this machine: device name and what the operating system calls it."""
+    """Serial ports of this machine: device name and the operating system's description."""
     from serial.tools import list_ports
 
     return {str(p.device): str(p.description) for p in list_ports.comports()}

@@ -1,4 +1,4 @@
-"""The rig's wire protocol: bytes in, frozen messages out, no input or output of its own.
+"""The rig's wire protocol: bytes to frozen messages and back, without any I/O.
 
 >>> wire = Encoder().encode(Command(pulse=(3000, 3100, 0), timeout_ms=100, mode=Mode.DRIVE))
 >>> decoder = Decoder()
@@ -41,7 +41,7 @@ from hardware.protocol.messages import (
     Telemetry,
 )
 from hardware.protocol.table import LAYOUT
-from hardware.protocol.wire import layout, scale
+from hardware.protocol.wire import layout
 
 __all__ = [
     "BAUD",
@@ -77,5 +77,4 @@ __all__ = [
     "hello",
     "layout",
     "plausible",
-    "scale",
 ]

@@ -26,7 +26,7 @@ def crc16(data: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """A sound frame of a type or length that this table does not know: another version speaks.
+    """A valid frame of a type or length outside this version's message table.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Frame:
     Attributes
     ----------
     sequence : the sender's counter, 0…65535
-    message : what it carried
+    message : its content
     """
 
     sequence: int
@@ -54,15 +54,15 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Counters:
-    """What a decoder has seen since it was made.
+    """Counts of a decoder since its creation.
 
     Attributes
     ----------
     frames : frames that passed
-    crc_errors : delimited runs that failed CRC, COBS or length, from the first sound frame on
+    crc_errors : delimited runs that failed CRC, COBS or length, after the first valid frame
     lost : sequence numbers that never arrived
-    garbage : bytes that belonged to no frame
-    unknown : sound frames of unknown type or length
+    garbage : bytes outside of any valid frame
+    unknown : valid frames of unknown type or length
     """
 
     frames: int = 0
@@ -133,32 +133,32 @@ class Encoder:
         self.sequence = 0
 
     def encode(self, message: Message) -> bytes:
-        """Return the next frame; `sequence` then holds the number of the frame after it."""
+        """Return the next frame and count `sequence` up."""
         frame = encode(message, self.sequence)
         self.sequence = (self.sequence + 1) & 0xFFFF
         return frame
 
 
 class Decoder:
-    """Takes bytes as they come and gives back frames; never raises on what it is fed.
+    """Incremental decoder of the byte stream; never raises, whatever the bytes.
 
-    `receive_data` any piece of the stream, then call `next_event` until it returns None.
+    Pass any piece of the stream to `receive_data`, then call `next_event` until it returns None.
     """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self._start = 0  # first byte not yet looked at
+        self._start = 0  # first byte not yet decoded
         self._skipping = False  # inside a run too long to be a frame
         self._expected: int | None = None
         self._frames = self._crc_errors = self._lost = self._garbage = self._unknown = 0
 
     @property
     def counters(self) -> Counters:
-        """What was seen so far."""
+        """Counts so far."""
         return Counters(self._frames, self._crc_errors, self._lost, self._garbage, self._unknown)
 
     def receive_data(self, data: bytes) -> None:
-        """Append received bytes; without a delimiter at most one frame's worth is kept."""
+        """Append received bytes; without a delimiter at most one frame's length is kept."""
         if self._start:
             del self._buffer[: self._start]
             self._start = 0
@@ -195,7 +195,7 @@ class Decoder:
     def _open(self, run: bytearray) -> Frame | None:
         body = _unstuff(run)
         if body is None:
-            # The first run is usually the tail of a frame that began before the port was opened.
+            # The first run is usually the end of a frame that began before the port was opened.
             self._crc_errors += self._frames > 0
             self._garbage += len(run) + 1
             return None
@@ -213,10 +213,10 @@ class Decoder:
 
     def _count(self, sequence: int, message: Message | Unknown) -> None:
         self._frames += 1
-        # HELLO with number 0 is a boot: the sender's counter started again.
+        # HELLO with number 0 follows a boot: the sender's counter restarted.
         if self._expected is not None and not (sequence == 0 and isinstance(message, Hello)):
             missed = (sequence - self._expected) & 0xFFFF
-            # A serial line cannot reorder: a number from the past is another sender, not a loss.
+            # A serial line cannot reorder: an earlier number is another sender, not a loss.
             self._lost += missed if missed < 0x8000 else 0
         self._expected = (sequence + 1) & 0xFFFF
 

@@ -1,4 +1,4 @@
-"""What a rig that has just booted says of itself; the firmware and every stand-in start here."""
+"""HELLO and settings of a board after boot, for the firmware and every board in Python."""
 
 from hardware.protocol import messages as m
 from hardware.protocol.messages import Board, Config, Hello, Triple
@@ -27,11 +27,11 @@ def hello(
 
     Parameters
     ----------
-    board : who speaks
+    board : kind of board
     build : identity of its program, u32
     config : settings in force
     reset_cause : bits of MCUSR
-    serial : which board it is, u32; 0 without a number
+    serial : serial number, u32; 0 without one
     """
     return Hello(
         protocol=m.PROTOCOL,
@@ -60,7 +60,7 @@ def hello(
 
 
 def plausible(config: Config) -> bool:
-    """Tell whether the firmware would take these settings; it refuses them as a whole."""
+    """Return whether the firmware accepts these settings; it refuses them as a whole."""
     pulses = zip(config.minimum, config.neutral, config.maximum, strict=True)
     return (
         m.TELEMETRY_PERIOD_SHORTEST_MS

@@ -1,4 +1,4 @@
-"""The one table of messages: the Python classes here, the firmware's header and the manual from it.
+"""The message table: Python classes; the firmware's header and the manual are generated from it.
 
 Sources of the numbers: ATmega328P datasheet (clock, ADC, Timer1), MPU-6000/6050 register map
 revision 4.2 (ranges, DLPF); servo pulse range as sold for 9 g hobby servos.
@@ -12,7 +12,7 @@ from hardware.parts import STANDARD_GRAVITY
 from hardware.protocol.wire import Wire, message
 
 PROTOCOL = 1
-"""Version of the wire; raised when a frame changes its meaning. Layout changes show in LAYOUT."""
+"""Version of the protocol; raised when the meaning of a frame changes. LAYOUT shows its layout."""
 
 FIRMWARE = (1, 0, 0)
 """Version of the firmware in this tree."""
@@ -22,8 +22,8 @@ CLOCK_HZ = 16_000_000
 TICK_NS = 500  # Timer1 at 16 MHz / 8
 PWM_PERIOD_US = 20_000
 PULSE_NEUTRAL = 3_000  # 1.5 ms in ticks
-PULSE_MINIMUM, PULSE_MAXIMUM = 2_000, 4_000  # clamp until CONFIG says otherwise: 1…2 ms
-PULSE_LOWEST, PULSE_HIGHEST = 1_000, 5_000  # what CONFIG may ask for: 0.5…2.5 ms
+PULSE_MINIMUM, PULSE_MAXIMUM = 2_000, 4_000  # limits after boot: 1…2 ms
+PULSE_LOWEST, PULSE_HIGHEST = 1_000, 5_000  # range of CONFIG's limits: 0.5…2.5 ms
 TIMEOUT_LONGEST_MS = 2_000
 TELEMETRY_PERIOD_MS = 2
 TELEMETRY_PERIOD_SHORTEST_MS, TELEMETRY_PERIOD_LONGEST_MS = 2, 250
@@ -32,7 +32,7 @@ GYRO_RANGE_DPS = 500  # FS_SEL 1: 32768 counts
 ACCELEROMETER_RANGE_G = 4  # AFS_SEL 1: 32768 counts
 DLPF = 2  # gyro bandwidth 98 Hz
 DLPF_HIGHEST = 6
-SERIAL_NONE, SERIAL_BLANK = 0, 0xFFFF_FFFF  # no number yet; how an erased EEPROM says so
+SERIAL_NONE, SERIAL_BLANK = 0, 0xFFFF_FFFF  # no number yet; an erased EEPROM
 
 # Arduino names: digital pins by number, analog pins as 14 + n (A0 = 14).
 SERVO_PINS = (9, 10, 3)  # OC1A, OC1B, OC2B
@@ -49,7 +49,7 @@ ACCELEROMETER_SCALE = ACCELEROMETER_RANGE_G * STANDARD_GRAVITY / IMU_COUNTS
 
 
 class Board(IntEnum):
-    """Who speaks the protocol."""
+    """Kind of board."""
 
     NANO = 1
     EMULATOR = 2
@@ -57,7 +57,7 @@ class Board(IntEnum):
 
 
 class Mode(IntEnum):
-    """What a COMMAND asks for."""
+    """Mode of a COMMAND."""
 
     NEUTRAL = 0
     DRIVE = 1
@@ -67,13 +67,13 @@ class Flags(IntFlag):
     """Status bits of TELEMETRY."""
 
     ARMED = 1 << 0  # commands are obeyed
-    DRIVING = 1 << 1  # a command is in force and has not run out
-    TIMED_OUT = 1 << 2  # commands stopped while driving; stays until ARM
-    CLAMPED = 1 << 3  # the latest command lay outside the limits
-    REFUSED = 1 << 4  # the latest COMMAND, ARM or CONFIG was not obeyed
-    HOLDER_IMU = 1 << 5  # this frame carries a fresh reading of 0x68
-    BASE_IMU = 1 << 6  # this frame carries a fresh reading of 0x69
-    RECEIVE_OVERRUN = 1 << 7  # bytes from the host were lost; stays until HELLO_REQUEST
+    DRIVING = 1 << 1  # a command is in force and has not timed out
+    TIMED_OUT = 1 << 2  # commands stopped while driving; set until ARM
+    CLAMPED = 1 << 3  # the latest command was outside the limits
+    REFUSED = 1 << 4  # the latest COMMAND, ARM, DISARM, CONFIG or NAME was not obeyed
+    HOLDER_IMU = 1 << 5  # this frame has a new reading of 0x68
+    BASE_IMU = 1 << 6  # this frame has a new reading of 0x69
+    RECEIVE_OVERRUN = 1 << 7  # bytes from the host were lost; set until HELLO_REQUEST
 
 
 Pair = tuple[int, int]
@@ -85,65 +85,63 @@ _pulse = "servo x, servo y, turntable"
 
 @message(0x01)
 class HelloRequest:
-    """Asks for HELLO."""
+    """Requests HELLO."""
 
 
 @message(0x02)
 class Command:
     """Pulse widths to drive until the next command or the timeout."""
 
-    pulse: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 0 leaves one at neutral", 3, TICK)]
-    timeout_ms: Annotated[
-        int, Wire("H", "ms", "neutral when no command follows in time; 1…2000", scale=1e-3)
-    ]
+    pulse: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 0 for neutral", 3)]
+    timeout_ms: Annotated[int, Wire("H", "ms", "neutral if no command follows within it; 1…2000")]
     mode: Annotated[int, Wire("B", "", "0 neutral, 1 drive")]
 
 
 @message(0x03)
 class Ping:
-    """Asks for PONG."""
+    """Requests PONG."""
 
-    host_ns: Annotated[int, Wire("Q", "ns", "any stamp of the host's clock", scale=1e-9)]
+    host_ns: Annotated[int, Wire("Q", "ns", "time stamp of the host's clock")]
 
 
 @message(0x04)
 class Arm:
-    """Commands are obeyed from here on; clears TIMED_OUT."""
+    """Enables commands; clears TIMED_OUT."""
 
 
 @message(0x05)
 class Disarm:
-    """Neutral at once, and commands are refused."""
+    """Servos to neutral; disables commands."""
 
 
 @message(0x06)
 class Config:
-    """Settings; refused as a whole when one of them is out of range."""
+    """Settings; refused as a whole if one is out of range."""
 
-    telemetry_period_ms: Annotated[int, Wire("B", "ms", "2…250", scale=1e-3)]
+    telemetry_period_ms: Annotated[int, Wire("B", "ms", "2…250")]
     dlpf: Annotated[int, Wire("B", "", "low-pass setting of both IMUs, 0…6")]
-    neutral: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; within the limits", 3, TICK)]
-    minimum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 1000 or more", 3, TICK)]
-    maximum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 5000 or less", 3, TICK)]
+    neutral: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; within the limits", 3)]
+    minimum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 1000 or more", 3)]
+    maximum: Annotated[Triple, Wire("H", "0.5 µs", f"{_pulse}; 5000 or less", 3)]
 
 
 @message(0x07)
 class Name:
-    """Gives a board that has none its number, kept without power; refused where there is one."""
+    """Serial number for a board without one, kept without power; refused by a board with one."""
 
     serial: Annotated[int, Wire("I", "", "1…0xFFFFFFFE")]
 
 
 @message(0x81)
 class Hello:
-    """Who is there and how to read it; sent on boot and on request."""
+    """Identity, versions, scales and settings of the board; sent at boot and on request."""
 
-    # `protocol` and `layout` keep their place in every version: a stranger can still read them.
-    protocol: Annotated[int, Wire("H", "", "version of the wire")]
+    # `protocol` and `layout` are first in every version, so that any version can read them.
+    protocol: Annotated[int, Wire("H", "", "version of the protocol")]
     layout: Annotated[int, Wire("H", "", "checksum of the message table")]
     firmware: Annotated[Triple, Wire("B", "", "version: major, minor, patch", 3)]
     build: Annotated[int, Wire("I", "", "first four bytes of the sources' SHA-256")]
-    serial: Annotated[int, Wire("I", "", "which board this is; 0: it was never given a number")]
+    serial: Annotated[int, Wire("I", "", "serial number of the board; 0 without one")]
     board: Annotated[int, Wire("B", "", "1 Nano, 2 emulator, 3 Raspberry Pi")]
     reset_cause: Annotated[
         int, Wire("B", "", "MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog")
@@ -153,56 +151,48 @@ class Hello:
     joystick_pins: Annotated[Pair, Wire("B", "", "x, y", 2)]
     switch_pins: Annotated[Quad, Wire("B", "", "+x, -x, +y, -y", 4)]
     imu_addresses: Annotated[Pair, Wire("B", "", "holder, base", 2)]
-    tick_ns: Annotated[int, Wire("H", "ns", "pulse widths count in it", scale=1e-9)]
-    pwm_period_us: Annotated[int, Wire("H", "µs", "servo frame", scale=1e-6)]
-    adc_levels: Annotated[int, Wire("H", "", "codes of a full supply")]
-    gyro_range_dps: Annotated[int, Wire("H", "°/s", "32768 counts", scale=math.pi / 180)]
-    accelerometer_range_g: Annotated[int, Wire("B", "g", "32768 counts", scale=STANDARD_GRAVITY)]
-    telemetry_period_ms: Annotated[int, Wire("B", "ms", "as configured", scale=1e-3)]
+    tick_ns: Annotated[int, Wire("H", "ns", "unit of pulse widths")]
+    pwm_period_us: Annotated[int, Wire("H", "µs", "servo frame")]
+    adc_levels: Annotated[int, Wire("H", "", "codes at full supply")]
+    gyro_range_dps: Annotated[int, Wire("H", "°/s", "32768 counts")]
+    accelerometer_range_g: Annotated[int, Wire("B", "g", "32768 counts")]
+    telemetry_period_ms: Annotated[int, Wire("B", "ms", "as configured")]
     dlpf: Annotated[int, Wire("B", "", "low-pass setting of both IMUs")]
-    neutral: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3, TICK)]
-    minimum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3, TICK)]
-    maximum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3, TICK)]
+    neutral: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
+    minimum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
+    maximum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
 
 
 @message(0x82)
 class Telemetry:
-    """Everything the device senses, sampled together."""
+    """One sample of all sensors, with status and counters."""
 
-    device_us: Annotated[int, Wire("I", "µs", "device clock at the sample; wraps", scale=1e-6)]
-    frame_us: Annotated[
-        int, Wire("H", "µs", "age of the running PWM frame at the sample", scale=1e-6)
-    ]
-    potentiometer: Annotated[Quad, Wire("H", "1/1024", "x_a, x_b, y_a, y_b", 4, 1 / ADC_LEVELS)]
-    holder_gyro: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3, GYRO_SCALE)]
-    holder_accelerometer: Annotated[
-        Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3, ACCELEROMETER_SCALE)
-    ]
-    base_gyro: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3, GYRO_SCALE)]
-    base_accelerometer: Annotated[
-        Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3, ACCELEROMETER_SCALE)
-    ]
-    imu_age_us: Annotated[
-        Pair, Wire("H", "µs", "age of holder and base reading at the sample", 2, 1e-6)
-    ]
-    pulse: Annotated[Triple, Wire("H", "0.5 µs", f"in force: {_pulse}", 3, TICK)]
+    device_us: Annotated[int, Wire("I", "µs", "device clock at the sample; wraps")]
+    frame_us: Annotated[int, Wire("H", "µs", "age of the running PWM frame at the sample")]
+    potentiometer: Annotated[Quad, Wire("H", "1/1024", "x_a, x_b, y_a, y_b", 4)]
+    holder_gyro: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3)]
+    holder_accelerometer: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3)]
+    base_gyro: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3)]
+    base_accelerometer: Annotated[Triple, Wire("h", "count", "MPU6050 axes x, y, z", 3)]
+    imu_age_us: Annotated[Pair, Wire("H", "µs", "age of holder and base reading at the sample", 2)]
+    pulse: Annotated[Triple, Wire("H", "0.5 µs", f"in force: {_pulse}", 3)]
     switches: Annotated[int, Wire("B", "", "bits 0…3 closed: +x, -x, +y, -y")]
-    joystick: Annotated[Pair, Wire("H", "1/1024", "x, y", 2, 1 / ADC_LEVELS)]
+    joystick: Annotated[Pair, Wire("H", "1/1024", "x, y", 2)]
     flags: Annotated[int, Wire("H", "", "bits of `Flags`")]
     crc_errors: Annotated[int, Wire("H", "", "frames from the host that failed; wraps")]
     lost: Annotated[int, Wire("H", "", "sequence numbers missed from the host; wraps")]
-    overruns: Annotated[int, Wire("H", "", "bytes from the host that found no room; wraps")]
-    skipped: Annotated[int, Wire("H", "", "frames to the host that found no room; wraps")]
-    acknowledged: Annotated[int, Wire("H", "", "sequence of the last host frame obeyed")]
+    overruns: Annotated[int, Wire("H", "", "bytes from the host lost for lack of room; wraps")]
+    skipped: Annotated[int, Wire("H", "", "frames to the host dropped for lack of room; wraps")]
+    acknowledged: Annotated[int, Wire("H", "", "sequence number of the last host frame obeyed")]
 
 
 @message(0x83)
 class Pong:
     """Answer to PING, for clock offset and skew."""
 
-    host_ns: Annotated[int, Wire("Q", "ns", "as received", scale=1e-9)]
-    received_us: Annotated[int, Wire("I", "µs", "device clock at PING's last byte", scale=1e-6)]
-    sent_us: Annotated[int, Wire("I", "µs", "device clock at PONG's first byte", scale=1e-6)]
+    host_ns: Annotated[int, Wire("Q", "ns", "as received")]
+    received_us: Annotated[int, Wire("I", "µs", "device clock at PING's last byte")]
+    sent_us: Annotated[int, Wire("I", "µs", "device clock at PONG's first byte")]
 
 
 Message = HelloRequest | Command | Ping | Arm | Disarm | Config | Name | Hello | Telemetry | Pong

@@ -1,4 +1,4 @@
-"""The message table written out: its checksum, the firmware's header, the manual's tables."""
+"""Generated from the message table: its checksum, the firmware's header."""
 
 from hardware.protocol import messages as m
 from hardware.protocol.codec import MAX_ENCODED, MAX_PAYLOAD, crc16
@@ -6,7 +6,7 @@ from hardware.protocol.wire import C_TYPES, Field, Layout, layout
 
 
 def _canonical() -> str:
-    """Names, types and order of everything on the wire; wording and scales do not count."""
+    """Names, types and order of all fields; descriptions are left out."""
     lines = [f"protocol {m.PROTOCOL}"]
     for cls in m.MESSAGES:
         place = layout(cls)
@@ -16,7 +16,7 @@ def _canonical() -> str:
 
 
 LAYOUT = crc16(_canonical().encode())
-"""Checksum of the table; both ends carry it in HELLO, and a mismatch is refused."""
+"""Checksum of the table; HELLO carries it, and the host refuses a mismatch."""
 
 _SCALARS = {
     "PROTOCOL": "uint16_t",
@@ -92,32 +92,3 @@ def cpp_header() -> str:
         lines += _struct(cls.__name__, (cls.__doc__ or "").splitlines()[0], layout(cls))
     lines += ["", "}  // namespace wire", ""]
     return "\n".join(lines)
-
-
-def markdown() -> str:
-    """Return the message tables of `docs/protocol.md`."""
-    lines: list[str] = []
-    for cls in m.MESSAGES:
-        place = layout(cls)
-        direction = "device → host" if place.type_id >= 0x80 else "host → device"
-        lines += [
-            f"### {cls.__name__} `0x{place.type_id:02x}`, {direction}, {place.size} bytes",
-            "",
-            (cls.__doc__ or "").splitlines()[0],
-            "",
-        ]
-        if place.fields:
-            lines += ["| offset | field | type | unit | |", "|---|---|---|---|---|"]
-        at = 0
-        for f in place.fields:
-            kind = C_TYPES[f.wire.code].removesuffix("_t")
-            kind = f"{kind} × {f.wire.count}" if f.wire.count > 1 else kind
-            lines.append(f"| {at} | `{f.name}` | {kind} | {f.wire.unit} | {f.wire.about} |")
-            at += _width(f)
-        if place.fields:
-            lines.append("")
-    return "\n".join(lines)
-
-
-def _width(field: Field) -> int:
-    return {"B": 1, "H": 2, "h": 2, "I": 4, "Q": 8}[field.wire.code] * field.wire.count

@@ -1,4 +1,4 @@
-"""The vocabulary of a message table: integers of fixed width with a unit and a scale."""
+"""Building blocks of the message table: integers of fixed width with a unit."""
 
 import struct
 from collections.abc import Callable
@@ -18,22 +18,20 @@ C_TYPES = {
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """How one field stands in a payload.
+    """Format of one field of a payload.
 
     Attributes
     ----------
     code : `struct` code of one element, a key of `C_TYPES`
     unit : unit of one least significant bit
-    about : what it is, for the generated header and the manual
+    about : description for the generated header and the manual
     count : elements; more than one makes the field a tuple
-    scale : SI value of one least significant bit; None for identities and bit fields
     """
 
     code: str
     unit: str
     about: str
     count: int = 1
-    scale: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +44,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A message's place on the wire, derived from its annotations.
+    """Binary layout of a message, derived from its annotations.
 
     Attributes
     ----------
@@ -84,23 +82,10 @@ _layouts: dict[type[Any], Layout] = {}
 
 
 def layout(cls: type[Any]) -> Layout:
-    """Return where each field of a message class stands; no errors for classes of `MESSAGES`."""
+    """Return the binary layout of a message class."""
     if cls not in _layouts:
         hints = get_type_hints(cls, include_extras=True)
         members = tuple(Field(f.name, hints[f.name].__metadata__[0]) for f in fields(cls))
         codes = "".join(f"{member.wire.count}{member.wire.code}" for member in members)
         _layouts[cls] = Layout(cls.TYPE_ID, members, struct.Struct("<" + codes))
     return _layouts[cls]
-
-
-def scale(cls: type[Any], name: str) -> float:
-    """Return the SI value of one least significant bit of a field.
-
-    Raises
-    ------
-    KeyError : the message has no such field, or the field is no quantity
-    """
-    for member in layout(cls).fields:
-        if member.name == name and member.wire.scale is not None:
-            return member.wire.scale
-    raise KeyError(f"{cls.__name__}.{name} carries no scale")

@@ -12,7 +12,7 @@ from hardware.raspberry_pi.sensors import open_adc, open_bus
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the gateway; return the exit code, 2 when the Pi does not do what it should."""
+    """Run the gateway; return the exit code, 2 if the Pi's hardware cannot be used."""
     parser = argparse.ArgumentParser(prog="python -m hardware.raspberry_pi", description=__doc__)
     parser.add_argument("--port", type=int, default=PORT, help="TCP port on 127.0.0.1")
     parser.add_argument("--bus", type=int, default=1, help="number of the I²C bus")

@@ -1,4 +1,4 @@
-"""A Raspberry Pi as a rig: the firmware's behaviour over its PWM and buses, on loopback TCP."""
+"""A Raspberry Pi as a rig: the firmware's behaviour over its PWM and buses, on a TCP port."""
 
 import re
 import time
@@ -12,18 +12,18 @@ from hardware.raspberry_pi.pwm import KernelPwm
 from hardware.raspberry_pi.sensors import Bus, Imu, Mcp3008, Sampler
 
 PORT = 5555
-BUILD = 0x5249_0100  # "RI", version 1.0: the gateway is Python, there is no image to hash
+BUILD = 0x5249_0100  # "RI", version 1.0: Python has no image to hash
 _CENTRE = constants.ADC_LEVELS // 2
-_SLEEPLESS_US = 200_000  # after a longer pause the deadlines start anew
-_IMUS_S = 20e-3  # both take 1 to 4 ms; held any longer, the potentiometers wait for them no more
-_HELD_US = 50_000  # a sample that takes longer is not late any more
+_SLEEPLESS_US = 200_000  # after a longer pause the deadlines restart
+_IMUS_S = 20e-3  # both take 1 to 4 ms; the potentiometers do not wait longer
+_HELD_US = 50_000  # a sample that takes longer is given up
 _CHANNELS = 6  # of the ADC: four potentiometers, two axes of the joystick
-_MOST_READS = 64  # of the port in one step, so that a flood cannot keep the servos waiting
+_MOST_READS = 64  # of the port in one step, so that a flood does not delay the servos
 
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """What the IMUs gave: counts (12,), when each was read [µs], and whether it answered."""
+    """Readings of the IMUs: counts (12,), time of each [µs], and whether it answered."""
 
     counts: tuple[int, ...]
     read_us: tuple[int, int]
@@ -32,7 +32,7 @@ class _Motion:
 
 @dataclass(frozen=True, slots=True)
 class _Codes:
-    """What the ADC gave, None where it failed, and when [µs]."""
+    """Codes of the ADC, None where it failed, and their time [µs]."""
 
     code: tuple[int | None, ...]
     read_us: int
@@ -42,15 +42,15 @@ _CHIP, _SYSTEM = Path("/proc/cpuinfo"), Path("/etc/machine-id")
 
 
 def serial_number(chip: Path = _CHIP, system: Path = _SYSTEM) -> int:
-    """Return which Pi this is, u32: its chip's number, else its system's; 0 where both are missing.
+    """Return the Pi's serial number, u32: its chip's, else its system's, 0 without either.
 
-    Of either the lower half of what it says.
+    The lower half of the number in the file.
     """
     for path, pattern in ((chip, r"^Serial\s*:\s*([0-9a-fA-F]{1,16})\s*$"), (system, r"^(\w+)$")):
         try:
             text = path.read_text(encoding="ascii", errors="replace")
-            found = re.search(pattern, text, re.MULTILINE)
-            number = int(found[1], 16) & constants.SERIAL_BLANK if found else 0
+            match = re.search(pattern, text, re.MULTILINE)
+            number = int(match[1], 16) & constants.SERIAL_BLANK if match else 0
         except (OSError, ValueError):
             continue
         if number not in (constants.SERIAL_NONE, constants.SERIAL_BLANK):
@@ -59,16 +59,16 @@ def serial_number(chip: Path = _CHIP, system: Path = _SYSTEM) -> int:
 
 
 class Gateway:
-    """Serves one host at a time; slow or stuck sensors hold up neither servos nor timeout.
+    """Serves one host at a time; slow or stuck sensors delay neither servos nor timeout.
 
     Parameters
     ----------
     pwm : servo outputs
     bus : I²C bus with the IMUs
-    port : where the host connects
+    port : port for the host
     adc : potentiometers and joystick; None reads as open wires
     clock : monotonic nanoseconds
-    serial : which board this is, u32; 0 for one that does not know
+    serial : serial number, u32; 0 without one
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Gateway:
         self._start = clock()
         self._report_us = 0
         self._reading = False  # a report waits for its sensors
-        self._asked_us = 0  # since then
+        self._asked_us = 0  # when they were started
         self._awaits_imus = True
         self._stepped_us = 0
         self._stopped = False
@@ -101,7 +101,7 @@ class Gateway:
         return (self._clock() - self._start) // 1000
 
     def step(self) -> None:
-        """Take what the host sent, drive the servos, and report when it is time."""
+        """Process the host's bytes, drive the servos, and report when due."""
         self._listen()
         self.pwm.set(self.device.pulse)
         self._sense()
@@ -118,23 +118,23 @@ class Gateway:
             if not data:
                 return
             self.device.receive(data, now, now)
-            # It may have waited in the socket since the step before: a command that has run out
-            # in a long pause must not drive the servos as if it were new.
+            # It may have waited in the socket since the step before: a command that timed out
+            # during a long pause must not drive the servos.
             self.device.update(now + pause)
             data = self.port.read()
 
     def _sense(self) -> None:
-        """Begin a sample when it is time, and report it when it is there."""
+        """Start a sample when due, and report it when complete."""
         self._hand_over()
         now = self.now_us()
         if now < self._report_us:
             return
         if self._reading and now - self._asked_us < _HELD_US:
-            return  # late, as on a slow bus: it is reported when it is there, and reports are fewer
+            return  # a slow bus: reported when complete, at a lower rate
         period = 1000 * self.device.config.telemetry_period_ms
         self._report_us = max(self._report_us + period, now - period)
         self._reading = self._codes.ready
-        if not self._reading:  # the ADC is held: report without it, what it gives then is too old
+        if not self._reading:  # the ADC is stuck: report without it
             self._report(now)
         self._awaits_imus = self._motion.ready
         self._motion.ask()
@@ -190,15 +190,15 @@ class Gateway:
         return _Codes(tuple(self.adc.read(channel) for channel in range(_CHANNELS)), now)
 
     def stop(self) -> None:
-        """End `run` after its present step; for another thread or a signal."""
+        """End `run` after the current step; for another thread or a signal."""
         self._stopped = True
 
     def run(self) -> None:
-        """Serve until `stop`; then the servos go to neutral and limp, and the port closes.
+        """Serve until `stop`; then servos go to neutral, pulses end, and the port closes.
 
         Raises
         ------
-        PwmError : the kernel no longer takes pulse widths
+        PwmError : the kernel refuses a pulse width
         """
         samplers = self._motion, self._codes
         for sampler in samplers:

@@ -1,7 +1,7 @@
 """Two servo outputs of the Pi's PWM block through the kernel's sysfs files.
 
 Layout: Documentation/driver-api/pwm.rst of the Linux kernel. The chip's number changes between
-models and kernels (0 on a Pi 3B+, 2 on a Pi 5 before 6.6), so it is looked for, not assumed.
+models and kernels (0 on a Pi 3B+, 2 on a Pi 5 before 6.6), so it is searched for.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ def find_chip(root: Path = SYSFS) -> Path:
 
     Raises
     ------
-    PwmError : there is none
+    PwmError : no such chip
     """
     for chip in sorted(root.glob("pwmchip*")):
         with contextlib.suppress(OSError, ValueError):
@@ -53,7 +53,7 @@ class KernelPwm:
 
     Parameters
     ----------
-    chip : folder of the chip; found when left out
+    chip : folder of the chip; searched for if omitted
 
     Raises
     ------
@@ -78,7 +78,7 @@ class KernelPwm:
             if time.monotonic() > end:
                 raise PwmError(f"{folder} did not become writable: {_OVERLAY}, or join group gpio")
             time.sleep(0.01)
-        # The kernel refuses a period shorter than the duty cycle that stands: that goes first.
+        # The kernel refuses a period shorter than the present duty cycle: that is set first.
         _write(folder / "duty_cycle", 0)
         _write(folder / "period", PERIOD_NS)
 
@@ -91,7 +91,7 @@ class KernelPwm:
             return False
 
     def set(self, ticks: tuple[int, int, int]) -> None:
-        """Give the servos pulse widths [0.5 µs]; the third has no output here."""
+        """Set pulse widths [0.5 µs]; the third servo has no output here."""
         for channel in range(CHANNELS):
             duty = ticks[channel] * constants.TICK_NS
             if duty == self._duty[channel]:
@@ -102,9 +102,9 @@ class KernelPwm:
             self._duty[channel] = duty
 
     def close(self, rest: tuple[int, int, int]) -> None:
-        """Send the servos to pulse widths [0.5 µs], then stop the pulses: they go limp there.
+        """Send the servos to pulse widths [0.5 µs], then stop the pulses.
 
-        A channel that the kernel refuses does not keep the other one from it.
+        If the kernel refuses one channel, the other is still set.
         """
         for channel in range(CHANNELS):
             with contextlib.suppress(PwmError):

@@ -1,6 +1,6 @@
 """MPU6050s on the Pi's I²C bus and, where there is one, an MCP3008 for the potentiometers.
 
-Registers: InvenSense RM-MPU-6000A-00 revision 4.2. The Pi has no ADC of its own.
+Registers: InvenSense RM-MPU-6000A-00 revision 4.2. The Pi itself has no ADC.
 """
 
 import threading
@@ -11,7 +11,7 @@ from hardware.frames import HardwareError
 from hardware.protocol import constants
 
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG = 0x19, 0x1A, 0x1B, 0x1C
-ACCEL_XOUT_H, PWR_MGMT_1, WHO_AM_I = 0x3B, 0x6B, 0x75
+ACCEL_XOUT_H, PWR_MGMT_1 = 0x3B, 0x6B
 READING = 14  # accelerometer, temperature, gyro: three, one, three words
 CLOCK_PLL_X = 1
 FS_SEL_500, AFS_SEL_4 = 1 << 3, 1 << 3
@@ -47,7 +47,7 @@ def open_bus(number: int = 1) -> Bus:
 
     Raises
     ------
-    BusError : smbus2 is missing, the bus is off or forbidden
+    BusError : smbus2 is missing, the bus is off, or no permission
     """
     try:
         from smbus2 import SMBus
@@ -64,7 +64,7 @@ def open_bus(number: int = 1) -> Bus:
 
 
 class Imu:
-    """One MPU6050; it is set up again whenever it has not answered."""
+    """One MPU6050; it is set up again after every failed read."""
 
     def __init__(self, bus: Bus, address: int) -> None:
         self.bus, self.address = bus, address
@@ -79,7 +79,7 @@ class Imu:
         except OSError:
             self.dlpf = -1
             return None
-        if not any(data):  # asleep: a short dip of its supply has reset it, yet it answers
+        if not any(data):  # asleep: a short dip of its supply has reset it
             self.dlpf = -1
             return None
         a, g = [_word(data, i) for i in (0, 2, 4)], [_word(data, i) for i in (8, 10, 12)]
@@ -131,14 +131,14 @@ def open_adc() -> Mcp3008 | None:
 
 
 class Sampler(Generic[T]):
-    """Reads a bus in a thread of its own: the kernel gives a stuck one up only after a second.
+    """Reads a bus in a separate thread: the kernel takes a second to give up a stuck bus.
 
     Before `start` it reads in the caller's thread, for tests in lockstep.
 
     Parameters
     ----------
-    read : takes one sample
-    first : the sample before there is one
+    read : reads one sample
+    first : value of `latest` before the first sample
     """
 
     def __init__(self, read: Callable[[], T], first: T) -> None:
@@ -152,20 +152,20 @@ class Sampler(Generic[T]):
 
     @property
     def ready(self) -> bool:
-        """What was asked for last has been read into `latest`.
+        """Whether the latest sample is complete, in `latest`.
 
-        Raises whatever ended the thread.
+        Raises the exception that ended the thread, if any.
         """
         if self._error is not None:
             raise self._error
         return self._ready.is_set()
 
     def wait(self, seconds: float) -> None:
-        """Wait until `ready`, at most so long [s]."""
+        """Wait until `ready`, at most `seconds` [s]."""
         self._ready.wait(seconds)
 
     def ask(self) -> None:
-        """Begin a sample, unless the one before is still awaited."""
+        """Start a sample, unless one is running."""
         if not self.ready:
             return
         self._ready.clear()
@@ -174,12 +174,12 @@ class Sampler(Generic[T]):
             self._sample()
 
     def start(self) -> None:
-        """Read in a thread from now on; it does not hold up the end of the program."""
+        """Read in a daemon thread from now on."""
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Let the thread end after its present sample."""
+        """End the thread after its current sample."""
         self._stopped = True
         self._asked.set()
 
@@ -187,7 +187,7 @@ class Sampler(Generic[T]):
         while self._asked.wait() and not self._stopped:
             try:
                 self._sample()
-            except Exception as error:  # whoever drives the servos is to hear of it
+            except Exception as error:  # raised again by `ready`
                 self._error = error
                 return
 

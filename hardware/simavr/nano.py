@@ -1,7 +1,7 @@
-"""The real firmware on a simulated ATmega328P (libsimavr), in lockstep with whatever plant.
+"""The compiled firmware on a simulated ATmega328P (libsimavr), in lockstep with any plant.
 
-libsimavr is under the GPL-3; the little C that talks to it stands alone in `hardware/simavr` and is
-compiled into the user's cache the first time somebody makes a `SimulatedNano`.
+libsimavr is under the GPL-3; the C file that uses it is kept separate in `hardware/simavr` and is
+compiled into the user's cache when the first `SimulatedNano` is made.
 """
 
 import ctypes
@@ -27,18 +27,18 @@ CYCLES_PER_US = constants.CLOCK_HZ // 1_000_000
 HOLDER, BASE = 0, 1
 _IMU_25_DEGREES = round((25 - 36.53) * 340)  # RM-MPU-6000A-00, 4.19
 _CONFIG = 0x1A  # RM-MPU-6000A-00, 4.3: bits 0…2 are the low-pass setting
-_SERIAL, _SERIAL_CHECK = 16, 0x5A  # place in the EEPROM, and what its check byte begins with
+_SERIAL, _SERIAL_CHECK = 16, 0x5A  # address in the EEPROM, and initial value of its check byte
 _BUFFER = 1 << 14
 _PULSES = 64
 
 
 class SimulatedNanoError(HardwareError):
-    """The simulated Nano could not be built or has stopped, told in one line."""
+    """The simulated Nano could not be built, or has stopped; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """One servo pulse as the pin showed it.
+    """One servo pulse at a pin.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class _CPulse(ctypes.Structure):
 
 
 def missing() -> list[str]:
-    """Return what is not installed for `SimulatedNano`; empty when it can be made."""
+    """Return the missing packages and tools of `SimulatedNano`; empty if it can be made."""
     absent = missing_tools()
     absent += [tool for tool in ("gcc",) if shutil.which(tool) is None]
     if not Path("/usr/include/simavr/sim_avr.h").exists():
@@ -85,7 +85,6 @@ _SIGNATURES: dict[str, tuple[object, list[object]]] = {
     "close": (None, []),
     "reset": (None, []),
     "cycle": (ctypes.c_uint64, []),
-    "dropped": (ctypes.c_uint32, []),
     "run_until": (ctypes.c_int, [ctypes.c_uint64]),
     "write": (ctypes.c_uint32, [ctypes.c_char_p, ctypes.c_uint32]),
     "read": (ctypes.c_uint32, [ctypes.c_char_p, ctypes.c_uint32]),
@@ -112,18 +111,18 @@ def _library() -> ctypes.CDLL:
 
 
 class SimulatedNano:
-    """A Nano with the rig's firmware: bytes and sensor values in, bytes and servo pulses out.
+    """A Nano with the rig's firmware: bytes and sensor values to bytes and servo pulses.
 
-    Nothing happens between calls of `advance_us`; values set hold until they are set again.
+    Time passes in `advance_us` only; sensor values are held until they are set again.
 
     Parameters
     ----------
     elf : a built firmware; this tree's own when None
-    serial : number that its EEPROM holds, u32; erased without one
+    serial : serial number in its EEPROM, u32; erased if omitted
 
     Raises
     ------
-    SimulatedNanoError : tools are missing, or the file is no AVR program
+    SimulatedNanoError : tools are missing, or the file is not an AVR program
     FirmwareError : the firmware does not build
     """
 
@@ -132,7 +131,7 @@ class SimulatedNano:
         self._elf = elf or build_elf()
         handle = self._c.nano_open(str(self._elf).encode(), BAUD)
         if not handle:
-            raise SimulatedNanoError(f"{self._elf} is no program for the ATmega328P")
+            raise SimulatedNanoError(f"{self._elf}: not a program for the ATmega328P")
         self._nano: int | None = handle
         self._until = 0  # [cycles]
         self._adc = (ctypes.c_uint16 * 8)()
@@ -157,20 +156,20 @@ class SimulatedNano:
         self.close()
 
     def close(self) -> None:
-        """Free the simulator; calling it twice does no harm."""
+        """Free the simulator; closing it twice is harmless."""
         if self._nano is not None:
             self._c.nano_close(self._nano)
             self._nano = None
 
     @property
     def time_us(self) -> float:
-        """Time since power-up on the Nano's own crystal [µs]."""
+        """Time since power-up by the Nano's crystal [µs]."""
         return float(self._c.nano_cycle(self._open()) / CYCLES_PER_US)
 
     def advance_us(self, duration: float) -> None:
-        """Run the program for `duration` µs of its own clock, to the cycle of 1/16 µs.
+        """Run the program for `duration` µs of its clock, rounded to a cycle of 1/16 µs.
 
-        Whole µs do not accumulate errors; 1000.05 each millisecond is a crystal 50 ppm fast.
+        Rounding does not accumulate for whole µs.
 
         Raises
         ------
@@ -181,11 +180,11 @@ class SimulatedNano:
             raise SimulatedNanoError(f"{self._elf.name} stopped at {self.time_us:.0f} µs")
 
     def reset(self) -> None:
-        """Pull the reset line, as opening the port of a real Nano does; the clock goes on."""
+        """Pull the reset line, as opening the port of a real Nano does; the clock continues."""
         self._c.nano_reset(self._open())
 
     def write(self, data: bytes) -> int:
-        """Send bytes at 20 µs each, beginning now; returns how many the queue took."""
+        """Send bytes at 20 µs each, beginning now; return how many the queue had room for."""
         return int(self._c.nano_write(self._open(), data, len(data)))
 
     def read(self) -> bytes:
@@ -194,17 +193,17 @@ class SimulatedNano:
         return ctypes.string_at(self._bytes, count)
 
     def pulses(self) -> list[Pulse]:
-        """Return the servo pulses since the last call: x, y as they begin, D3 once ended."""
-        found: list[Pulse] = []
+        """Return the servo pulses since the last call: x and y that began, D3 that ended."""
+        pulses: list[Pulse] = []
         while count := self._c.nano_pulses(self._open(), self._edges, _PULSES):
-            found += [
+            pulses += [
                 Pulse(edge.cycle / CYCLES_PER_US, edge.channel, edge.width)
                 for edge in self._edges[:count]
             ]
-        return found
+        return pulses
 
     def set_adc(self, counts: Sequence[int]) -> None:
-        """Set the codes A0…A7 would convert to.
+        """Set the ADC codes of A0…A7.
 
         Parameters
         ----------
@@ -212,10 +211,6 @@ class SimulatedNano:
         """
         self._adc[:] = [min(max(int(count), 0), constants.ADC_LEVELS - 1) for count in counts]
         self._c.nano_set_adc(self._open(), self._adc)
-
-    def set_volts(self, volts: Sequence[float], supply: float = 5.0) -> None:
-        """Set the voltages at A0…A7, and the supply that is the converter's reference [V]."""
-        self.set_adc([int(v / supply * constants.ADC_LEVELS) for v in volts])
 
     def set_switches(self, closed: Sequence[bool]) -> None:
         """Close or open the limit switches +x, −x, +y, −y."""
@@ -225,7 +220,7 @@ class SimulatedNano:
     def set_imu_counts(
         self, sensor: int, gyro: Sequence[int], accelerometer: Sequence[int]
     ) -> None:
-        """Set what an MPU6050 measures; a read under way still gives the sample before.
+        """Set the reading of an MPU6050; a read in progress still returns the previous one.
 
         Parameters
         ----------
@@ -236,15 +231,15 @@ class SimulatedNano:
         self._c.nano_set_imu(self._open(), sensor, reading)
 
     def plug_imu(self, sensor: int, present: bool) -> None:
-        """Pull a sensor off the bus, or put it back: asleep, as after power-up."""
+        """Disconnect a sensor from the bus, or connect it: asleep, as after power-up."""
         self._c.nano_plug_imu(self._open(), sensor, present)
 
     def hold_bus(self, held: bool) -> None:
-        """Hold SDA, so that no I²C transaction ends any more, or let it go."""
+        """Hold SDA, so that no I²C transaction ends, or release it."""
         self._c.nano_hold_bus(self._open(), held)
 
     def hang(self) -> None:
-        """Lead the program into an endless loop with interrupts off, as a fault of it would."""
+        """Put the program into an endless loop with interrupts off."""
         self._c.nano_hang(self._open())
 
     def imu_register(self, sensor: int, register: int) -> int:

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later
  *
  * A Nano's surroundings for libsimavr, flat enough for ctypes: serial line, ADC pins, switches,
- * servo outputs and two MPU6050 on the I2C bus. Built on demand by hardware/avr.py, never shipped
+ * servo outputs and two MPU6050 on the I2C bus. Built on demand by hardware/simavr/nano.py, never shipped
  * as a binary; see NOTICE.md beside this file for why its licence differs from the project's.
  *
- * Written against simavr 1.6. Its traps, each worked around where the comment says TRAP:
+ * Written against simavr 1.6. Its defects, each with a workaround marked TRAP:
  *   - sleep() really sleeps;
  *   - Timer1 in mode 14 and Timer2's compare unit drive the wrong pin edges;
  *   - I2C bytes take 9 us at every bit rate;
@@ -43,7 +43,7 @@ enum { MPU_PWR_MGMT_1 = 0x6B, MPU_SLEEP = 0x40, MPU_FIRST = 0x3B, MPU_READING = 
 
 typedef struct {
   uint8_t reg[REGISTERS];
-  uint8_t latched[MPU_READING]; /* a burst reads one sample, whatever arrives meanwhile */
+  uint8_t latched[MPU_READING]; /* a burst reads one sample */
   uint8_t pointer;
   uint8_t present;
 } imu_t;
@@ -72,8 +72,7 @@ typedef struct nano {
   stamped_t out[QUEUE];
   uint32_t out_head, out_tail;
   uint64_t out_free; /* when the transmit line is idle again */
-  uint32_t dropped;  /* bytes nobody fetched */
-  uint32_t byte_cycles;
+    uint32_t byte_cycles;
 
   pulse_t pulses[EDGES];
   uint32_t pulse_head, pulse_tail;
@@ -81,16 +80,16 @@ typedef struct nano {
   int d3_high;
 
   imu_t imu[IMUS];
-  int bus_stuck; /* somebody holds SDA: no transaction ends any more */
+  int bus_stuck; /* SDA is held: no transaction ends */
   int selected; /* sensor on the bus, or -1 */
   int expect_register;
 } nano_t;
 
 static int the_bus_stuck;
-static avr_twi_t *the_twi; /* so that the timer below can tell its callers apart */
+static avr_twi_t *the_twi; /* by which the timer below identifies its caller */
 
 /* TRAP: stands before the library's function of this name in symbol lookup. I2C calls it with the
- * number of bus clocks as if they were microseconds; everybody else means microseconds. */
+ * number of bus clocks as if they were microseconds; all other callers mean microseconds. */
 void avr_cycle_timer_register_usec(avr_t *avr, uint32_t usec, avr_cycle_timer_t timer, void *param) {
   if (the_twi && param == the_twi && the_bus_stuck) return; /* it would raise TWINT */
   avr_cycle_count_t cycles = (avr_cycle_count_t)usec * (FREQUENCY / 1000000);
@@ -122,7 +121,7 @@ static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *param) {
     n->in_running = 0;
     return 0;
   }
-  n->uart->cycles_per_byte = n->byte_cycles; /* TRAP: whatever UBRR0 led it to think */
+  n->uart->cycles_per_byte = n->byte_cycles; /* TRAP: its own value depends on UBRR0 */
   avr_raise_irq(n->uart_in, n->in[n->in_tail++ % QUEUE]);
   return when + n->byte_cycles;
 }
@@ -135,7 +134,6 @@ static void transmitted(avr_irq_t *irq, uint32_t value, void *param) {
   n->out_free = start + n->byte_cycles;
   if (n->out_head - n->out_tail == QUEUE) {
     n->out_tail++;
-    n->dropped++;
   }
   stamped_t *slot = &n->out[n->out_head++ % QUEUE];
   slot->byte = (uint8_t)value;
@@ -152,20 +150,20 @@ static void pulse(nano_t *n, uint64_t cycle, uint32_t channel, uint32_t width) {
   slot->width = width;
 }
 
-static uint32_t word(nano_t *n, int at) { return n->avr->data[at] | n->avr->data[at + 1] << 8; }
+static uint32_t word16(nano_t *n, int at) { return n->avr->data[at] | n->avr->data[at + 1] << 8; }
 
-/* TRAP: Timer1's pins. At the overflow the hardware takes OCR1A and OCR1B into force and raises
- * the pins it was told to raise; the pulse is OCR + 1 ticks long. */
+/* TRAP: Timer1's pins. At the overflow the hardware puts OCR1A and OCR1B into force and raises
+ * the pins set to it; the pulse is OCR + 1 ticks long. */
 static void frame_started(avr_irq_t *irq, uint32_t value, void *param) {
   nano_t *n = param;
   (void)irq;
   if (!value) return;
   uint8_t mode = n->avr->data[TCCR1A_], direction = n->avr->data[DDRB_];
-  if ((mode >> 6) == 2 && direction & 1 << 1) pulse(n, n->avr->cycle, 0, word(n, OCR1AL_) + 1);
-  if ((mode >> 4 & 3) == 2 && direction & 1 << 2) pulse(n, n->avr->cycle, 1, word(n, OCR1BL_) + 1);
+  if ((mode >> 6) == 2 && direction & 1 << 1) pulse(n, n->avr->cycle, 0, word16(n, OCR1AL_) + 1);
+  if ((mode >> 4 & 3) == 2 && direction & 1 << 2) pulse(n, n->avr->cycle, 1, word16(n, OCR1BL_) + 1);
 }
 
-/* TRAP: Timer2's pin. Each match does to D3 what COM2B says at that moment. */
+/* TRAP: Timer2's pin. Each match changes D3 by the present setting of COM2B. */
 static void timer2_matched(avr_irq_t *irq, uint32_t value, void *param) {
   nano_t *n = param;
   (void)irq;
@@ -231,7 +229,7 @@ static void conversion(avr_irq_t *irq, uint32_t value, void *param) {
   if (mux.kind == ADC_MUX_SINGLE && mux.src < 8) avr_raise_irq(n->adc[mux.src], n->adc_code[mux.src]);
 }
 
-/* ---- life ---- */
+/* ---- creation, reset, time ---- */
 
 static void imu_reset(imu_t *s) {
   uint8_t present = s->present;
@@ -284,13 +282,13 @@ void nano_set_pin_d(nano_t *n, uint32_t pin, uint32_t level) {
   drive_pins(n);
 }
 
-/* What a reset of the chip forgets about its surroundings. */
+/* Restores what a reset of the chip clears of its surroundings. */
 static void settle(nano_t *n) {
   for (int i = 0; i < 2; i++) avr_extint_set_strict_lvl_trig(n->avr, i, 0); /* TRAP: see top */
   drive_pins(n);
 }
 
-/* NULL when the file is no AVR program or the chip is unknown. */
+/* NULL if the file is not an AVR program or the chip is unknown. */
 nano_t *nano_open(const char *path, uint32_t baud) {
   elf_firmware_t firmware;
   memset(&firmware, 0, sizeof firmware);
@@ -328,8 +326,8 @@ void nano_close(nano_t *n) {
   free(n);
 }
 
-/* What the DTR line does when a port is opened: program and bytes under way start afresh, the clock
- * and everything outside the chip go on. */
+/* What the DTR line does when a port is opened: program and bytes in transit restart, the clock
+ * and everything outside the chip continue. */
 void nano_reset(nano_t *n) {
   avr_reset(n->avr);
   n->avr->data[MCUSR_] = EXTRF;
@@ -340,7 +338,6 @@ void nano_reset(nano_t *n) {
 }
 
 uint64_t nano_cycle(nano_t *n) { return n->avr->cycle; }
-uint32_t nano_dropped(nano_t *n) { return n->dropped; }
 
 static avr_cycle_count_t stop_here(avr_t *avr, avr_cycle_count_t when, void *param) {
   (void)avr;
@@ -407,10 +404,10 @@ void nano_plug_imu(nano_t *n, uint32_t sensor, uint32_t present) {
   imu_reset(&n->imu[sensor]);
 }
 
-/* Holds the bus, so that no transaction ends, or lets it go. */
+/* Holds the bus, so that no transaction ends, or releases it. */
 void nano_hold_bus(nano_t *n, uint32_t held) { n->bus_stuck = held ? 1 : 0; }
 
-/* Sends the program where it ends, interrupts off: to see the watchdog bite. */
+/* Sends the program where it ends, interrupts off: to test the watchdog. */
 void nano_hang(nano_t *n) {
   avr_t *avr = n->avr;
   for (uint32_t at = 0; at + 3 < avr->flashend; at += 2)

@@ -8,7 +8,7 @@ the same studies on a handful of seeds.
 import argparse
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import control
 import numpy as np
@@ -16,7 +16,8 @@ import numpy as np
 from analysis.identify import identify
 from analysis.identify.assemble import assemble
 from analysis.identify.identification import layout_of
-from analysis.identify.uncertainty import cramer_rao
+from analysis.identify.problem import Problem
+from analysis.identify.uncertainty import covariance, whole_jacobian
 from analysis.recording import measurement
 
 LSB = math.radians(240.0 / 1023.0)  # 10 bits over a potentiometer of 240°
@@ -97,8 +98,24 @@ def frequency_error(model, truth, reference, channel=(0, 0)):
         below = s**2 + 2 * g.damping * g.frequency * s + g.frequency**2
         return g.gain * g.frequency**2 / below * np.exp(-s * g.delay)
 
-    found = model.channels[channel[0]][channel[1]].frequency_response(w)
+    found = model.to_transfer_function().channel(*channel).frequency_response(w)
     return np.linalg.norm(found - response(truth)) / np.linalg.norm(response(reference))
+
+
+def cramer_rao(
+    problem: Problem, theta: np.ndarray, linear: np.ndarray, noise: tuple[float, float]
+) -> np.ndarray:
+    """Smallest covariance any unbiased estimate can have (all, all), at the true parameters.
+
+    Parameters
+    ----------
+    theta, linear : the true parameters
+    noise : true standard deviation of angle [rad] and rate [rad/s] readings
+    """
+    sigma = np.where(problem.is_rate, noise[1], noise[0])
+    exact = problem.weighed(1.0 / sigma)
+    quiet = replace(exact, measured=exact.predict(theta, linear), cache={})
+    return covariance(whole_jacobian(quiet.solve(theta)))
 
 
 def servo_study(seed):

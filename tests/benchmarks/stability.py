@@ -46,8 +46,11 @@ class Instant:
     holds: float
 
 
-def fly(off: tuple[float, float] | None, end: float = 15.2) -> list[Instant]:
-    """Instants of a flight of the reference vehicle, off the rail until the motor goes out."""
+def fly(off: tuple[float, float] | None, end: float = 15.2, every: int = EVERY) -> list[Instant]:
+    """Instants of a flight of the reference vehicle, off the rail until the motor goes out.
+
+    One in `every` ticks.
+    """
     twin = load(ModelConfig(scene="flight", gimbal="transfer-function"))
     model = twin.mj
     programme = (
@@ -63,7 +66,7 @@ def fly(off: tuple[float, float] | None, end: float = 15.2) -> list[Instant]:
             angle = pilot.update(time, gimbal.poll())
             gimbal.send(GimbalCommand(plant.time_ns, angle))
             plant.advance(STEPS)
-            if time > 1.0 and plant.steps // STEPS % EVERY == 0:
+            if time > 1.0 and plant.steps // STEPS % every == 0:
                 thrust = float(interpolate(time, *curve))
                 seen.append(instant(plant, stability.at(time), time, thrust))
     return seen

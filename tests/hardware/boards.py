@@ -1,4 +1,4 @@
-"""Every board of the project behind the same calls, a millisecond at a time."""
+"""Every board of the project behind one interface, in steps of a millisecond."""
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
@@ -33,9 +33,9 @@ class Rig(ABC):
 
     Attributes
     ----------
-    kind : what HELLO calls it
-    outputs : servo pulses that the outputs show, the first ones
-    stamp_us : how finely it dates what arrives
+    kind : in HELLO
+    outputs : number of servo outputs
+    stamp_us : resolution of PONG's arrival stamp [µs]
     """
 
     kind: Board
@@ -52,7 +52,7 @@ class Rig(ABC):
 
     @abstractmethod
     def step(self) -> bytes:
-        """Let a millisecond pass; return what has arrived."""
+        """Advance a millisecond; return the bytes that have arrived."""
 
     @abstractmethod
     def output(self) -> tuple[int, ...]:
@@ -90,7 +90,7 @@ class Rig(ABC):
         return self.messages(Hello, WAIT_MS)[-1]
 
     def driven(self) -> tuple[int, ...]:
-        """Pulses that telemetry shows in force after two servo frames; the outputs agree."""
+        """Pulses in force by telemetry after two servo frames; the outputs must agree."""
         shown = self.telemetry(2 * FRAME_MS + WAIT_MS).pulse
         assert self.output()[: self.outputs] == shown[: self.outputs]
         return shown
@@ -141,7 +141,7 @@ class CoreRig(Rig):
         now = 1000 * (self.time_ms + 1)
         arrived = list(takewhile(lambda item: item[0] <= now, self.incoming))
         del self.incoming[: len(arrived)]
-        while arrived:  # each frame is obeyed at the stamp of its delimiter
+        while arrived:  # each frame arrives at the stamp of its delimiter
             end = next((k for k, (_, byte) in enumerate(arrived) if not byte), len(arrived) - 1)
             data = bytes(byte for _, byte in arrived[: end + 1])
             self.core.receive(data, round(arrived[end][0]), now)
@@ -200,7 +200,7 @@ class PiRig(Rig):
 
     kind = Board.RASPBERRY_PI
     outputs = 2
-    stamp_us = 1000  # it looks once a millisecond
+    stamp_us = 1000  # it reads its port once a millisecond
 
     def __init__(self, folder: Path, serial: int = 0) -> None:
         super().__init__()

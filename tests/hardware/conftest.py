@@ -15,7 +15,7 @@ def core_program(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def running(core_program) -> Core:
-    """The core in a process of its own; `fresh()` starts it anew."""
+    """The core in a separate process; `fresh()` makes a new `Gimbal`."""
     core = Core.start(core_program)
     yield core
     core.stop()

@@ -79,7 +79,7 @@ BLANK = Telemetry(
 
 @dataclass
 class Core:
-    """The core in a process of its own, one line in and one line out for each call."""
+    """The core in a separate process; each call exchanges one line each way."""
 
     process: subprocess.Popen
     encoder: Encoder = field(default_factory=Encoder)

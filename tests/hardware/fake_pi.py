@@ -1,4 +1,4 @@
-"""A Raspberry Pi that is not there: a sysfs tree, an SMBus with two MPU6050s, an MCP3008."""
+"""A fake Raspberry Pi: a sysfs tree, an SMBus with two MPU6050s, an MCP3008."""
 
 import struct
 import threading
@@ -46,7 +46,7 @@ class FakeSpi:
 
 
 def make_sysfs(root: Path) -> Path:
-    """A tree as the kernel shows it; a PWM of one channel comes first and must be passed over."""
+    """A tree as the kernel's; a PWM chip with one channel comes first and must be skipped."""
     for name, channels in (("pwmchip0", 1), ("pwmchip2", 2)):
         chip = root / name
         chip.mkdir()
@@ -61,7 +61,7 @@ def make_sysfs(root: Path) -> Path:
 
 
 def pwm_value(root: Path, channel: int, file: str) -> int:
-    """What stands in a file of a PWM channel; -1 while a gateway's thread writes it."""
+    """Value of a file of a PWM channel; -1 while a gateway's thread writes it."""
     text = (root / "pwmchip2" / f"pwm{channel}" / file).read_text()
     return int(text or -1)
 
@@ -96,7 +96,7 @@ class FakePort:
 
 
 class FakePi:
-    """A gateway over all of this, whose clock the caller moves."""
+    """A gateway over these, whose clock the caller advances."""
 
     def __init__(self, sysfs: Path, adc: bool = True, serial: int = 0):
         self.time_ns = 0
@@ -112,7 +112,7 @@ class FakePi:
         )
 
     def step(self) -> bytes:
-        """Let a millisecond pass; what the gateway sent meanwhile."""
+        """Advance a millisecond; return what the gateway sent."""
         self.gateway.step()
         self.time_ns += 1_000_000
         sent, self.port.outbox = self.port.outbox, b""

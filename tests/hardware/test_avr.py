@@ -39,7 +39,7 @@ if absent := avr.missing():
 FRAME_US = 20_000
 
 
-class Desk:
+class Bench:
     """A simulated Nano with a codec at the other end of its line."""
 
     def __init__(self, nano: SimulatedNano) -> None:
@@ -67,18 +67,18 @@ class Desk:
 
 
 @pytest.fixture
-def desk():
+def bench():
     with SimulatedNano() as nano:
-        yield Desk(nano)
+        yield Bench(nano)
 
 
 @pytest.fixture
-def armed(desk):
-    desk.run(40)
-    desk.send(Arm())
-    desk.run(10)
-    desk.nano.pulses()
-    return desk
+def armed(bench):
+    bench.run(40)
+    bench.send(Arm())
+    bench.run(10)
+    bench.nano.pulses()
+    return bench
 
 
 def _widths(pulses: list[Pulse], servo: int) -> list[int]:
@@ -101,7 +101,7 @@ def test_the_sketch_builds_as_the_arduino_ide_builds_it(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_broken_source_is_told_by_the_compiler_not_swallowed(tmp_path, monkeypatch):
+def test_a_compiler_error_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("hardware.firmware.build.FLAGS", (*FLAGS, "-DF_CPU=1", "-include", "x.h"))
     with pytest.raises(FirmwareError, match=r"x\.h"):
         build_elf(tmp_path / "firmware.elf")
@@ -121,24 +121,24 @@ def test_the_sources_are_all_in_the_folder_that_is_hashed():
     }
 
 
-def test_hello_at_boot_is_byte_for_byte_what_python_says(desk):
-    desk.run(3)
+def test_hello_at_boot_equals_pythons_byte_for_byte(bench):
+    bench.run(3)
     greeting = hello(Board.NANO, build_hash(), default_config(), reset_cause=1)
-    assert desk.raw == b"\0" + encode(greeting, 0)
+    assert bench.raw == b"\0" + encode(greeting, 0)
 
 
-def test_the_reset_line_starts_the_program_again_and_hello_says_so(armed):
+def test_hello_after_the_reset_line_reports_it(armed):
     armed.nano.reset()
     greetings = [f.message for f in armed.run(50) if isinstance(f.message, Hello)]
     assert [g.reset_cause for g in greetings] == [2]  # EXTRF
 
 
-def test_sensors_reach_telemetry_unchanged(desk):
-    desk.nano.set_adc([1, 200, 511, 1023, 0, 0, 300, 1000])
-    desk.nano.set_switches([True, False, False, True])
-    desk.nano.set_imu_counts(HOLDER, (-32768, 5, 32767), (1, -2, 3))
-    desk.nano.set_imu_counts(BASE, (7, 8, 9), (-10, -11, -12))
-    last = desk.telemetry(60)[-1]
+def test_sensors_reach_telemetry_unchanged(bench):
+    bench.nano.set_adc([1, 200, 511, 1023, 0, 0, 300, 1000])
+    bench.nano.set_switches([True, False, False, True])
+    bench.nano.set_imu_counts(HOLDER, (-32768, 5, 32767), (1, -2, 3))
+    bench.nano.set_imu_counts(BASE, (7, 8, 9), (-10, -11, -12))
+    last = bench.telemetry(60)[-1]
     assert last.potentiometer == (1, 200, 511, 1023)
     assert last.joystick == (300, 1000)
     assert last.switches == 0b1001
@@ -148,49 +148,48 @@ def test_sensors_reach_telemetry_unchanged(desk):
 
 
 @pytest.mark.parametrize("code", [0, 1, 511, 512, 1022, 1023])
-def test_volts_convert_as_the_datasheet_says(desk, code):
-    # ADC = V · 1024 / V_ref (ATmega328P datasheet, 24.7): the middle of a step is its code.
-    desk.nano.set_volts([(code + 0.5) * 4.7 / 1024] * 8, supply=4.7)
-    assert desk.telemetry(20)[-1].potentiometer == (code,) * 4
+def test_every_adc_code_passes_the_simulators_millivolts(bench, code):
+    bench.nano.set_adc([code] * 8)
+    assert bench.telemetry(20)[-1].potentiometer == (code,) * 4
 
 
-def test_a_serial_number_is_kept_without_power_and_half_of_one_is_none(desk):
-    desk.run(40)
-    desk.send(Name(0xDEADBEEF))
-    desk.run(40)
-    desk.nano.reset()
-    greetings = [f.message for f in desk.run(50) if isinstance(f.message, Hello)]
+def test_a_serial_number_survives_a_reset_and_a_half_written_one_is_ignored(bench):
+    bench.run(40)
+    bench.send(Name(0xDEADBEEF))
+    bench.run(40)
+    bench.nano.reset()
+    greetings = [f.message for f in bench.run(50) if isinstance(f.message, Hello)]
     assert [g.serial for g in greetings] == [0xDEADBEEF]
     with SimulatedNano() as other:
         other._c.nano_set_eeprom(other._open(), 16, b"\xef\xbe\xff\xff\xff", 5)  # power went
-        (frame,) = [f for f in Desk(other).run(3) if isinstance(f.message, Hello)]
+        (frame,) = [f for f in Bench(other).run(3) if isinstance(f.message, Hello)]
         assert frame.message.serial == 0
     with SimulatedNano(serial=7) as other:
-        (frame,) = [f for f in Desk(other).run(3) if isinstance(f.message, Hello)]
+        (frame,) = [f for f in Bench(other).run(3) if isinstance(f.message, Hello)]
         assert frame.message.serial == 7
 
 
-def test_a_bus_that_hangs_stops_neither_potentiometers_nor_telemetry_and_comes_back(desk):
-    desk.nano.set_adc([100] * 8)
-    desk.nano.set_imu_counts(HOLDER, (1, 2, 3), (4, 5, 6))
-    desk.run(40)
-    desk.nano.hold_bus(True)
-    desk.run(10)
-    desk.nano.set_adc([200] * 8)
-    frames = desk.telemetry(1000)
+def test_a_bus_that_hangs_stops_neither_potentiometers_nor_telemetry_and_recovers(bench):
+    bench.nano.set_adc([100] * 8)
+    bench.nano.set_imu_counts(HOLDER, (1, 2, 3), (4, 5, 6))
+    bench.run(40)
+    bench.nano.hold_bus(True)
+    bench.run(10)
+    bench.nano.set_adc([200] * 8)
+    frames = bench.telemetry(1000)
     # every 51st round asks the bus whether it is back, and reports nothing then
     assert len(frames) >= 485
     assert frames[2].potentiometer == frames[-1].potentiometer == (200,) * 4
     assert not any(Flags(f.flags) & (Flags.HOLDER_IMU | Flags.BASE_IMU) for f in frames[2:])
     assert frames[-1].imu_age_us == (0xFFFF, 0xFFFF)
-    desk.nano.hold_bus(False)
-    desk.nano.set_imu_counts(HOLDER, (7, 8, 9), (4, 5, 6))
-    back = desk.telemetry(150)[-1]
+    bench.nano.hold_bus(False)
+    bench.nano.set_imu_counts(HOLDER, (7, 8, 9), (4, 5, 6))
+    back = bench.telemetry(150)[-1]
     assert Flags(back.flags) == Flags.HOLDER_IMU | Flags.BASE_IMU
     assert back.holder_gyro == (7, 8, 9)
 
 
-def test_a_program_that_hangs_is_started_anew_by_the_watchdog(armed):
+def test_a_program_that_hangs_is_restarted_by_the_watchdog(armed):
     armed.send(Command((3500, 3500, 0), 2000, Mode.DRIVE))
     armed.run(30)
     armed.nano.hang()
@@ -201,63 +200,63 @@ def test_a_program_that_hangs_is_started_anew_by_the_watchdog(armed):
     assert last.pulse[:2] == (3000, 3000)
 
 
-def test_clock_stamps_are_right_after_the_line_was_flooded(desk):
-    desk.run(40)
+def test_clock_stamps_are_right_after_the_line_was_flooded(bench):
+    bench.run(40)
     for flood in (Command((0, 0, 0), 100, Mode.DRIVE), Ping(1)):
         for _ in range(600):
-            desk.send(flood)
-        flooded = desk.telemetry(400)[-1]
+            bench.send(flood)
+        flooded = bench.telemetry(400)[-1]
         assert flooded.overruns > 0
-        desk.send(Ping(1))  # the delimiter of the flood's last frame may be among what was lost
-        desk.run(200)
+        bench.send(Ping(1))  # the delimiter of the flood's last frame may be among what was lost
+        bench.run(200)
         stamps = []
         for _ in range(5):
-            sent = desk.nano.time_us
-            desk.send(Ping(7))
-            pongs = [f.message for f in desk.run(20) if isinstance(f.message, Pong)]
+            sent = bench.nano.time_us
+            bench.send(Ping(7))
+            pongs = [f.message for f in bench.run(20) if isinstance(f.message, Pong)]
             stamps.append(pongs[-1].received_us - sent)
         # the last byte of a PING arrives 0.3 ms after its first; the device's clock began with it
         assert max(stamps) - min(stamps) < 50
         assert abs(stamps[0]) < 500
 
 
-def test_the_imus_get_the_filter_that_config_asks_for(desk):
-    desk.run(40)
-    assert desk.nano.imu_register(HOLDER, 0x1A) == 2
-    desk.send(Config(2, 6, *[(3000,) * 3, (2000,) * 3, (4000,) * 3]))
-    desk.run(40)
-    assert [desk.nano.imu_register(s, 0x1A) for s in (HOLDER, BASE)] == [6, 6]
+def test_the_imus_get_the_low_pass_setting_of_config(bench):
+    bench.run(40)
+    assert bench.nano.imu_register(HOLDER, 0x1A) == 2
+    bench.send(Config(2, 6, *[(3000,) * 3, (2000,) * 3, (4000,) * 3]))
+    bench.run(40)
+    assert [bench.nano.imu_register(s, 0x1A) for s in (HOLDER, BASE)] == [6, 6]
 
 
-def test_a_pulled_imu_is_flagged_and_comes_back_by_itself(desk):
-    desk.nano.set_imu_counts(HOLDER, (1, 2, 3), (4, 5, 6))
-    desk.run(40)
-    desk.nano.plug_imu(HOLDER, False)
-    pulled = desk.telemetry(40)
+def test_an_unplugged_imu_is_flagged_and_set_up_again(bench):
+    bench.nano.set_imu_counts(HOLDER, (1, 2, 3), (4, 5, 6))
+    bench.run(40)
+    bench.nano.plug_imu(HOLDER, False)
+    pulled = bench.telemetry(40)
     assert len(pulled) == 20  # telemetry goes on without it
     assert Flags(pulled[-1].flags) == Flags.BASE_IMU
     assert pulled[-1].imu_age_us[0] > 30_000
-    desk.nano.plug_imu(HOLDER, True)
-    desk.nano.set_imu_counts(HOLDER, (7, 8, 9), (4, 5, 6))
-    back = desk.telemetry(40)[-1]
+    bench.nano.plug_imu(HOLDER, True)
+    bench.nano.set_imu_counts(HOLDER, (7, 8, 9), (4, 5, 6))
+    back = bench.telemetry(40)[-1]
     assert Flags(back.flags) == Flags.HOLDER_IMU | Flags.BASE_IMU
     assert back.holder_gyro == (7, 8, 9)
 
 
-def _steady(desk: Desk, milliseconds: int) -> None:
+def _steady(bench: Bench, milliseconds: int) -> None:
     """Telemetry without a gap, in step with the crystal, while the host talks as it does."""
     source = random.Random(3)
-    desk.run(10)
+    bench.run(10)
     frames: list[Frame] = []
     for at in range(milliseconds):
         if at == 0:
-            desk.send(Arm())
+            bench.send(Arm())
         elif at % 4 == 0:
             width = source.randint(1500, 4500)
-            desk.send(Command((width, width, width), 100, Mode.DRIVE))
+            bench.send(Command((width, width, width), 100, Mode.DRIVE))
         elif at % 100 == 1:
-            desk.send(Ping(at))
-        frames += desk.run(1)
+            bench.send(Ping(at))
+        frames += bench.run(1)
     sequences = [f.sequence for f in frames]
     assert all(b == (a + 1) & 0xFFFF for a, b in pairwise(sequences))
     readings = [f.message for f in frames if isinstance(f.message, Telemetry)]
@@ -268,19 +267,19 @@ def _steady(desk: Desk, milliseconds: int) -> None:
     assert max(steps) < 2500
     last = readings[-1]
     assert (last.crc_errors, last.lost, last.overruns, last.skipped) == (0, 0, 0, 0)
-    assert desk.decoder.counters.crc_errors == desk.decoder.counters.lost == 0
+    assert bench.decoder.counters.crc_errors == bench.decoder.counters.lost == 0
     assert sum(isinstance(f.message, Pong) for f in frames) == pytest.approx(
         milliseconds / 100, abs=1
     )
 
 
-def test_five_seconds_of_telemetry_have_no_gap(desk):
-    _steady(desk, 5_000)
+def test_five_seconds_of_telemetry_have_no_gap(bench):
+    _steady(bench, 5_000)
 
 
 @pytest.mark.slow
-def test_a_minute_of_telemetry_has_no_gap(desk):
-    _steady(desk, 60_000)
+def test_a_minute_of_telemetry_has_no_gap(bench):
+    _steady(bench, 60_000)
 
 
 def test_every_telemetry_frame_is_byte_for_byte_what_python_encodes(armed):
@@ -365,41 +364,41 @@ def test_pulses_stay_within_the_limits_while_commands_change_at_random_phase(arm
     assert len(set(_widths(pulses, 0))) > 20  # they did move
 
 
-def _send_before_a_frame(desk: Desk, message: Message, lead: float) -> float:
+def _send_before_a_frame(bench: Bench, message: Message, lead: float) -> float:
     """Let a message arrive `lead` µs before a servo frame begins; returns when it does [µs]."""
-    data = desk.encoder.encode(message)
-    _, phase = divmod(_first_edge(desk), FRAME_US)
-    soonest = desk.nano.time_us + 20 * len(data) + lead - phase
+    data = bench.encoder.encode(message)
+    _, phase = divmod(_first_edge(bench), FRAME_US)
+    soonest = bench.nano.time_us + 20 * len(data) + lead - phase
     arrival = (soonest // FRAME_US + 1) * FRAME_US + phase - lead
-    desk.run(int((arrival - 20 * len(data) - desk.nano.time_us) // 1000))
-    desk.nano.advance_us(arrival - 20 * len(data) - desk.nano.time_us)
-    desk.decoder.receive_data(desk.nano.read())
-    list(desk.decoder)
-    arrival = desk.nano.time_us + 20 * len(data)
-    desk.nano.write(data)
+    bench.run(int((arrival - 20 * len(data) - bench.nano.time_us) // 1000))
+    bench.nano.advance_us(arrival - 20 * len(data) - bench.nano.time_us)
+    bench.decoder.receive_data(bench.nano.read())
+    list(bench.decoder)
+    arrival = bench.nano.time_us + 20 * len(data)
+    bench.nano.write(data)
     return arrival
 
 
-def _first_edge(desk: Desk) -> float:
-    if desk.edge is None:
-        desk.run(41)
-        desk.edge = next(p.time_us for p in desk.nano.pulses() if p.servo == 0)
-    return desk.edge
+def _first_edge(bench: Bench) -> float:
+    if bench.edge is None:
+        bench.run(41)
+        bench.edge = next(p.time_us for p in bench.nano.pulses() if p.servo == 0)
+    return bench.edge
 
 
-def test_arrivals_are_dated_right_while_a_servo_frame_begins(desk):
+def test_arrivals_are_dated_right_while_a_servo_frame_begins(bench):
     errors = []
     for lead in range(-30, 330):
-        arrived = _send_before_a_frame(desk, Ping(7), lead)
-        pongs = [f.message for f in desk.run(5) if isinstance(f.message, Pong)]
+        arrived = _send_before_a_frame(bench, Ping(7), lead)
+        pongs = [f.message for f in bench.run(5) if isinstance(f.message, Pong)]
         errors.append(pongs[-1].received_us - arrived)
     # A clock that misses an overflow is 20 ms behind; 25 µs as in the test of PONG's stamps.
     assert max(errors) - min(errors) < 25
 
 
-def test_a_command_takes_hold_in_one_frame_for_both_axes_and_telemetry_shows_which(armed):
+def test_a_command_takes_effect_in_one_frame_for_both_axes_and_telemetry_shows_which(armed):
     def made_it(lead: float) -> bool:
-        """Send a new width; tell whether the next frame has it, and check who says so."""
+        """Send a new width; return whether the next frame has it; telemetry must agree."""
         width = 2000 + made_it.calls % 2000
         made_it.calls += 1
         _send_before_a_frame(armed, Command((width, width, width), 200, Mode.DRIVE), lead)
@@ -445,26 +444,26 @@ def test_the_timeout_drives_to_neutral_within_one_servo_frame_of_expiry(armed, t
         armed.run(4)
 
 
-def test_pong_stamps_the_arrival_and_departure_of_its_bytes(desk):
-    desk.run(41)
+def test_pong_stamps_the_arrival_and_departure_of_its_bytes(bench):
+    bench.run(41)
     offset = None
     for at in range(20):
-        desk.nano.advance_us(137 * at)
-        desk.nano.read()
-        sent = desk.nano.time_us
-        ping = desk.encoder.encode(Ping(at))
-        desk.nano.write(ping)
+        bench.nano.advance_us(137 * at)
+        bench.nano.read()
+        sent = bench.nano.time_us
+        ping = bench.encoder.encode(Ping(at))
+        bench.nano.write(ping)
         pong = None
         while pong is None:
-            desk.nano.advance_us(20)
-            desk.decoder.receive_data(desk.nano.read())
-            pong = next((f for f in desk.decoder if isinstance(f.message, Pong)), None)
+            bench.nano.advance_us(20)
+            bench.decoder.receive_data(bench.nano.read())
+            pong = next((f for f in bench.decoder if isinstance(f.message, Pong)), None)
         arrived = sent + len(ping) * 20
         # The device clock begins when the program does; the offset is one constant.
         offset = offset or pong.message.received_us - arrived
         # 25 µs: a byte of 20 µs may be on the wire when ours begins, and interrupts take turns.
         assert pong.message.received_us - arrived == pytest.approx(offset, abs=25)
-        departed = desk.nano.time_us - len(encode(pong.message, 0)) * 20
+        departed = bench.nano.time_us - len(encode(pong.message, 0)) * 20
         # −208…9 µs over 400 phases: PONG is dated before it is packed, and a round over the bus may
         # come between; the UART's own two bytes are a guess.
         assert pong.message.sent_us - departed == pytest.approx(offset - 100, abs=130)
@@ -474,7 +473,7 @@ def test_two_nanos_run_side_by_side_without_disturbing_each_other():
     with SimulatedNano() as a, SimulatedNano() as b:
         a.set_adc([100] * 8)
         b.set_adc([900] * 8)
-        left, right = Desk(a), Desk(b)
+        left, right = Bench(a), Bench(b)
         for _ in range(40):
             one, two = left.telemetry(1), right.telemetry(1)
         assert (one or left.telemetry(2))[-1].potentiometer == (100,) * 4
@@ -484,24 +483,24 @@ def test_two_nanos_run_side_by_side_without_disturbing_each_other():
 def test_two_runs_are_identical():
     def run() -> tuple[bytes, list[Pulse]]:
         with SimulatedNano() as nano:
-            desk = Desk(nano)
-            desk.run(30)
-            desk.send(Arm())
-            desk.send(Command((3500, 2500, 3100), 100, Mode.DRIVE))
-            desk.run(200)
-            return desk.raw, nano.pulses()
+            bench = Bench(nano)
+            bench.run(30)
+            bench.send(Arm())
+            bench.send(Command((3500, 2500, 3100), 100, Mode.DRIVE))
+            bench.run(200)
+            return bench.raw, nano.pulses()
 
     assert run() == run()
 
 
-def test_a_file_that_is_no_program_is_refused_in_one_line(tmp_path):
-    stranger = tmp_path / "stranger.elf"
-    stranger.write_bytes(b"not an ELF")
-    with pytest.raises(SimulatedNanoError, match="no program for the ATmega328P"):
-        SimulatedNano(stranger)
+def test_a_file_that_is_not_a_program_is_refused_in_one_line(tmp_path):
+    other_file = tmp_path / "other_file.elf"
+    other_file.write_bytes(b"not an ELF")
+    with pytest.raises(SimulatedNanoError, match="not a program for the ATmega328P"):
+        SimulatedNano(other_file)
 
 
-def test_a_closed_nano_says_so():
+def test_a_closed_nano_raises():
     nano = SimulatedNano()
     nano.close()
     nano.close()

@@ -76,7 +76,7 @@ def test_a_known_motion_through_noise_and_bias_is_followed():
     assert (abs(late) < 3 * np.degrees(np.array(sigmas)[1000:])).mean() > 0.9
 
 
-def test_after_a_gap_it_believes_gravity():
+def test_after_a_gap_gravity_alone_decides():
     filter_ = BaseAttitude(BaseMap())
     for k in range(50):
         filter_.update(frame(k, 0.0, 0.0))
@@ -86,7 +86,7 @@ def test_after_a_gap_it_believes_gravity():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"tilt": 0.5}, "tilt at neutral"),
         ({"tilt": float("nan")}, "tilt at neutral"),
@@ -94,13 +94,13 @@ def test_after_a_gap_it_believes_gravity():
         ({"gyro_scale": 1.3}, "a scale of 1.30"),
         ({"tilt_scale": float("nan")}, "a scale of nan"),
         ({"gyro_bias": (0.0, 0.0, float("nan"))}, "gyro bias"),
-        ({"travel": 0.0}, "is no servo"),
-        ({"travel": 1e-308}, "is no servo"),
-        ({"centre": float("inf")}, "is no servo"),
+        ({"travel": 0.0}, "is not a servo"),
+        ({"travel": 1e-308}, "is not a servo"),
+        ({"centre": float("inf")}, "is not a servo"),
     ],
 )
-def test_an_implausible_map_is_refused_in_one_line(change, told):
-    with pytest.raises(HardwareError, match=told) as caught:
+def test_an_implausible_map_is_refused_in_one_line(change, message):
+    with pytest.raises(HardwareError, match=message) as caught:
         replace(BaseMap(), **change)
     assert "\n" not in str(caught.value)
 
@@ -120,11 +120,11 @@ def test_a_turning_base_is_taken_out_of_the_holders_gyro():
     base, gimbal = np.array([0.4, -0.2, 0.3]), (0.7, -0.5)
     ring = rotation(0, y).T @ [gimbal[0], 0, 0]
     seen = rotation(x, y).T @ base + ring + [0, gimbal[1], 0]
-    told = fusion._rate(replace(STILL, gyro=tuple(seen), base_gyro=tuple(base)))
-    np.testing.assert_allclose(told, (gimbal[0] * cos(y), gimbal[1]), atol=1e-12)
+    rates = fusion._rate(replace(STILL, gyro=tuple(seen), base_gyro=tuple(base)))
+    np.testing.assert_allclose(rates, (gimbal[0] * cos(y), gimbal[1]), atol=1e-12)
 
 
-class TestMemory:
+class TestSnapshot:
     def trained(self, frames=400):
         rng, fusion = np.random.default_rng(5), Fusion(nominal())
         for k in range(frames):
@@ -138,7 +138,7 @@ class TestMemory:
             gyro=tuple(rng.normal(0, 0.1, 3).tolist()),
         )  # fmt: skip
 
-    def test_what_takes_it_up_goes_on_to_the_last_bit(self):
+    def test_a_restored_estimator_continues_to_the_last_bit(self):
         import json
 
         fusion, rng = self.trained()
@@ -173,9 +173,9 @@ class TestMemory:
             lambda m: m.update(P=(1e308 * np.sign(m["P"])).tolist()),
         ],
     )
-    def test_somebody_elses_memory_is_refused_in_one_line(self, change):
+    def test_an_invalid_snapshot_is_refused_in_one_line(self, change):
         memory = self.trained(20)[0].snapshot()
         change(memory)
-        with pytest.raises(HardwareError, match="no memory") as caught:
+        with pytest.raises(HardwareError, match="not a snapshot") as caught:
             Fusion(nominal()).restore(memory)
         assert "\n" not in str(caught.value)

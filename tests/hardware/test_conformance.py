@@ -1,4 +1,4 @@
-"""One suite for all boards: what docs/protocol.md promises a host, whoever is at the other end."""
+"""One suite for all boards: the behaviour that docs/protocol.md specifies."""
 
 import json
 import os
@@ -48,7 +48,7 @@ def drive(pulse=AWAY, timeout_ms=1000, mode=Mode.DRIVE):
 
 @pytest.fixture(params=BOARDS)
 def make(request, tmp_path):
-    """Makes boards of one kind; `make(serial)` is one whose memory holds that number."""
+    """Makes boards of one kind; `make(serial)` has a serial number in its memory."""
     made = []
 
     def make(serial=0):
@@ -80,7 +80,7 @@ def rig(make):
     return rig
 
 
-def test_it_says_hello_at_boot_with_its_kind_and_the_settings_after_boot(make):
+def test_hello_at_boot_carries_the_kind_of_board_and_the_default_settings(make):
     rig = make()
     first = rig.run(5)[0]
     assert first.sequence == 0
@@ -91,7 +91,7 @@ def test_it_says_hello_at_boot_with_its_kind_and_the_settings_after_boot(make):
     assert rig.driven() == NEUTRAL
 
 
-def test_telemetry_comes_every_2_ms_without_a_gap(rig):
+def test_telemetry_is_sent_every_2_ms_without_a_gap(rig):
     rig.run(30)  # a Nano sets up its IMUs first, which takes longer than reading them
     frames = rig.run(400)
     assert all(b.sequence == a.sequence + 1 for a, b in pairwise(frames))
@@ -120,7 +120,7 @@ def test_an_armed_command_is_obeyed_and_acknowledged(rig):
     assert rig.driven() == AWAY
 
 
-def test_pulses_are_clamped_to_the_very_tick(rig):
+def test_pulses_are_clamped_to_the_tick(rig):
     rig.send(Arm())
     low, high = constants.PULSE_MINIMUM, constants.PULSE_MAXIMUM
     for asked in (0, 1, low - 1, low, low + 1, high - 1, high, high + 1, 65535):
@@ -165,7 +165,7 @@ def test_the_timeout_flag_stays_until_arm_though_driving_goes_on(rig):
     assert rig.driven() == NEUTRAL
 
 
-def test_disarmed_servos_go_to_neutral_and_stay_there(rig):
+def test_disarmed_servos_go_to_neutral_and_stay_at_it(rig):
     rig.send(Arm(), drive())
     assert rig.driven() == AWAY
     shown = rig.after(Disarm())
@@ -175,7 +175,7 @@ def test_disarmed_servos_go_to_neutral_and_stay_there(rig):
     assert rig.driven() == NEUTRAL
 
 
-def test_a_command_that_says_neutral_ends_driving(rig):
+def test_a_neutral_command_ends_driving(rig):
     rig.send(Arm(), drive())
     shown = rig.after(drive(mode=Mode.NEUTRAL))
     assert not shown.flags & (Flags.DRIVING | Flags.REFUSED)
@@ -194,7 +194,7 @@ def test_a_command_without_a_timeout_or_of_an_unknown_mode_is_refused(rig):
 WANTED = Config(10, 5, (2900, 3000, 3100), (2000, 2100, 2200), (4000, 4100, 4200))
 
 
-def test_settings_are_taken_used_and_given_back(rig):
+def test_settings_are_applied_and_returned_in_hello(rig):
     rig.send(Arm(), drive())
     shown = rig.after(WANTED)
     assert not shown.flags & (Flags.REFUSED | Flags.DRIVING)
@@ -240,14 +240,14 @@ def test_a_board_takes_one_serial_number_and_no_other(rig):
     assert rig.hello().serial == 0xDEADBEEF
 
 
-def test_a_board_that_has_a_serial_number_says_it_and_keeps_it(make):
+def test_a_board_with_a_serial_number_reports_and_keeps_it(make):
     rig = make(77)
     assert rig.messages(Hello, 5)[0].serial == 77
     assert rig.after(Name(5)).flags & Flags.REFUSED
     assert rig.hello().serial == 77
 
 
-def test_pong_gives_the_stamp_back_and_dates_the_arrival(rig):
+def test_pong_returns_the_stamp_and_dates_the_arrival(rig):
     ages = []
     for k in range(12):
         rig.run(k)
@@ -278,7 +278,7 @@ def test_a_flood_loses_frames_but_neither_the_rig_nor_its_safety(rig):
     assert shown[-1].flags & Flags.TIMED_OUT
 
 
-def test_what_a_full_line_has_no_room_for_is_dropped_whole_and_counted(rig):
+def test_frames_without_room_on_the_line_are_dropped_whole_and_counted(rig):
     for _ in range(40):
         rig.send(HelloRequest())  # 6 bytes that ask for 68
     frames = rig.run(200)
@@ -302,7 +302,7 @@ def test_a_broken_frame_is_counted_and_changes_nothing(rig):
     assert rig.driven() == NEUTRAL
 
 
-def test_it_is_in_step_again_after_the_next_delimiter_whatever_came_before(rig):
+def test_it_resynchronises_at_the_next_delimiter_after_any_garbage(rig):
     rig.after(Ping(0))
     source, frame = random.Random(4), encode(Ping(9), 0)
     noise = bytes(source.randrange(1, 256) for _ in range(300))  # too long for any frame
@@ -314,14 +314,14 @@ def test_it_is_in_step_again_after_the_next_delimiter_whatever_came_before(rig):
 
 
 def _frame(type_id, payload, sequence):
-    """A frame with any type and payload, as another version might send it."""
+    """A valid frame of any type and payload."""
     from cobs import cobs
 
     body = HEADER.pack(type_id, sequence) + payload
     return cobs.encode(body + crc16(body).to_bytes(2, "little")) + b"\0"
 
 
-def test_unknown_types_and_lengths_are_refused_and_do_nothing(rig):
+def test_frames_of_unknown_type_or_length_have_no_effect(rig):
     rig.send(Arm(), drive())
     sizes = {0x01: 1, 0x02: 8, 0x03: 7, 0x05: 1, 0x06: 19, 0x07: 3, 0x70: 4}
     for type_id, size in sizes.items():
@@ -334,7 +334,7 @@ def test_unknown_types_and_lengths_are_refused_and_do_nothing(rig):
     assert rig.driven() == AWAY
 
 
-def test_lost_frames_are_counted_and_a_host_that_starts_again_is_not_one(rig):
+def test_lost_frames_are_counted_but_not_the_restart_of_a_host(rig):
     for sequence in (4990, 5000, 0, 1):
         rig.write(encode(Ping(0), sequence))
     assert rig.telemetry().lost == 9

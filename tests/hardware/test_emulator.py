@@ -22,7 +22,6 @@ from hardware.emulator import (
     ServoParameters,
     UnpluggedError,
     parse,
-    quiet,
     reference_rig,
     sample_rig,
     valid_names,
@@ -45,6 +44,13 @@ from hardware.protocol import (
 )
 
 
+def quiet(parameters):
+    """The rig without noise of potentiometers and supply."""
+    s = parameters.sensors
+    a, b, d, e = (replace(p, noise=0.0) for p in s.potentiometers)
+    return replace(parameters, sensors=replace(s, potentiometers=(a, b, d, e), supply_ripple=0.0))
+
+
 class _Host:
     """The other end of an emulator, a millisecond at a time."""
 
@@ -57,12 +63,12 @@ class _Host:
             self.device.write(self.encoder.encode(message))
 
     def receive(self, milliseconds=1):
-        found = []
+        messages = []
         for _ in range(milliseconds):
             self.device.advance_us(1000)
             self.decoder.receive_data(self.device.read())
-            found += [frame.message for frame in self.decoder]
-        return found
+            messages += [frame.message for frame in self.decoder]
+        return messages
 
     def telemetry(self, milliseconds=10):
         return [m for m in self.receive(milliseconds) if isinstance(m, Telemetry)]
@@ -198,7 +204,7 @@ def test_gyro_is_late_by_the_delay_of_its_setting(dlpf):
     assert lag == pytest.approx(delay, rel=1e-6)  # a ramp of 1 rad/s² lags by its delay
 
 
-def test_imu_counts_are_as_old_as_the_telemetry_says():
+def test_imu_counts_have_the_age_given_in_telemetry():
     rig = quiet(replace(reference_rig(), skew=2e-3))
     still = Mpu6050(bias_walk=0.0)
     rig = replace(rig, sensors=replace(rig.sensors, imus=(still, still)))
@@ -229,9 +235,9 @@ def test_imu_counts_are_as_old_as_the_telemetry_says():
     for name, k in (("holder_gyro", 0), ("base_gyro", 1)):
         read = np.array([getattr(m, name)[0] for m in frames[100:]]) * constants.GYRO_SCALE
         behind = np.array(lag[100 : 100 + len(read)]) - read
-        told = late + np.mean([m.imu_age_us[k] for m in frames]) * 1e-6
+        stated = late + np.mean([m.imu_age_us[k] for m in frames]) * 1e-6
         # 0.2 % of the clock, and 1/√12 LSB of quantisation over 100 and more readings
-        assert behind.mean() / 2.0 == pytest.approx(told, rel=5e-3)
+        assert behind.mean() / 2.0 == pytest.approx(stated, rel=5e-3)
 
 
 def test_report_at_a_frames_beginning_shows_the_pulses_of_that_frame(host):
@@ -260,7 +266,7 @@ def test_switches_close_at_their_angle_and_open_before_it():
 
 
 @pytest.mark.parametrize("name", valid_names().split(", "))
-def test_every_listed_fault_can_be_asked_for(name):
+def test_every_listed_fault_can_be_requested(name):
     fault = parse(f"{name}@1-2")
     assert f"{fault.target}:{fault.kind}" == name
     assert fault.active(1.5)
@@ -270,18 +276,18 @@ def test_every_listed_fault_can_be_asked_for(name):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("potentiometer_x_c:stuck", "valid are potentiometer_x_a:glitch"),
-        ("gyro:melt", "valid are"),
-        ("", "valid are"),
+        ("potentiometer_x_c:stuck", "must be one of potentiometer_x_a:glitch"),
+        ("gyro:melt", "must be one of"),
+        ("", "must be one of"),
         ("supply:sag:2", r"must be 0…0.9"),
         ("supply:sag:nan", "not a number"),
         ("gyro:bias:fast", "not a number"),
         ("gyro:bias:20@5-3", "rising"),
         ("gyro:bias:20@", "start '' is not a number"),
-        ("gyro:bias:1:2", "valid are"),
+        ("gyro:bias:1:2", "must be one of"),
     ],
 )
-def test_fault_that_is_none_is_refused_in_one_line(text, words):
+def test_an_invalid_fault_is_refused_in_one_line(text, words):
     with pytest.raises(FaultNameError, match=words) as caught:
         parse(text)
     assert "\n" not in str(caught.value)
@@ -299,7 +305,7 @@ def _codes(fault, milliseconds=400):
     return np.array([m.potentiometer for m in host.telemetry(milliseconds)])
 
 
-def test_glitch_spoils_the_fraction_asked_for():
+def test_glitch_spoils_the_given_fraction():
     codes = _codes("potentiometer_x_a:glitch:0.2", 2000)[:, 0]
     wrong = np.abs(codes - np.median(codes)) > 40
     # the step to 3200 moves the others by 20 codes; 1000 readings scatter by 1.3 %
@@ -329,7 +335,7 @@ def test_sag_scales_all_four():
 @pytest.mark.parametrize(
     "fault", ["supply:sag:0", "gyro:bias:0", "base_gyro:bias:0", "potentiometer_x_a:offset:0"]
 )
-def test_fault_of_nothing_changes_nothing(fault):
+def test_fault_of_value_zero_changes_nothing(fault):
     def seen(*faults):
         host = _Host(Emulator(injections=tuple(map(parse, faults))))
         return [(m.potentiometer, m.holder_gyro, m.base_gyro) for m in host.telemetry(50)]
@@ -389,7 +395,7 @@ def test_reset_boots_the_board_again_disarmed_and_with_its_clock_at_zero():
     assert not any(isinstance(m, Hello) for m in host.receive(300))
 
 
-def test_dropped_and_corrupted_bytes_are_counted_and_nothing_wrong_is_accepted():
+def test_dropped_and_corrupted_bytes_are_counted_and_no_wrong_value_is_accepted():
     faults = (parse("link:drop:0.002"), parse("link:corrupt:0.002"))
     host = _Host(Emulator(quiet(reference_rig()), injections=faults))
     frames = host.telemetry(1000)
@@ -398,7 +404,7 @@ def test_dropped_and_corrupted_bytes_are_counted_and_nothing_wrong_is_accepted()
     assert {m.potentiometer for m in frames} == {(512, 512, 512, 512)}
 
 
-def test_pulled_cable_raises_and_the_servos_go_neutral_meanwhile():
+def test_unplugged_cable_raises_and_the_servos_go_neutral():
     host = _Host(Emulator(injections=(parse("link:unplug:0.5@0.3"),)))
     host.send(Arm(), drive(3400))
     host.receive(299)
@@ -441,7 +447,7 @@ def test_served_rig_answers_over_a_real_port(kind):
         server.stop()
 
 
-def test_tcp_listens_on_loopback_only_and_a_taken_port_is_said():
+def test_tcp_listens_on_loopback_only_and_a_taken_port_is_reported():
     with Server(Emulator(), TcpPort()) as server:
         assert server.port._listener.getsockname()[0] == "127.0.0.1"
         number = int(server.port.url.rpartition(":")[2])

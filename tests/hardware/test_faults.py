@@ -99,17 +99,17 @@ def test_gyro_at_rest_behind_a_slow_low_pass_is_not_frozen(dlpf, period):
     rig = in_process(device)
     rig.connect()
     rig.configure(replace(default_config(), dlpf=dlpf, telemetry_period_ms=period))
-    heard = []
-    rig.fusion.monitor.listener = lambda *change: heard.append((device.time_us, *change))
+    changes = []
+    rig.fusion.monitor.listener = lambda *change: changes.append((device.time_us, *change))
     while device.time_us < 12.3e6:
         device.advance_us(2000)
         rig.poll()
-    assert {change[1] for change in heard} == {"gyro"}
-    assert min(change[0] for change in heard) > 12e6
+    assert {change[1] for change in changes} == {"gyro"}
+    assert min(change[0] for change in changes) > 12e6
     assert rig.health == "gyro frozen"
 
 
-def test_gyro_that_is_no_longer_read_is_not_used_and_is_named():
+def test_a_gyro_that_is_no_longer_read_is_named_and_not_used():
     monitor = _monitor()
     for k in range(12):
         stale = _frame(gyro=(1e-3 * k, 0, 0))._replace(fresh=False)
@@ -144,7 +144,7 @@ def _steps(kind, fault, seconds):
 
 
 @pytest.mark.parametrize("kind", _both_rigs())
-def test_unplugged_imu_is_named_and_forgiven_when_it_is_back(kind):
+def test_unplugged_imu_is_named_until_it_is_back(kind):
     device, rig, seen = _steps(kind, "imu:unplug:0.5@3", 6.5)
     assert set(seen) == {"ok", "gyro frozen"}
     assert 3.0 < seen["gyro frozen"] < 3.06  # ten frames without it
@@ -178,7 +178,7 @@ def test_rig_comes_back_after_a_reset_of_the_board(kind, start):
     rig.close()
 
 
-def test_fault_that_ends_is_forgiven_after_two_clean_seconds():
+def test_a_fault_is_cleared_two_seconds_after_its_end():
     fault = parse("potentiometer_x_a:offset:5@3-3.5")
     trial = run(sample_rig(SEED), random_steps(SEED), 6.5, injections=(fault,), seed=SEED)
     states = [(c.old, c.new) for c in trial.changes]
@@ -207,23 +207,23 @@ def _monitor():
     return monitor
 
 
-def test_single_wrong_reading_is_not_used_and_does_not_pass_unnoticed():
+def test_a_single_wrong_reading_is_reported_and_not_used():
     monitor = _monitor()
-    heard = []
-    monitor.listener = lambda *change: heard.append(change)
+    changes = []
+    monitor.listener = lambda *change: changes.append(change)
     remedy = monitor.inspect(_frame(angle=(radians(2), 0, 0, 0), gyro=(1e-3, 0, 0)), _expected())
     assert remedy.use == (False, True, True, True)
-    assert heard[0][:3] == ("potentiometer_x_a", State.OK, State.FAULTY)
+    assert changes[0][:3] == ("potentiometer_x_a", State.OK, State.FAULTY)
 
 
-def test_both_potentiometers_against_the_prediction_are_believed():
+def test_both_potentiometers_against_the_prediction_are_used():
     monitor = _monitor()
     remedy = monitor.inspect(_frame(angle=(radians(2), radians(2), 0, 0)), _expected())
     assert remedy.use == (True, True, True, True)
     assert monitor.faults == ()
 
 
-def test_common_factor_on_all_four_is_the_supply():
+def test_a_common_factor_on_all_four_is_a_supply_error():
     monitor = _monitor()
     fraction = (0.45, 0.45, 0.45, 0.45)
     angle = tuple(-0.05 * g for g in (4.2, -4.2, 4.2, -4.2))
@@ -234,7 +234,7 @@ def test_common_factor_on_all_four_is_the_supply():
     assert remedy.use == (True, True, True, True)
 
 
-def test_same_factor_on_three_is_not_the_supply():
+def test_the_same_factor_on_three_is_not_a_supply_error():
     monitor = _monitor()
     angle = (-0.05 * 4.2, 0.05 * 4.2, -0.05 * 4.2, 0.0)
     for k in range(5):
@@ -242,7 +242,7 @@ def test_same_factor_on_three_is_not_the_supply():
     assert "supply" not in {f.sensor for f in monitor.faults}
 
 
-def test_disagreement_without_a_culprit_is_said_and_ends_with_it():
+def test_disagreement_without_a_named_sensor_is_reported_until_it_ends():
     monitor = _monitor()
     angle = (radians(0.5), -radians(0.5), 0.0, 0.0)  # both as far from the estimate, 1° apart
     vague = _expected(radians(1.0))
@@ -276,7 +276,7 @@ def _uncalibrated(seed, *faults):
     return rig, seen
 
 
-def test_uncalibrated_rig_does_not_say_which_potentiometer_is_stuck():
+def test_uncalibrated_rig_does_not_name_the_stuck_potentiometer():
     rig, seen = _uncalibrated(0, "potentiometer_x_a:stuck@2.5")
     assert seen == {"ok", "potentiometers of x disagree"}
     assert not rig.state.healthy
@@ -287,12 +287,12 @@ def test_uncalibrated_rig_still_names_an_open_wire_and_a_glitch():
     assert "potentiometer_y_a glitch" in _uncalibrated(1, "potentiometer_y_a:glitch:0.1@4")[1]
 
 
-def test_uncalibrated_rig_notes_from_where_it_sees_a_wrong_potentiometer():
+def test_uncalibrated_rig_reports_its_limit_of_detection():
     rig, seen = _uncalibrated(2)
     assert seen == {"ok"}
     sigma = rig.calibration.potentiometer_sigma(0, radians(5.0))
-    told = degrees(3 * sigma) + 0.45
-    assert f"part by {told:.0f}°" in rig.fusion.monitor.note
+    limit = degrees(3 * sigma) + 0.45
+    assert f"part by {limit:.0f}°" in rig.fusion.monitor.note
     assert "\n" not in rig.fusion.monitor.note
 
 
@@ -319,7 +319,7 @@ def test_every_state_can_be_left_and_faulty_never_jumps_to_ok():
         max_size=40,
     )
 )
-def test_monitor_survives_any_readings_and_says_what_it_knows(readings):
+def test_monitor_survives_any_readings(readings):
     monitor = _monitor()
     for angle, fraction, rate in readings:
         remedy = monitor.inspect(

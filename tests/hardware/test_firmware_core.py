@@ -62,7 +62,7 @@ steps = st.lists(
 )
 
 
-def test_hello_at_boot_is_byte_for_byte_what_python_says(core):
+def test_hello_at_boot_equals_pythons_byte_for_byte(core):
     greeting = hello(Board.NANO, build_hash(), default_config(), reset_cause=4)
     assert core.boot(cause=4).sent == b"\0" + encode(greeting, 0)
 
@@ -91,7 +91,7 @@ telemetries = st.builds(
 
 @shared_core
 @given(telemetries)
-def test_telemetry_is_byte_for_byte_what_python_encodes(running, sample):
+def test_telemetry_equals_pythons_byte_for_byte(running, sample):
     assert running.fresh().report(sample).sent == encode(sample, 0)
 
 
@@ -107,7 +107,7 @@ def test_the_timeout_ends_a_command_exactly_on_time_even_as_the_clock_wraps(core
 
 @dataclass
 class Reference:
-    """The manual's "What keeps the servos safe", as briefly as Python says it."""
+    """The manual's "What keeps the servos safe", in Python."""
 
     config: Config = field(default_factory=default_config)
     armed: bool = False
@@ -118,7 +118,7 @@ class Reference:
     def neutral(self) -> None:
         self.pulse, self.deadline = self.config.neutral, None
 
-    def hear(self, message, now: int) -> bool:
+    def receive(self, message, now: int) -> bool:
         match message:
             case Arm() | Disarm():
                 self.armed = isinstance(message, Arm)
@@ -152,7 +152,7 @@ class Reference:
 
 @shared_core
 @given(steps)
-def test_any_conversation_drives_the_servos_as_the_manual_says(running, conversation):
+def test_any_conversation_drives_the_servos_by_the_manual(running, conversation):
     core, reference, now = running.fresh(), Reference(), 0
     for message, wait in conversation:
         now += wait
@@ -161,7 +161,7 @@ def test_any_conversation_drives_the_servos_as_the_manual_says(running, conversa
         obeyed = True
         if message is not None:
             core.send(message, now)
-            obeyed = reference.hear(message, now)
+            obeyed = reference.receive(message, now)
         t = core.telemetry()
         assert core.update(now).pulse == reference.pulse
         assert bool(t.flags & Flags.ARMED) == reference.armed
@@ -246,7 +246,7 @@ def test_a_million_random_bytes_neither_crash_the_core_nor_arm_it(core):
 
 
 def _imu(core: Core, *words: object) -> list[int]:
-    return [int(word) for word in core.line(*words)]
+    return [int(number) for number in core.line(*words)]
 
 
 def _round(core: Core, answers: dict[int, str | None], now: int = 0) -> list[tuple[int, ...]]:
@@ -277,7 +277,7 @@ def test_imus_are_set_up_register_by_register_and_then_read(core):
 
 
 @pytest.mark.parametrize("trouble", [None, "00" * 14], ids=["unplugged", "asleep"])
-def test_an_imu_that_went_away_is_not_fresh_and_is_set_up_again(core, trouble):
+def test_an_imu_that_does_not_answer_is_set_up_again(core, trouble):
     _imu(core, "imu_new")
     for _ in range(6):
         _round(core, {0x68: READING, 0x69: READING})

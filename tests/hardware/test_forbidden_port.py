@@ -10,7 +10,7 @@ import pytest
 
 from tests.conftest import ROOT
 
-NOBODY = 65534
+UNPRIVILEGED = 65534
 OPEN = """
 import os, sys
 from hardware.link import Link, LinkError
@@ -24,17 +24,17 @@ except LinkError as error:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="no pseudo-terminals here")
-def test_a_forbidden_port_is_told_with_the_cure():
+def test_a_forbidden_port_is_reported_with_the_remedy():
     ours, theirs = pty.openpty()
     name = os.ttyname(theirs)
     Path(name).chmod(0)
     done = subprocess.run(
-        [sys.executable, "-c", OPEN, name, str(NOBODY)],
+        [sys.executable, "-c", OPEN, name, str(UNPRIVILEGED)],
         cwd=ROOT, capture_output=True, text=True, timeout=30,
     )  # fmt: skip
     os.close(ours)
     os.close(theirs)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("\n") == 1
-    assert f"no permission to open {name}" in done.stdout
+    assert f"{name}: no permission" in done.stdout
     assert "dialout" in done.stdout

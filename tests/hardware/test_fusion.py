@@ -35,7 +35,7 @@ def _joseph(x, P, z, R, H):
         (False,) * 6,
     ],
 )
-def test_each_axis_is_filtered_as_the_textbook_says_over_many_frames(use):
+def test_each_axis_equals_the_textbook_filter_over_many_frames(use):
     rng, noise, gain = np.random.default_rng(1), Noise(), (0.97, 1.0)
     kalman, rows = GimbalFilter(noise), np.array(use).reshape(2, 3)
     x, P = rng.standard_normal((2, 4)), np.stack([np.diag(rng.uniform(0.1, 1, 4)) for _ in "xy"])
@@ -123,7 +123,7 @@ def test_rate_follows_the_truth(healthy):
     assert error < radians(4.0)  # of slews of 300 °/s: a delay of 2.8 ms left in would be 12 °/s
 
 
-def test_bias_of_the_gyro_is_found(healthy):
+def test_bias_of_the_gyro_is_estimated(healthy):
     rest = (healthy.state[-1, :, 2] - healthy.true_bias[-1]) / np.sqrt(
         healthy.covariance[-1, :, 2, 2]
     )
@@ -141,14 +141,14 @@ def test_a_healthy_rig_raises_no_alarm(healthy):
     assert healthy.changes == ()
 
 
-def test_rig_that_was_never_calibrated_is_vague_but_not_called_faulty():
+def test_uncalibrated_rig_is_uncertain_but_not_faulty():
     trial = run(sample_rig(12), random_steps(12), 4.0, seed=12, calibration=nominal())
     assert trial.changes == ()
     assert trial.sigma.min() > radians(2.0)
     assert trial.error(1.0).max() < 3 * trial.sigma.max()
 
 
-def test_gap_starts_the_filter_afresh():
+def test_gap_restarts_the_filter():
     parameters = sample_rig(2)
     device = Emulator(parameters, seed=2)
     rig = in_process(device, exact_calibration(parameters))

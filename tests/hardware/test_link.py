@@ -30,7 +30,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="ptys exist on POSIX only"
 
 
 class Clock:
-    """Nanoseconds that pass when told to."""
+    """A clock that the test advances [ns]."""
 
     def __init__(self) -> None:
         self.now = 0
@@ -222,7 +222,7 @@ def test_a_device_that_never_reads_refuses_messages_and_does_not_hang(pty):
 
 @posix
 def test_a_port_that_is_not_there_is_told_with_those_that_are(tmp_path):
-    with pytest.raises(LinkError, match=r"there is no port .*ttyUSB9; ports here: "):
+    with pytest.raises(LinkError, match=r"ttyUSB9: no such port; must be one of: "):
         Link(str(tmp_path / "ttyUSB9"))
 
 
@@ -236,7 +236,7 @@ def test_a_port_held_by_another_is_told_as_busy(pty):
 def test_a_file_is_told_to_be_no_serial_port(tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("hello")
-    with pytest.raises(LinkError, match="is no serial port"):
+    with pytest.raises(LinkError, match="not a serial port"):
         Link(str(path))
 
 
@@ -251,15 +251,15 @@ def test_a_forbidden_port_is_told_with_the_group_to_join(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("url", "told"),
+    ("url", "message"),
     [
         ("nonsense://x", "protocol 'nonsense' not known"),
-        ("socket://127.0.0.1", "cannot open"),
+        ("socket://127.0.0.1", "cannot be opened"),
         ("socket://127.0.0.1:99999", "port from 1 to 65535"),
     ],
 )
-def test_a_bad_url_is_told_with_examples_in_one_line(url, told):
-    with pytest.raises(LinkError, match=told) as caught:
+def test_a_bad_url_is_reported_with_examples_in_one_line(url, message):
+    with pytest.raises(LinkError, match=message) as caught:
         Link(url)
     assert "socket://127.0.0.1:5555" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -276,7 +276,7 @@ def _url(listener: socket.socket) -> str:
     return f"socket://127.0.0.1:{listener.getsockname()[1]}"
 
 
-def test_an_address_where_nobody_listens_is_told_with_what_to_start():
+def test_an_address_without_a_listener_is_reported_with_the_command_to_start():
     with socket.create_server(("127.0.0.1", 0)) as listener:
         url = _url(listener)
     with pytest.raises(LinkError, match="twin rig"):

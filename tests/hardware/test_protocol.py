@@ -24,7 +24,6 @@ from hardware.protocol import (
     Hello,
     Mode,
     Ping,
-    Pong,
     Telemetry,
     Unknown,
     constants,
@@ -33,9 +32,7 @@ from hardware.protocol import (
     hello,
     layout,
     plausible,
-    scale,
 )
-from hardware.protocol.table import markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMITS = {
@@ -162,7 +159,7 @@ def _hostile(count: int, seed: int) -> tuple[int, int, int]:
 
 
 def _chance(runs: int) -> float:
-    # A run that is no frame passes CRC-16 with 2^-16; five standard deviations of the Poisson
+    # A run that is not a frame passes CRC-16 with 2^-16; five standard deviations of the Poisson
     # count above its mean, and at least two, so that one run in about 10^6 fails by luck.
     mean = runs / 65536
     return max(2.0, mean + 5 * mean**0.5)
@@ -271,15 +268,9 @@ def test_every_field_of_every_message_is_on_the_wire():
 
 def test_scales_are_those_of_the_datasheets():
     # RM-MPU-6000A-00: 65.5 LSB/(°/s) at ±500 °/s, 8192 LSB/g at ±4 g; four digits are printed.
-    assert scale(Telemetry, "holder_gyro") == pytest.approx(0.0174532925 / 65.5, rel=1e-3)
-    assert scale(Telemetry, "base_accelerometer") == pytest.approx(9.80665 / 8192, rel=1e-12)
-    assert scale(Command, "pulse") == 0.5e-6
-    assert scale(Pong, "sent_us") == 1e-6
-
-
-def test_a_field_without_a_scale_is_named():
-    with pytest.raises(KeyError, match=r"Telemetry\.flags"):
-        scale(Telemetry, "flags")
+    assert pytest.approx(0.0174532925 / 65.5, rel=1e-3) == constants.GYRO_SCALE
+    assert pytest.approx(9.80665 / 8192, rel=1e-12) == constants.ACCELEROMETER_SCALE
+    assert constants.TICK == 0.5e-6
 
 
 @given(_messages(Config))
@@ -293,11 +284,6 @@ def test_plausible_settings_keep_neutral_within_the_limits(config):
 def test_the_generated_headers_are_up_to_date():
     for path, text in generated().items():
         assert path.read_text(encoding="utf-8") == text, "run `python -m hardware.firmware`"
-
-
-def test_the_manual_shows_the_table():
-    manual = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
-    assert markdown() in manual, "paste hardware.protocol.table.markdown() into docs/protocol.md"
 
 
 def _arduino_name(pin: int) -> str:

@@ -88,7 +88,7 @@ def test_telemetry_carries_imu_and_adc(pi):
     assert pi.bus.registers[0x68] == {0x6B: 1, 0x1A: 2, 0x1B: 8, 0x1C: 8, 0x19: 0}
 
 
-def test_pulled_imu_loses_its_flag_and_is_set_up_again(pi):
+def test_unplugged_imu_loses_its_flag_and_is_set_up_again(pi):
     pi.run()
     pi.bus.gone.add(0x68)
     last = pi.run()[-1]
@@ -114,7 +114,7 @@ def test_end_of_the_gateway_stops_the_pulses(pi, sysfs):
     assert pi.port.closed
 
 
-def test_forbidden_files_say_what_to_do(sysfs, monkeypatch):
+def test_forbidden_files_are_reported_with_the_remedy(sysfs, monkeypatch):
     def refuse(self, *_args, **_kwargs):
         raise PermissionError(13, "Permission denied")
 
@@ -263,7 +263,7 @@ def test_stuck_adc_reads_as_open_wires_and_what_it_gives_late_is_not_reported(sy
         _until(lambda: len(port.outbox) > 2000)
         StuckSpi.free.clear()
         _until(lambda: _reports(port)[-1].potentiometer == (0, 0, 0, 0))
-        _until(lambda: _reports(port)[-1].flags & Flags.HOLDER_IMU)  # the gyro speaks on
+        _until(lambda: _reports(port)[-1].flags & Flags.HOLDER_IMU)  # the gyro is still read
         StuckSpi.free.set()
         _until(lambda: _reports(port)[-1].potentiometer == (500, 510, 520, 530))
         stamps = [r.device_us for r in _reports(port)]
@@ -271,7 +271,7 @@ def test_stuck_adc_reads_as_open_wires_and_what_it_gives_late_is_not_reported(sy
 
 
 @pytest.mark.realtime
-def test_readings_of_a_running_gateway_are_as_old_as_they_say(sysfs):
+def test_readings_of_a_running_gateway_have_the_stated_age(sysfs):
     with _running(sysfs, FakeBus()) as (port, _):
         _until(lambda: len(port.outbox) > 10_000)
         reports = _reports(port)[2:]
@@ -354,9 +354,9 @@ def test_refused_pulse_is_one_line_and_the_other_servo_is_still_sent_to_neutral(
     monkeypatch.setattr(command, "TcpPort", lambda _: port)
     monkeypatch.setattr(command.signal, "signal", lambda *_: None)
     assert main([]) == 2
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == 2  # where to reach it, and why it ended
-    assert "pwm0/duty_cycle: Input/output error" in said[1]
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2  # where to reach it, and why it ended
+    assert "pwm0/duty_cycle: Input/output error" in lines[1]
     assert pwm_value(sysfs, 1, "duty_cycle") == 1_500_000
     assert port.closed
 
@@ -380,7 +380,7 @@ def test_missing_bus_or_library_is_one_line_and_exit_2(capsys):
         (None, 0),
     ],
 )
-def test_pi_tells_its_chips_number(tmp_path, text, number):
+def test_serial_number_is_that_of_the_chip(tmp_path, text, number):
     file, system = tmp_path / "cpuinfo", tmp_path / "machine-id"
     if text is not None:
         file.write_text(text)

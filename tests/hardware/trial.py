@@ -29,7 +29,7 @@ class Change:
     Attributes
     ----------
     time : rig time [s]
-    sensor, old, new, kind : as the monitor says
+    sensor, old, new, kind : arguments of the monitor's listener
     """
 
     time: float
@@ -83,10 +83,10 @@ class Trial:
 
 def random_steps(seed: int, amplitude: float = radians(6.0), hold: float = 0.3) -> Command:
     """Return a command that jumps to a new random angle every `hold` seconds."""
-    draws = np.random.default_rng([seed, 7]).uniform(-amplitude, amplitude, (4096, 2)).tolist()
+    steps = np.random.default_rng([seed, 7]).uniform(-amplitude, amplitude, (4096, 2)).tolist()
 
     def command(time: float) -> Pair:
-        x, y = draws[int(time / hold) % len(draws)]
+        x, y = steps[int(time / hold) % len(steps)]
         return x, y
 
     return command
@@ -117,7 +117,8 @@ def run(
     truth: dict[int, tuple[float, Pair, Pair, Pair]] = {}
 
     def observe(device_us: int, angle: Pair, rate: Pair) -> None:
-        bias = device.bench.gyro_bias()
+        jump = radians(device.bench._value("gyro", "bias"))
+        bias = device.bench._imus.bias[:2] + jump
         truth[device_us] = (device.bench.time, angle, rate, (bias[0], bias[1]))
 
     device.observer = observe

@@ -1,7 +1,10 @@
 """The command line: one clear line and exit 2 for a mistake, JSON alone for machines."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -88,7 +91,7 @@ MISTAKES = [
     ("fly --set-from huge.json", "not a number"),
     ("fly --vehicle deep.xml", "deep.xml"),
     ("fly --out flight.txt", ".rrd"),
-    ("fly --out /proc/nowhere/flight.rrd", "cannot record"),
+    ("fly --out /proc/nowhere/flight.rrd", "cannot write"),
     ("fly --gimbal transfer-function --model other.json", "schema"),
     ("fly --gimbal transfer-function --model missing.json", "missing.json"),
     ("fly --gimbal rope", "linkage"),
@@ -207,3 +210,36 @@ def test_doctor_names_what_it_looked_at(capsys):
     topics = {f["topic"] for f in findings}
     assert {"mujoco", "native callbacks", "headless GL", "SCHED_FIFO", "AVR tools"} <= topics
     assert all(f["remedy"] for f in findings if f["level"] == "missing")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "cp850"])
+def test_any_encoding_of_the_terminal_shows_the_result(tmp_path, encoding):
+    """`attitude error 1.48°` once ended in a traceback after the flight was flown."""
+    command = [sys.executable, "-m", "twin.cli.main", "fly", "--duration-s", "0.05"]
+    environment = {
+        **os.environ,
+        "PYTHONIOENCODING": encoding,
+        "PYTHONPATH": str(EXAMPLES.parents[1]),
+    }
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"rms under power" in done.stdout
+
+
+def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
+    command = [sys.executable, "-m", "twin.cli.main", "doctor", "--json"]
+    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parents[1])}
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr.decode().count("\n") == 1
+    assert "No space left" in done.stderr.decode()
+
+
+def test_a_terminal_of_one_column_gets_the_help(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "1")
+    code, out, _ = run(capsys, "view", "--help")
+    assert code == 0
+    assert "--web" in out

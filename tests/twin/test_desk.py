@@ -255,7 +255,7 @@ class TestMirror:
             pytest.skip("no pseudo-terminals here")
         with served(tcp=tcp) as (simulated, url):
             pulled_thrice(simulated, monkeypatch)
-            asked = Mirror(gimbal=url, steer="joystick", duration_s=5.0, out=tmp_path / "m.rrd")
+            asked = Mirror(gimbal=url, steer="joystick", duration_s=4.0, out=tmp_path / "m.rrd")
             result = mirror(asked)
         assert result.ended == "time"
         assert len(result.gaps_s) == 3, result
@@ -297,11 +297,11 @@ class TestSteering:
 
 MISTAKES = [
     ("mirror --gimbal linkage", "needs a rig"),
-    ("mirror --gimbal /dev/nosuchport", "there is no port"),
+    ("mirror --gimbal /dev/nosuchport", "no such port"),
     ("mirror --gimbal socket://127.0.0.1:9", "nothing listens"),
     ("mirror --gimbal socket://127.0.0.1:99999", "1 to 65535"),
-    ("mirror --gimbal {file}", "no serial port"),
-    ("mirror --gimbal emulator --fault gyro:melted", "valid are"),
+    ("mirror --gimbal {file}", "not a serial port"),
+    ("mirror --gimbal emulator --fault gyro:melted", "must be one of"),
     ("mirror --gimbal emulator --fault link:drop:7", "0…1"),
     ("mirror --gimbal emulator --calibration {file}", "not JSON"),
     ("mirror --gimbal emulator --calibration {calibration}", "is of rig"),

@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -110,6 +109,27 @@ def test_one_commanded_axis_is_said_and_can_stand_for_both(capsys, made, tmp_pat
     assert model.channels[0][0] == model.channels[1][1]
 
 
+def test_identify_and_report_give_the_margins_of_the_attitude_loop_with_the_model(
+    capsys, made, tmp_path
+):
+    """Those of the shipped model in docs/control.md; the identified one is within 1 %."""
+    model, page = str(tmp_path / "model.json"), tmp_path / "page.html"
+    found = told(capsys, "identify", str(made / "steps.rrd"), "--out", model)
+    rows = {(m["axis"], m["loop"]): m for m in found["margins"]}
+    assert set(rows) == {(a, at) for a in "xy" for at in ("ignition", "burnout")}
+    x = rows["x", "ignition"]
+    assert x["crossover"] == pytest.approx(9.2, rel=0.015)
+    assert math.degrees(x["phase"]) == pytest.approx(43.4, abs=0.5)
+    assert 20.0 * math.log10(x["gain"]) == pytest.approx(9.5, abs=0.1)
+    assert x["delay"] == pytest.approx(x["phase"] / x["crossover"])
+    assert rows["x", "burnout"]["gain"] < x["gain"]  # the emptied vehicle turns more easily
+    file = str(made / "steps.rrd")
+    numbers = told(capsys, "report", file, "--model", model, "--out", str(page))
+    assert numbers["margins"]["model"] == found["margins"]
+    assert "+9.5 dB" in page.read_text(encoding="utf-8")
+    assert told(capsys, "report", file, "--out", str(page))["margins"] == {}
+
+
 @pytest.fixture
 def table(tmp_path):
     """A CSV of 20 rad/s, damping 0.6, 15 ms: steps in degrees, from python-control."""
@@ -192,7 +212,7 @@ def test_a_check_says_where_there_is_nothing_to_check(capsys, made, table, tmp_p
     still = str(tmp_path / "still.csv")
     found = told(capsys, "identify", str(table), *COLUMNS, "--check", still, *out)
     assert found["checks"][still] == [None]
-    assert any(w.startswith(still) and "stand still" in w for w in found["warnings"])
+    assert any(w.startswith(still) and "are constant" in w for w in found["warnings"])
     # one axis of two that the model has: that one is predicted
     one = str(made / "only_x.rrd")
     x, y = told(capsys, "identify", str(made / "steps.rrd"), "--check", one, *out)["checks"][one]
@@ -279,7 +299,7 @@ MISTAKES = [
     ("identify run.csv --time t --input u --angle pot --out /proc/a/m.json", "cannot write"),
     ("identify constant.csv --time t --input u --angle pot", "never changes"),
     ("identify back.csv --time t --input u --angle pot", "stamps must increase"),
-    ("identify steps.rrd --unit deg", "--unit: only for tables"),
+    ("identify steps.rrd --unit deg", "--unit is only for tables"),
     ("identify steps.rrd --angle gimbal/measured", "gimbal/measured"),
     ("identify steps.rrd --from-pulses", "no sensors/pulse"),
     ("identify run.csv --time t --input u --angle pot --max-delay-ms -5", "--max-delay-ms -5"),
@@ -295,22 +315,22 @@ MISTAKES = [
         "identify run.csv --time t --input u --angle pot --commands early.csv --input-stamps exact",
         "not with --commands",
     ),
-    ("identify steps.rrd --before 0", "--before: only for tables"),
+    ("identify steps.rrd --before 0", "--before is only for tables"),
     ("identify run.csv --from-pulses --time t --input u --angle pot", "is a table"),
     ("identify --linkage steps.rrd multisine.rrd", "takes one recording"),
     ("identify --linkage run.csv --time t --input u --angle pot", "x and y"),
     ("identify --linkage steps.rrd --parameters gimbal_servo_gian", "gimbal_servo_gain"),
-    ("report", "name one recording"),
+    ("report", "name one or more"),
     ("report run.csv", "--time t"),
     ("report run.csv --time t --input u", "angle"),
-    ("report steps.rrd --unit deg", "--unit: only for tables"),
+    ("report steps.rrd --unit deg", "--unit is only for tables"),
     ("report steps.rrd --out page.txt", ".html"),
     ("report steps.rrd --model missing.json", "missing.json"),
     ("compare", "0 recordings"),
     ("compare steps.rrd", "gimbal/measured"),
     ("compare run.csv", "a table with one motion"),
     ("compare run.csv steps.rrd", "--time t"),
-    ("compare steps.rrd linkage.rrd --angle pot", "--angle: only for tables"),
+    ("compare steps.rrd linkage.rrd --angle pot", "--angle is only for tables"),
     ("compare steps.rrd missing.rrd", "missing.rrd"),
     ("compare steps.rrd linkage.rrd --out c.txt", ".rrd"),
     ("compare steps.rrd linkage.rrd --fail-below nan", "finite"),
@@ -400,9 +420,7 @@ def test_a_difference_is_not_drawn_across_a_hole(capsys, made, tmp_path, monkeyp
     whole = load(file)
     kept = (whole.angles.time < 1.0) | (whole.angles.time > 2.0)
     runs = iter([whole, replace(whole, angle=whole.angles.rows(kept))])
-    # the face hands on a function of that name, which hides the module
-    module = import_module("twin.evaluation.compare")
-    monkeypatch.setattr(module, "seen", lambda *_: list(runs))
+    monkeypatch.setattr("twin.evaluation.compare.seen", lambda *_: list(runs))
     found = told(capsys, "compare", file, file, "--out", str(out))
     assert found["fit"] == pytest.approx(100.0)
     assert found["axes"][0]["left_out"] == pytest.approx(1.0 - kept.mean(), abs=1e-6)

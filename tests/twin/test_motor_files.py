@@ -283,7 +283,7 @@ def test_a_narrower_motor_flies_with_a_word_about_its_adapter(tmp_path: Path) ->
     path = written(tmp_path, "thin.eng", ENG.replace(" 29 ", " 24 "))
     model = load_model(ModelConfig(motor=path))
     assert model.notes == (
-        "motor Q20 is 24 mm wide and its mount 29 mm: flown with an adapter that weighs nothing",
+        "the motor is 24 mm wide, its mount 29 mm: flown with an adapter that weighs nothing",
     )
     assert load_model(ModelConfig(motor=written(tmp_path, "fits.eng", ENG))).notes == ()
 

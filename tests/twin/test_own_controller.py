@@ -1,6 +1,8 @@
 """An own controller: equal to the built-in loop, harmless when it fails, never executed unasked."""
 
 import math
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -121,10 +123,10 @@ def test_a_failing_update_is_reported_in_one_line_with_file_and_line(
     adapter = OwnController(load(f"{file}:Loop"), *seat, 0.004)
     with pytest.raises(ControllerError) as caught:
         adapter.update(0.1, GimbalState(0, (0.0, 0.0)))
-    told = str(caught.value)
-    assert told.startswith(f"controller at 0.1000 s: {file}, line {line}: ")
-    assert says in told
-    assert "\n" not in told
+    message = str(caught.value)
+    assert message.startswith(f"controller at 0.1000 s: {file}, line {line}: ")
+    assert says in message
+    assert "\n" not in message
 
 
 def test_a_failing_controller_ends_the_command_with_2_and_keeps_the_recording(capsys, tmp_path):
@@ -185,12 +187,16 @@ def test_what_is_not_a_python_file_is_refused(capsys, tmp_path, monkeypatch, pla
     assert err.count("\n") == 1
 
 
-def test_an_edit_within_the_same_second_counts_and_neighbours_can_be_imported(tmp_path):
+def test_an_edit_within_the_same_second_counts_and_neighbours_can_be_imported(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
     (tmp_path / "gains_of_mine.py").write_text("KP = 2")
     file = tmp_path / "own.py"
     text = "from gains_of_mine import KP\nclass Loop:\n  gain = {}\n  def update(s, t, g, v): ...\n"
     for gain in ("1", "2"):
         file.write_text(text.format(gain))
+        os.utime(file, (1e9, 1e9))
         assert load(f"{file}:Loop").gain == int(gain)
 
 

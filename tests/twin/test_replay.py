@@ -295,7 +295,7 @@ def test_a_turntables_flight_repeats_itself(tmp_path, monkeypatch):
         (lambda t: replace(t, estimator=""), "estimator's memory"),
         (lambda t: replace(t, estimator="[]"), "estimator remembers"),
         (lambda t: replace(t, estimator="{" * 9000), "estimator remembers"),
-        (lambda t: replace(t, estimator='{"session": 1, "fusion": {}}'), "no memory"),
+        (lambda t: replace(t, estimator='{"session": 1, "fusion": {}}'), "not a snapshot"),
         (lambda t: replace(t, estimator=" " * 200_000), "something is wrong"),
         (lambda t: without(t, "sensors/taken"), "no sensors/taken"),
         (lambda t: without(t, "sensors/gyro"), "no sensors/gyro"),

@@ -1,5 +1,6 @@
 """The `twin` command: arguments to settings, results to the screen, errors to exit codes."""
 
+import io
 import json
 import os
 import signal
@@ -16,11 +17,13 @@ from twin.config.result import Result
 from twin.errors import DivergenceError, TwinError
 
 MISTAKE, FAILED = 2, 1
+NARROWEST = 40  # columns
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one verb and end the process with 0, 1 (a check failed) or 2 (the user's mistake)."""
     signal.signal(signal.SIGTERM, _terminate)
+    _prepare_terminal()
     try:
         verb, settings = parse(list(sys.argv[1:] if arguments is None else arguments))
         sys.exit(_status(settings, verb.function(settings)))
@@ -35,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         _complain(f"twin: interrupted; {kept or 'nothing was recorded'}")
         sys.exit(128 + signal.SIGINT)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         sys.exit(FAILED)
 
 
@@ -44,9 +47,36 @@ def _status(settings: Settings, result: Result | int | None) -> int:
     if not isinstance(result, Result):
         return result or 0
     as_json = getattr(settings, "json", False)
-    print(json.dumps(result.as_dict(), allow_nan=False) if as_json else result.text())
+    _print(json.dumps(result.as_dict(), allow_nan=False) if as_json else result.text())
     ignored = getattr(settings, "on_fault", None) == "ignore"
     return 0 if result.passed or ignored else FAILED
+
+
+def _print(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _discard_output()
+        raise TwinError(f"cannot print the result: {error.strerror}") from None
+
+
+def _discard_output() -> None:
+    """Let nothing more be written at exit to an output that is closed or full."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _prepare_terminal() -> None:
+    """Print on terminals of any encoding and width.
+
+    A character that the encoding lacks, such as ° in ASCII, is replaced by a question mark.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    if os.environ.get("COLUMNS", "").isdigit() and int(os.environ["COLUMNS"]) < NARROWEST:
+        os.environ["COLUMNS"] = str(NARROWEST)  # the help does not fit in less
 
 
 def _complain(line: str) -> None:
@@ -56,3 +86,7 @@ def _complain(line: str) -> None:
 def _terminate(number: int, frame: FrameType | None) -> None:  # noqa: ARG001  a handler's signature
     """Leave through the `finally` blocks, so that a recording gets its footer."""
     raise SystemExit(128 + number)
+
+
+if __name__ == "__main__":
+    main()

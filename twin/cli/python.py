@@ -27,19 +27,9 @@ def function(name: str) -> Callable[..., Any]:
     there is a setting `controller`, it may also be an object with `update(time, gimbal, vehicle)`.
     """
     verb = BY_NAME[name]
-    place = next((n for n, h in hints(verb.settings).items() if _is_positional(h)), None)
 
     def call(*files: object, **settings: object) -> Any:  # noqa: ANN401  each verb has its result
-        if files:
-            if place is None:
-                raise TwinError(f"twin.{name}: takes keyword arguments only")
-            many = typing.get_origin(without_markers(hints(verb.settings)[place])) is tuple
-            flat = files[0] if many and len(files) == 1 else files
-            settings[place] = flat if many else files[0]
-            if not many and len(files) > 1:
-                raise TwinError(f"twin.{name}: takes one file, not {len(files)}")
-        elif place is not None and place not in settings:
-            raise TwinError(f"twin.{name}: needs {place}")
+        settings = _named(verb, files, settings)
         controller = settings.get("controller")
         if controller is not None and not isinstance(controller, str):
             given = verb.settings.of({**settings, "controller": None})
@@ -51,6 +41,29 @@ def function(name: str) -> Callable[..., Any]:
     call.__doc__ = _documentation(verb)
     call.__signature__ = signature(verb)  # type: ignore[attr-defined]
     return call
+
+
+def _named(verb: Verb, given: tuple[object, ...], settings: dict[str, object]) -> dict[str, object]:
+    """Settings with the positional arguments by their names.
+
+    Raises
+    ------
+    TwinError : too many or too few positional arguments
+    """
+    places = [name for name, hint in hints(verb.settings).items() if _is_positional(hint)]
+    if given and not places:
+        raise TwinError(f"twin.{verb.name}: takes keyword arguments only")
+    if len(places) == 1 and given:
+        hint = without_markers(hints(verb.settings)[places[0]])
+        if typing.get_origin(hint) is tuple:  # any number of files, one by one or as a list
+            given = (given[0],) if len(given) == 1 else (given,)
+    if len(given) > len(places):
+        what = "one file" if len(places) == 1 else " and ".join(places)
+        raise TwinError(f"twin.{verb.name}: takes {what}, not {len(given)}")
+    settings = {**settings, **dict(zip(places, given, strict=False))}
+    if missing := [name for name in places if name not in settings]:
+        raise TwinError(f"twin.{verb.name}: needs {' and '.join(missing)}")
+    return settings
 
 
 def signature(verb: Verb) -> inspect.Signature:

@@ -168,9 +168,18 @@ class View(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Doctor(Settings):
-    """Report what this machine provides, what is missing, and what to do about it."""
+    """Report what this machine provides, what is missing, and what to do about it.
+
+    With `--vehicle` or `--mechanism`, report on that file instead.
+    """
 
     group: ClassVar[str] = "doctor"
+
+    vehicle: Path | None = None
+    """Description (TOML) or MJCF file of a vehicle: report mass, thrust to weight, static margin,
+    fit of its coefficients to its geometry."""
+    mechanism: Path | None = None
+    """MJCF file of a gimbal mechanism: report mobility, workspace and reach."""
 
     json: Flag = False
     """Print the findings as one JSON object."""

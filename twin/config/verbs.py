@@ -9,6 +9,7 @@ from twin.config.base import Settings
 from twin.config.evaluation import Compare, Doctor, Identify, Report, View
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import Converge, Fly, Replay, Step
+from twin.config.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +41,13 @@ VERBS = (
     Verb("step", Step, "twin.experiments.step:step"),
     Verb("mirror", Mirror, "twin.experiments.mirror:mirror"),
     Verb("calibrate", Calibrate, "twin.experiments.calibrate:calibrate"),
-    Verb("identify", Identify, "twin.evaluation:identify"),
-    Verb("compare", Compare, "twin.evaluation:compare"),
+    Verb("identify", Identify, "twin.evaluation.identify:identify"),
+    Verb("compare", Compare, "twin.evaluation.compare:compare"),
     Verb("report", Report, "twin.evaluation.report:write_report"),
     Verb("converge", Converge, "twin.experiments.convergence:converge"),
     Verb("replay", Replay, "twin.experiments.replay:replay"),
     Verb("rig", Rig, "twin.experiments.serve:rig"),
+    Verb("vehicle", Vehicle, "twin.experiments.vehicle:vehicle"),
     Verb("view", View, "twin.cli.view:view"),
     Verb("doctor", Doctor, "twin.cli.doctor:doctor"),
 )

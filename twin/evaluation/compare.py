@@ -1,4 +1,4 @@
-"""The assembly of `twin compare`: two motions side by side, and both in one recording."""
+"""`twin compare`: errors between two motions, and both motions in one recording."""
 
 import math
 import time
@@ -24,6 +24,7 @@ from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
 from twin.config import Compare
+from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
@@ -31,8 +32,8 @@ from twin.evaluation.inputs import seen
 Array = NDArray[np.float64]
 
 REFERENCE, OTHER, DIFFERENCE = "gimbal/reference", "gimbal/other", "gimbal/difference"
-COHERENT = 0.8  # below, gain and phase say nothing
-TOLD_HZ = (0.5, 1.0, 2.0, 5.0, 10.0)
+COHERENT = 0.8  # below, gain and phase are not shown
+SHOWN_HZ = (0.5, 1.0, 2.0, 5.0, 10.0)
 _FIGURES = (
     ("rmse", "rmse", "°"),
     ("mae", "mae", "°"),
@@ -44,12 +45,12 @@ _FIGURES = (
 
 @dataclass(frozen=True)
 class CompareResult(Result):
-    """Two motions side by side, and the recording that shows them.
+    """Errors between two motions, and the recording that shows both.
 
     Attributes
     ----------
     comparison : axis by axis; the reference first
-    shift : added to the other's stamps to lay its first command over the reference's [s]
+    shift : added to the other's stamps to align its first command with the reference's [s]
     limit : fit below which the check fails [%], or None
     flight : how far the vehicles' flights lie apart; None where none flew
     warnings : reasons to doubt the figures
@@ -65,7 +66,7 @@ class CompareResult(Result):
 
     @property
     def passed(self) -> bool:
-        """Whether every axis that counts fits at least as well as the limit asks."""
+        """Whether every axis that counts reaches the limit."""
         return self.limit is None or self.comparison.fit >= self.limit
 
     def as_dict(self) -> dict[str, object]:
@@ -82,29 +83,28 @@ class CompareResult(Result):
         }
 
     def rows(self) -> Rows:
-        """The result as a table."""
+        """Errors, delay and coherence, a column per axis; in brackets with the delay removed."""
         c = self.comparison
         rows = [("reference", c.reference), ("compared", c.other)]
         if abs(self.shift) > 1e-6:
-            rows.append(("laid over by", f"{1e3 * self.shift:.1f} ms, the first command"))
-        rows.append(("(delay taken out)", _columns(a.axis for a in c.axes)))
+            rows.append(("shifted by", f"{1e3 * self.shift:.1f} ms, to align the first commands"))
+        rows.append(("(delay removed)", _columns(a.axis for a in c.axes)))
         rows.append(("delay", _columns(_late(a) for a in c.axes)))
         for name, field, unit in _FIGURES:
             rows.append((name, _columns(_both(a, field, unit) for a in c.axes)))
         rows.append(("fit per repeat", _columns(_repeats(a) for a in c.axes)))
-        rows += [(f"at {f:g} Hz", _columns(_at(a, f) for a in c.axes)) for f in TOLD_HZ]
+        rows += [(f"at {f:g} Hz", _columns(_at(a, f) for a in c.axes)) for f in SHOWN_HZ]
         if any(a.left_out for a in c.axes):
-            rows.append(("left out, holes", _columns(f"{100 * a.left_out:.1f} %" for a in c.axes)))
+            rows.append(("left out, gaps", _columns(f"{100 * a.left_out:.1f} %" for a in c.axes)))
         if self.flight is not None:
             rows.append(("flights, under power", self.flight.text()))
         rows += [("fit not counted", f"{axis}: {why}") for axis, why in c.uncounted.items()]
         rows += [("WARNING", w) for w in self.warnings]
         if self.limit is not None:
-            word = "passed" if self.passed else "FAILED"
+            verdict = "passed" if self.passed else "FAILED"
             fit = f"worst fit {c.fit:.2f} %" if math.isfinite(c.fit) else "no axis counts"
-            rows.append((word, f"{fit}, {self.limit:g} % asked for"))
-        rows += [("recording", str(self.file)), ("", f"twin view {self.file}")]
-        return rows
+            rows.append((verdict, f"{fit}, limit {self.limit:g} %"))
+        return [*rows, ("recording", str(self.file)), ("", f"twin view {self.file}")]
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def compare(config: Compare) -> CompareResult:
 
     Raises
     ------
-    TwinError, AnalysisError : something the user asked for cannot be done, in one line
+    TwinError, AnalysisError : invalid input, in one line
     """
     began = time.perf_counter()
     pair = _pair(config)
@@ -142,6 +142,7 @@ def compare(config: Compare) -> CompareResult:
     file = config.out or Path("runs/compare.rrd")
     if file.is_dir() or not file.suffix:
         file /= "compare.rrd"
+    writable(file, ".rrd")
     _record(config, file, pair)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(
@@ -240,7 +241,7 @@ def _columns(cells: Iterable[str]) -> str:
 
 
 def _both(a: AxisComparison, what: str, unit: str) -> str:
-    """A figure as it is and, in brackets, with the delay taken out."""
+    """A figure and, in brackets, the same with the delay removed."""
     scale = 180.0 / math.pi if unit == "°" else 1.0
     values = [scale * getattr(e, what) for e in (a.as_is, a.aligned)]
     if unit == "°":

@@ -1,4 +1,4 @@
-"""The assembly of `twin identify`: records in, a model file and one screen out."""
+"""`twin identify`: recordings and tables in, a model file and one screen out."""
 
 import time
 import warnings
@@ -16,12 +16,15 @@ from analysis.identify import (
     fit_to,
     identify_gimbal,
 )
+from analysis.plain import plain
 from analysis.recording import Measurement
+from analysis.transfer_function import Margins, TransferFunctionModel, margins
 from twin.config import Identify
 from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
+from twin.evaluation.loop import attitude_loops
 from twin.evaluation.words import quantity
 
 if TYPE_CHECKING:
@@ -30,13 +33,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class IdentifyResult(Result):
-    """An identified model, the file it went to, and how well it predicts what it was not fitted to.
+    """An identified model, its file, and how well it predicts runs it was not fitted to.
 
     Attributes
     ----------
-    checks : file → NRMSE fit of each axis [%] of a record that was held back, NaN where it was not
+    checks : file → NRMSE fit of each axis [%] of a run that was held back, NaN where it was not
         commanded or nothing moved
     orders : scores on held-out steps, where the order was chosen
+    margins : of the reference vehicle's attitude loop with this gimbal
     """
 
     model: IdentifiedModel
@@ -44,6 +48,7 @@ class IdentifyResult(Result):
     sources: tuple[str, ...]
     checks: dict[str, tuple[float, ...]]
     orders: tuple[OrderScore, ...]
+    margins: tuple[Margins, ...]
     warnings: tuple[str, ...]
     wall_s: float
 
@@ -53,16 +58,15 @@ class IdentifyResult(Result):
             **self.model.to_dict(),
             "file": str(self.file),
             "sources": list(self.sources),
-            "checks": {
-                k: [f if np.isfinite(f) else None for f in v] for k, v in self.checks.items()
-            },
-            "orders": [s.to_dict() for s in self.orders],
+            "checks": plain(self.checks),
+            "orders": plain(self.orders),
+            "margins": plain(self.margins),
             "warnings": list(self.warnings),
             "wall_s": self.wall_s,
         }
 
     def rows(self) -> Rows:
-        """The result as a table."""
+        """Order, figures, fit, checks, margins, warnings and the file."""
         rows = [("identified from", ", ".join(self.sources))]
         rows += [
             (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
@@ -70,54 +74,54 @@ class IdentifyResult(Result):
         ]
         rows += [(e.name, quantity(e.value, 1.96 * e.std, e.unit)) for e in self.model.estimates]
         for a in self.model.axes:
-            told = [
+            fits = [
                 f"{what} {_percent(fits)}"
                 for what, fits in (("angle", a.fit_angle), ("rate", a.fit_rate))
                 if np.isfinite(fits).any()
             ]
-            rows.append((f"{a.name} fit", f"{'; '.join(told) or 'unknown'}; {a.samples} readings"))
-            rows += _left_over(a)
-        rows += [(f"predicts {Path(k).name}", self._check(v)) for k, v in self.checks.items()]
+            rows.append((f"{a.name} fit", f"{'; '.join(fits) or 'unknown'}; {a.samples} readings"))
+            rows += _unexplained(a)
+        rows += [(f"fit to {Path(k).name}", self._check(v)) for k, v in self.checks.items()]
+        rows += [(f"{m.axis} loop at {m.loop}", m.text()) for m in self.margins]
         rows += [("WARNING", w) for w in self.warnings]
-        rows.append(("computing", f"{self.wall_s:.1f} s"))
-        rows.append(("model", str(self.file)))
+        rows += [("computing", f"{self.wall_s:.1f} s"), ("model", str(self.file))]
         if len(self.model.inputs) == 2:
             rows.append(("", f"twin fly --gimbal transfer-function --model {self.file}"))
         return rows
 
     def _check(self, fits: tuple[float, ...]) -> str:
-        told = [
+        known = [
             f"{name} {_percent([f])}"
             for name, f in zip(self.model.outputs, fits, strict=True)
             if np.isfinite(f)
         ]
-        return "; ".join(told) or "unknown, its readings stand still"
+        return "; ".join(known) or "unknown, its readings are constant"
 
 
 def _percent(fits: Sequence[float]) -> str:
     return ", ".join(f"{f:.2f}" for f in fits if np.isfinite(f)) + " %"
 
 
-def _left_over(a: AxisEvidence) -> list[tuple[str, str]]:
-    """How the speed grows with the step, and what of the command is left in the residual."""
+def _unexplained(a: AxisEvidence) -> Rows:
+    """How the speed grows with the step, and how far the residual follows the command."""
     rows = []
     s = a.saturation
     if np.isfinite(s.exponent):
-        told = f"step to the power {s.exponent:.2f} ± {1.96 * s.std:.2f} (linear: 1)"
-        rows.append((f"{a.name} speed", f"{told}, {s.steps} steps"))
+        law = f"step to the power {s.exponent:.2f} ± {1.96 * s.std:.2f} (linear: 1)"
+        rows.append((f"{a.name} speed", f"{law}, {s.steps} steps"))
     for what, tests in (("angle", a.residual_angle), ("rate", a.residual_rate)):
         if tests and tests.cross_correlation > tests.bound:
-            told = f"follows the command by {tests.cross_correlation:.3f}"
-            rows.append((f"{a.name} {what} residual", f"{told} (noise: below {tests.bound:.3f})"))
+            value = f"correlation {tests.cross_correlation:.3f} with the command's changes"
+            rows.append((f"{a.name} {what} residual", f"{value} (noise: below {tests.bound:.3f})"))
     return rows
 
 
 def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
-    """Identify a gimbal from recordings or tables and write what was found.
+    """Identify a gimbal from recordings or tables and write the model file.
 
     Raises
     ------
-    TwinError, AnalysisError : something the user asked for cannot be done, in one line
+    TwinError, AnalysisError : invalid input, in one line
     """
     if not config.sources:
         raise TwinError("identify: name a recording (.rrd) or a table (.csv, .mat)")
@@ -126,12 +130,12 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
 
         return identify_linkage(config)
     began = time.perf_counter()
-    out = writable(config.out or Path("runs/model.json"))
+    out = writable(config.out or Path("runs/model.json"), ".json")
     source = given(config, config.sources)
     runs = source.runs
     held_back = [given(config, (file,)).runs[0] for file in config.check]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are then told as unknown
+        warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are reported as unknown
         poles, zeros, scores = _order(config, runs)
         model = identify_gimbal(
             runs, poles, zeros, _delay(config.delay),
@@ -141,18 +145,20 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
         )  # fmt: skip
         fits = [fit_to(model, [r])[0] for r in held_back]
     still = [
-        f"{r.name}: its readings stand still where it was commanded; it checks nothing"
+        f"{r.name}: its readings are constant while it was commanded; it checks nothing"
         for r, f in zip(held_back, fits, strict=True)
         if not np.isfinite(f).any()
     ]
     notes = (*model.warnings, *_notes(config, source), *still)
-    _write(config, model, notes, out)
+    flown = _flown(config, model, notes)
+    flown.write(out)
     return IdentifyResult(
         model,
         out,
         tuple(r.name for r in runs),
         {r.name: tuple(f.tolist()) for r, f in zip(held_back, fits, strict=True)},
         scores,
+        margins(attitude_loops(), flown),
         notes,
         time.perf_counter() - began,
     )
@@ -164,7 +170,7 @@ def _delay(text: str) -> Literal["free"] | float:
     try:
         return float(text)
     except ValueError:
-        raise TwinError(f"--delay {text}: 'free', or seconds") from None
+        raise TwinError(f"--delay {text}: must be 'free', or seconds") from None
 
 
 def _longest(config: Identify) -> float | None:
@@ -172,7 +178,7 @@ def _longest(config: Identify) -> float | None:
 
 
 def _order(config: Identify, runs: list[Measurement]) -> tuple[int, int, tuple[OrderScore, ...]]:
-    """Order asked for, or the largest that any axis needs, with the scores of that axis."""
+    """Order from the settings, or the largest any axis needs, with the scores of that axis."""
     if not config.select_order:
         return config.poles, config.zeros, ()
     from analysis.identify import own_records, select_order
@@ -188,21 +194,24 @@ def _order(config: Identify, runs: list[Measurement]) -> tuple[int, int, tuple[O
 def _notes(config: Identify, source: Given) -> list[str]:
     notes = list(source.doubts)
     if source.simulated:
-        notes.append("simulated angles are exact; they were read as by a sensor of 0.01° noise")
+        notes.append("simulated angles are exact; noise of 0.01° was added to them")
     if config.from_pulses:
         notes.append(
-            "delays count from the pulses; a command waits 10 ms more on average for its pulse"
-            " frame, which a flight with this model lacks"
+            "delays count from the pulses; the wait of a command for its pulse frame, 10 ms on"
+            " average, is not in this model"
         )
     inputs = source.runs[0].inputs
     if len(inputs) == 1 and not config.both:
         notes.append(
-            f"only {inputs[0]} was commanded; a flight needs both axes (--both takes it for both)"
+            f"only {inputs[0]} was commanded; a flight needs both axes (--both uses it for x and y)"
         )
     return notes
 
 
-def _write(config: Identify, model: IdentifiedModel, notes: tuple[str, ...], out: Path) -> None:
+def _flown(
+    config: Identify, model: IdentifiedModel, notes: tuple[str, ...]
+) -> TransferFunctionModel:
+    """The model as a flight uses it, with how it was made."""
     flown = model.to_transfer_function()
     source: dict[str, object] = {
         "made_by": "twin identify",
@@ -217,5 +226,5 @@ def _write(config: Identify, model: IdentifiedModel, notes: tuple[str, ...], out
         flown = replace(
             flown, channels=((one, none), (none, one)), inputs=("x", "y"), outputs=("x", "y")
         )
-        source["both"] = f"axis {model.inputs[0]} stands for x and y"
-    replace(flown, source=source).write(out)
+        source["both"] = f"axis {model.inputs[0]} is used for x and y"
+    return replace(flown, source=source)

@@ -56,7 +56,7 @@ def given(config: Identify, files: tuple[Path, ...]) -> Given:
 def _recorded(config: Identify, file: Path) -> Given:
     for flag in config.given:
         if flag != "--angle":  # names a signal here
-            raise TwinError(f"{flag}: only for tables; the recording {file} has its own columns")
+            raise TwinError(f"{flag} is only for tables; {file} is a recording")
     run = recording.load(
         file,
         angle=config.angle,
@@ -81,7 +81,7 @@ def _with_noise(run: Measurement) -> Measurement:
 
 def _tabled(config: Identify, file: Path) -> Given:
     if config.from_pulses:
-        raise TwinError(f"--from-pulses: only for recordings of a rig; {file} is a table")
+        raise TwinError(f"--from-pulses is only for recordings of a rig; {file} is a table")
     columns = _columns(config, file, _names(config.rate))
     delay = 1e-3 * config.gyro_delay_ms
     run = recording.load(file, columns, gyro_delay=delay, initial=config.initial)
@@ -96,9 +96,7 @@ def seen(config: Columns, files: Sequence[Path]) -> list[Measurement]:
     TwinError, AnalysisError : a file or flag that cannot be used, in one line
     """
     if config.given and files and not any(is_table(f) for f in files):
-        raise TwinError(
-            f"{config.given[0]}: only for tables; the recording {files[0]} has its own columns"
-        )
+        raise TwinError(f"{config.given[0]} is only for tables; {files[0]} is a recording")
     return [
         recording.load(f, _columns(config, f)).resampled() if is_table(f) else recording.load(f)
         for f in files

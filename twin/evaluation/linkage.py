@@ -1,4 +1,4 @@
-"""The assembly of `twin identify --linkage`: a recording in, an override file out."""
+"""`twin identify --linkage`: a recording in, an override file out."""
 
 import copy
 import json
@@ -91,7 +91,7 @@ class PhysicsResult(Result):
         }
 
     def rows(self) -> Rows:
-        """The result as a table."""
+        """Parameters, fit, warnings and the file."""
         f = self.fit
         rows = [("identified from", ", ".join(self.sources))]
         rows += [
@@ -101,12 +101,11 @@ class PhysicsResult(Result):
         for name, values in (
             ("fit before", f.start), ("fit", f.fit), ("fit on moves held out", f.held_out)
         ):  # fmt: skip
-            told = (f"{a} {v:.2f} %" for a, v in zip(AXES, values, strict=True))
-            rows.append((name, ", ".join(told)))
+            fits = (f"{a} {v:.2f} %" for a, v in zip(AXES, values, strict=True))
+            rows.append((name, ", ".join(fits)))
         rows += [("WARNING", w) for w in self.warnings]
         rows.append(("computing", f"{self.wall_s:.1f} s"))
-        rows += [("overrides", str(self.file)), ("", f"twin step --set-from {self.file}")]
-        return rows
+        return [*rows, ("overrides", str(self.file)), ("", f"twin step --set-from {self.file}")]
 
 
 def identify_linkage(config: Identify) -> PhysicsResult:
@@ -114,13 +113,13 @@ def identify_linkage(config: Identify) -> PhysicsResult:
 
     Raises
     ------
-    TwinError, AnalysisError : something the user asked for cannot be done, in one line
+    TwinError, AnalysisError : invalid input, in one line
     """
     from analysis.linkage.fit import fit_linkage
     from analysis.linkage.problem import DELAY
 
     began = time.perf_counter()
-    out = writable(config.out or Path("runs/set.json"))
+    out = writable(config.out or Path("runs/set.json"), ".json")
     if len(config.sources) != 1:
         raise TwinError(f"--linkage: {len(config.sources)} sources; it takes one recording")
     known = config.overrides

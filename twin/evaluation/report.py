@@ -1,4 +1,4 @@
-"""The assembly of `twin report`: recordings and models in, one page out."""
+"""`twin report`: recordings and models in, one page out."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +10,7 @@ from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
+from twin.evaluation.loop import attitude_loops
 
 
 @dataclass(frozen=True)
@@ -21,11 +22,11 @@ class ReportResult(Result):
     sources: tuple[str, ...]
 
     def as_dict(self) -> dict[str, object]:
-        """What the page itself carries, as JSON values."""
+        """The numbers that the page holds, as JSON values."""
         return self.numbers.to_dict()
 
     def rows(self) -> Rows:
-        """The result as a table."""
+        """The sources and the page."""
         return [("report of", ", ".join(self.sources)), ("page", str(self.file))]
 
 
@@ -34,12 +35,13 @@ def write_report(config: Report) -> ReportResult:
 
     Raises
     ------
-    TwinError, AnalysisError : something the user asked for cannot be done, in one line
+    TwinError, AnalysisError : invalid input, in one line
     """
     if not config.recordings:
-        raise TwinError("report: name one recording (.rrd) or table (.csv, .mat), or more")
+        raise TwinError("report: name one or more recordings (.rrd) or tables (.csv, .mat)")
     runs = seen(config, config.recordings)
     models = {f.stem: TransferFunctionModel.read(f) for f in config.model}
-    out = writable(config.out or Path("runs/report.html"))
-    numbers = report(runs, out, models=models, title=config.title)
+    out = writable(config.out or Path("runs/report.html"), ".html", ".htm")
+    loops = attitude_loops() if models else ()
+    numbers = report(runs, out, models=models, loops=loops, title=config.title)
     return ReportResult(numbers, out, tuple(str(f) for f in (*config.recordings, *config.model)))

@@ -1,4 +1,4 @@
-"""Quantities as text."""
+"""Estimates as text."""
 
 import numpy as np
 

@@ -5,13 +5,13 @@ import sys
 import time
 from dataclasses import dataclass
 from math import degrees, radians, sqrt
-from pathlib import Path
 from typing import Any
 
 from hardware.calibration import Calibration, CalibrationError, CalibrationRig, Procedure, write
 from hardware.calibration.file import to_dict
 from hardware.protocol import constants
 from twin.config import Calibrate
+from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.hil import RigGimbal, RigOptions, mechanism_map, open_rig, switch_angles
@@ -94,7 +94,7 @@ def calibrate(config: Calibrate) -> CalibrationResult:
     CalibrationError : a switch, servo or sensor does not do what it should; says which
     TwinError, HardwareError : the rig cannot be opened, or the file cannot be written
     """
-    _writable(config.out)
+    writable(config.out, ".json")
     rig = _rig(config)
     options = RigOptions(
         seat=config.gimbal, unit=config.unit, faults=config.fault, seed=config.seed, fuse=False
@@ -195,15 +195,3 @@ class _Bar:
     def end(self) -> None:
         if self._on:
             print("\r" + " " * 60 + "\r", end="", file=sys.stderr, flush=True)
-
-
-def _writable(path: Path) -> None:
-    """Refuse a place that cannot be written before a minute of driving, not after."""
-    probe = path.with_name(path.name + ".partial")
-    try:
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise TwinError(f"cannot write {path}: {error.strerror}") from None
-    if path.is_dir():
-        raise TwinError(f"cannot write {path}: it is a folder")

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.config.result import Result, Rows
+from twin.errors import TwinError
 from twin.experiments.programme import Vector, start_of
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.loop.loop import Outcome
+from twin.physics.aerodynamics.stability import margins
 from twin.plant.plant import Plant
 
 if TYPE_CHECKING:
@@ -46,6 +48,8 @@ class FlightResult(Result):
     wall_s : time of the whole command
     warnings : MuJoCo's warnings with their counts
     notes : what is worth knowing about the model, one line each
+    static_margin : distance of the centre of mass ahead of the centre of pressure at launch and
+        after burnout, in diameters; positive is stable; None where the model does not carry it
     fault : what went wrong with the rig first; None where nothing did
     turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU
         measured, while the motor burned; None without a turntable
@@ -68,6 +72,7 @@ class FlightResult(Result):
     wall_s: float
     warnings: dict[str, int]
     notes: tuple[str, ...] = ()
+    static_margin: tuple[float, float] | None = None
     fault: str | None = None
     turntable_rms_deg: float | None = None
     timing: "Verdict | None" = None
@@ -90,6 +95,9 @@ class FlightResult(Result):
             ("top speed", f"{self.max_speed_m_s:.1f} m/s"),
             ("height", f"{self.max_height_m:.0f} m"),
         ]
+        if self.static_margin is not None:
+            full, empty = self.static_margin
+            rows.append(("static margin", f"{full:+.2f} at launch, {empty:+.2f} empty [calibres]"))
         if self.powered_slant_range_m is not None:
             rows.append(("range at burnout", f"{self.powered_slant_range_m:.0f} m"))
         if self.closest_approach_m is not None and self.target_m is not None:
@@ -210,7 +218,15 @@ class Flight:
             wall_s=wall_s,
             warnings=plant.warnings(),
             notes=plant.twin.notes,
+            static_margin=_static_margin(plant.model),
         )
+
+
+def _static_margin(model: mujoco.MjModel) -> tuple[float, float] | None:
+    try:
+        return margins(model)
+    except TwinError:
+        return None
 
 
 def _burnout(model: mujoco.MjModel) -> float:

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.config import Run
+from twin.config.paths import writable
 from twin.physics.motor import split_name
+from twin.plant.compose import described_motor
 from twin.plant.model import TwinModel
 from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.recorder.rows import Rows
@@ -61,6 +63,7 @@ def make_recorder(
     path = config.out or Path("runs")
     if path.is_dir() or not path.suffix:
         path /= f"{verb}.rrd"
+    writable(path, ".rrd")
     make = DetachedRecorder if real_time else Recorder
     return make(
         path,
@@ -99,6 +102,8 @@ def _files(config: Run) -> dict[str, Path]:
     named = {name: value for name, value in values.items() if isinstance(value, Path)}
     if "motor" in named:
         named["motor"] = split_name(named["motor"])[0]
+    if "vehicle" in named and (own := described_motor(named["vehicle"])) is not None:
+        named["vehicle_motor"] = own
     if (own := getattr(config, "controller_file", None)) is not None:
         named["controller"] = own
     return named

@@ -7,7 +7,15 @@ from typing import Final, Literal
 Kind = Literal["length", "mass", "angle", "density", "number"]
 
 UNITS: Final[dict[str, dict[str, float]]] = {
-    "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "ft": 0.3048},
+    "length": {
+        "m": 1.0,
+        "mm": 1e-3,
+        "cm": 1e-2,
+        "um": 1e-6,
+        "µm": 1e-6,
+        "in": 0.0254,
+        "ft": 0.3048,
+    },
     "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237, "oz": 0.028349523125},
     "angle": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180},
     "density": {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³": 1e3},

@@ -42,6 +42,15 @@ def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
 
     Of the vehicle at its initial pose, gimbal centred.
     """
+    _, lever, transverse, _ = balance(model)
+    return lever, transverse
+
+
+def balance(model: mujoco.MjModel) -> tuple[float, float, float, float]:
+    """Mass [kg], station of its centre [m], transverse and axial inertia about that [kg m²].
+
+    Of the vehicle with the masses that the model has now, gimbal centred.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -57,7 +66,8 @@ def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
     R = data.xmat[root].reshape(3, 3)
     in_body = R.T @ total @ R
     lever = float(R[:, 2] @ (centre - data.xpos[root]))
-    return lever, float(0.5 * (in_body[0, 0] + in_body[1, 1]))
+    transverse = float(0.5 * (in_body[0, 0] + in_body[1, 1]))
+    return float(model.body_mass[members].sum()), lever, transverse, float(in_body[2, 2])
 
 
 def thrust_curve(model: mujoco.MjModel) -> tuple[Array, Array] | None:
@@ -149,7 +159,7 @@ def steer_to(model: mujoco.MjModel, target: Vector, **attributes: float) -> Fixe
     area, drag = numeric(model, "air_reference_area"), numeric(model, "air_axial_drag")
     nose, fins = numeric(model, "air_nose_slope"), numeric(model, "air_fin_slope")
     if area is not None and nose is not None and fins is not None:
-        known["normal_force"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * (nose[0] + fins[0]))
+        known["normal_force"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * (nose.sum() + fins.sum()))
     if area is not None and drag is not None:
         known["drag"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * drag[0])
     return replace(base, **(known | attributes))

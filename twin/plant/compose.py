@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -32,10 +33,29 @@ def scene_path(name: str) -> Path:
     raise TwinError(f"no scene {name!r}; give a file ending in .xml or one of {', '.join(SCENES)}")
 
 
+def is_description(vehicle: Path | None) -> bool:
+    """Whether a vehicle's file is a TOML description, from which its MJCF is built."""
+    return vehicle is not None and vehicle.suffix.lower() == ".toml"
+
+
+def described_motor(vehicle: Path) -> Path | None:
+    """Motor file that a vehicle's description names; None for an MJCF file or without one."""
+    if not is_description(vehicle):
+        return None
+    from twin.physics import vehicle as vehicles
+
+    return vehicles.motor_path(vehicles.described(vehicle))
+
+
 def compose(
-    scene: str, vehicle: Path | None = None, mechanism: Path | None = None
+    scene: str,
+    vehicle: Path | None = None,
+    mechanism: Path | None = None,
+    motor: Path | None = None,
 ) -> mujoco.MjSpec:
     """Uncompiled model of `scene`, with vehicle and mechanism replaced where files are given.
+
+    A vehicle that is a TOML description is built here, with `motor` in place of its own.
 
     The scene names its vehicle in its `<include>`, the mechanism is the model asset `mechanism`;
     both references are rewritten in the text, since attaching happens while MuJoCo parses.
@@ -47,7 +67,8 @@ def compose(
     path = scene_path(scene)
     if vehicle is None and mechanism is None:
         return _parsed(path, lambda: mujoco.MjSpec.from_file(str(path)))
-    root = _tree(path, vehicle)
+    part = _built(vehicle, mechanism, motor) if is_description(vehicle) else None
+    root = _tree(path, vehicle, part=part)
     if mechanism is not None:
         _place_mechanism(root, mechanism, vehicle or path)
     try:
@@ -70,13 +91,18 @@ def one_line(error: Exception) -> str:
 
 
 def _tree(
-    path: Path, vehicle: Path | None = None, main: Path | None = None, depth: int = 0
+    path: Path,
+    vehicle: Path | None = None,
+    main: Path | None = None,
+    depth: int = 0,
+    part: ET.Element | None = None,
 ) -> ET.Element:
     """Root element of an MJCF file, includes resolved and file references made absolute.
 
     A given `vehicle` replaces the file's `<include>` and its mechanism. An included file is looked
     for in the folder of the file that includes it, then in `main`, the folder of the outermost
     file, as MuJoCo does.
+    `part` is the root element of a vehicle that is not read from its file.
     """
     root = _root(path, included=main is not None)
     if depth > DEEPEST_INCLUDE:
@@ -92,16 +118,30 @@ def _tree(
     for parent in list(root.iter()):
         for include in parent.findall("include"):
             if vehicle is not None:
-                part, vehicle = _tree(vehicle, depth=depth + 1), None
+                content = _tree(vehicle, depth=depth + 1) if part is None else part
+                vehicle = None
             else:
                 name = include.get("file", "")
                 beside = own / name if (own / name).is_file() else main / name
-                part = _tree(beside, main=main, depth=depth + 1)
+                content = _tree(beside, main=main, depth=depth + 1)
             at = list(parent).index(include)
             parent.remove(include)
-            for offset, element in enumerate(part):
+            for offset, element in enumerate(content):
                 parent.insert(at + offset, element)
     return root
+
+
+def _built(vehicle: Path | None, mechanism: Path | None, motor: Path | None) -> ET.Element:
+    """Root element of a vehicle that is described in TOML."""
+    from twin.physics import vehicle as vehicles
+
+    assert vehicle is not None
+    design = vehicles.read(vehicle, motor)
+    if mechanism is not None and design.gimbal is not None:
+        held = replace(design.gimbal, mechanism=str(mechanism.resolve()))
+        design = replace(design, gimbal=held)
+    text = vehicles.mjcf(vehicles.Vehicle.of(design))
+    return ET.fromstring(text)  # noqa: S314  written here
 
 
 def _root(path: Path, *, included: bool) -> ET.Element:

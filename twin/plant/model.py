@@ -14,10 +14,11 @@ from hardware.frames import AXES
 from hardware.protocol import constants
 from twin.errors import TwinError
 from twin.physics import motor, native
+from twin.physics.aerodynamics.fit import misfits
 from twin.physics.mechanism.frame import check_frame
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
-from twin.plant.compose import MJCF, SCENES, compose, one_line
+from twin.plant.compose import MJCF, SCENES, compose, is_description, one_line
 
 Seat = Literal["linkage", "transfer-function", "follow"]
 REFERENCE_GIMBAL = MJCF / "gimbal.json"
@@ -42,7 +43,8 @@ class ModelConfig:
     gimbal : what moves the gimbal joints: servos and rods, an identified model, or measured angles,
         which the joints follow one physics step later
     transfer_function : file of the identified model; the shipped reference where None
-    vehicle, mechanism : MJCF files in place of the scene's own
+    vehicle : MJCF or TOML file in place of the scene's own
+    mechanism : MJCF file in place of the scene's own
     motor : motor file, or FILE:NAME, in place of the vehicle's own motor
     overrides : named parameters, see `twin.plant.overrides`
     dt : physics step [s]; the scene's own where None
@@ -85,7 +87,7 @@ def load(config: ModelConfig) -> TwinModel:
     ------
     TwinError : a file, name or number that cannot be used, in one line
     """
-    spec = compose(config.scene, config.vehicle, config.mechanism)
+    spec = compose(config.scene, config.vehicle, config.mechanism, config.motor)
     if config.dt is not None:
         spec.option.timestep = _checked_dt(config.dt)
     seat = _seat(spec, config)
@@ -93,9 +95,10 @@ def load(config: ModelConfig) -> TwinModel:
     _require(spec, seat, vehicle=vehicle)
     if seat in ("transfer-function", "follow"):
         _exchange_actuation(spec, _moved_by(config))
-    notes: list[str] = []
-    if config.motor is not None:
-        notes += _exchange_motor(spec, config.motor)
+    motor.fit_stated_motor(spec)
+    if config.motor is not None and not is_description(config.vehicle):
+        motor.apply_motor(spec, motor.load(config.motor, like=motor.figures_of(spec)))
+    notes = motor.adapter_note(spec)
     if seat == "linkage":
         _set_backlash(spec, config.overrides)
         insert_backlash(spec)
@@ -106,10 +109,12 @@ def load(config: ModelConfig) -> TwinModel:
     if seat == "linkage":
         apply_servo(model)
     native.bind(model)
+    if config.vehicle is not None and not is_description(config.vehicle):
+        notes += misfits(model)
     if seat != "fixed":
         check_frame(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    return TwinModel(mj=model, gimbal=seat, sha256=digest(model), notes=tuple(notes))
+    return TwinModel(mj=model, gimbal=seat, sha256=digest(model), notes=notes)
 
 
 def digest(model: mujoco.MjModel) -> str:
@@ -186,10 +191,6 @@ def _set_backlash(spec: mujoco.MjSpec, overrides: Mapping[str, float]) -> None:
             if place < len(data):  # an index that is too large is refused with all other overrides
                 data[place] = value
     numeric.data = data
-
-
-def _exchange_motor(spec: mujoco.MjSpec, file: Path) -> tuple[str, ...]:
-    return motor.apply_motor(spec, motor.load(file, like=motor.figures_of(spec)))
 
 
 def _check_meshes(model: mujoco.MjModel) -> None:

@@ -12,6 +12,7 @@ from analysis.report.sections.flight import flight
 from analysis.report.sections.frequency import frequency
 from analysis.report.sections.histories import histories
 from analysis.report.sections.hysteresis import hysteresis
+from analysis.report.sections.margins import margins
 from analysis.report.sections.provenance import provenance, settings
 from analysis.report.sections.slew import slew
 from analysis.report.sections.staircase import staircase
@@ -24,6 +25,7 @@ SECTIONS: tuple[Compose, ...] = (
     provenance,
     three_way,
     figures,
+    margins,
     flight,
     steps,
     staircase,

@@ -40,7 +40,7 @@ namespace adc {
 
 void begin() {
   DIDR0 = 0x0F;
-  // 125 kHz, the slowest of the range that gives all ten bits: 104 µs each.
+  // 125 kHz, the slowest of the range for ten bits: 104 µs each.
   ADCSRA = _BV(ADEN) | _BV(ADIE) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0);
 }
 

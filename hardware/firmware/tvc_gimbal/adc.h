@@ -1,4 +1,4 @@
-// Potentiometers and joystick, one conversion after the other in the interrupt.
+// Potentiometers and joystick, converted one after the other in the interrupt.
 #pragma once
 #include <stdint.h>
 
@@ -6,7 +6,7 @@ namespace adc {
 
 void begin();
 
-// Starts a sequence: one joystick axis, the other in the next sequence, then x_a, x_b, y_a, y_b.
+// Starts a sequence: one joystick axis (the two alternate), then x_a, x_b, y_a, y_b.
 void start();
 bool busy();
 

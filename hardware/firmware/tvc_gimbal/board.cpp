@@ -32,14 +32,14 @@ Imus imus;
 bool round_running;
 bool converting;  // this round's conversions have been started
 
-// A bus that has hung may hang again: the potentiometers do without it for a while.
+// A bus that has hung may hang again: rounds leave it out for a while.
 constexpr uint8_t REST = 50;
-uint8_t resting;  // rounds to go without the bus
+uint8_t resting;  // rounds still without the bus
 
-// Place in the EEPROM; not at 0, which a brown-out spoils first.
+// Address in the EEPROM; not 0, which a brown-out corrupts first.
 uint8_t* const SERIAL = reinterpret_cast<uint8_t*>(16);
-constexpr uint8_t SERIAL_BYTES = sizeof(uint32_t) + 1;  // its check is written last
-uint8_t serial_kept;                                    // bytes of it
+constexpr uint8_t SERIAL_BYTES = sizeof(uint32_t) + 1;  // the check byte is written last
+uint8_t serial_kept;                                    // bytes written
 
 uint16_t applied[3];
 bool pulses_wait;  // for the next servo frame to start
@@ -63,7 +63,7 @@ void begin_tick() {
   TCCR0A = _BV(WGM01);
   TCCR0B = _BV(CS01) | _BV(CS00);
   OCR0A = F_CPU / 64 / 1000 - 1;
-  TIMSK0 = _BV(OCIE0A);  // and so ends the Arduino core's own Timer0 interrupt
+  TIMSK0 = _BV(OCIE0A);  // replaces the Timer0 interrupt of the Arduino core
 }
 
 uint8_t read_switches() {
@@ -85,7 +85,7 @@ void take_bytes() {
   while (uart::take(byte, stamp_us)) {
     if (!gimbal.receive(byte)) continue;
     gimbal.obey(stamp_us, servos::micros());
-    frames_wait = true;  // one at a time: the sensors do not wait for a flood
+    frames_wait = true;  // one at a time: a flood does not delay the sensors
     return;
   }
   frames_wait = false;
@@ -107,7 +107,7 @@ uint8_t serial_byte(uint32_t serial, uint8_t at) {
   return check;
 }
 
-// A byte takes 3.4 ms to write, and nobody waits for it.
+// A byte takes 3.4 ms to write; the main loop does not wait for it.
 void keep_serial() {
   if (serial_kept == SERIAL_BYTES || gimbal.serial() == wire::SERIAL_NONE) return;
   if (!eeprom_is_ready()) return;
@@ -115,7 +115,7 @@ void keep_serial() {
   ++serial_kept;
 }
 
-// Half a number, where the power went while it was written, is none.
+// A number whose writing was interrupted by a power failure does not count.
 uint32_t kept_serial() {
   const uint32_t serial = eeprom_read_dword(reinterpret_cast<const uint32_t*>(SERIAL));
   const uint8_t check = eeprom_read_byte(SERIAL + sizeof serial);
@@ -141,7 +141,7 @@ void report() {
   s.switches = read_switches();
   s.overruns = uart::overruns();
   gimbal.report(s);
-  uart::kick();  // before anything else is queued: PONG counts on the line being at work
+  uart::kick();  // before anything else is queued: the stamp of PONG assumes that the line is sending
 }
 
 // The conversions begin when the holder's IMU has been read and end about when the base's has.
@@ -169,7 +169,7 @@ void start_round() {
     bus::recover();
     resting = REST;
   } else if (round_running) {
-    return;  // held up by a flood: it reports late, and this tick's round is left out
+    return;  // delayed by a flood: it reports late, and this tick's round is skipped
   }
   imus.configure(gimbal.dlpf());
   round_running = true;
@@ -193,7 +193,7 @@ void take_ticks() {
   }
 }
 
-// Most interrupts (a byte sent, a conversion) leave the main loop nothing to do.
+// Most interrupts (a byte sent, a conversion) give the main loop no work.
 void sleep_until_woken() {
   cli();
   while (!woken() && !pulses_wait && !frames_wait) {
@@ -213,7 +213,7 @@ void begin() {
   const uint8_t reset_cause = MCUSR;  // zero under a bootloader that has cleared it
   MCUSR = 0;
   cli();
-  wdt_enable(WDTO_120MS);  // the timers would go on giving the last pulses by themselves
+  wdt_enable(WDTO_120MS);  // the timers would repeat the last pulses without the program
   for (uint8_t i = 0; i < 3; ++i) applied[i] = gimbal.pulse()[i];
   countdown = gimbal.telemetry_period_ms();
   begin_pins();

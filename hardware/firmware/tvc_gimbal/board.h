@@ -1,4 +1,4 @@
-// The ATmega328P's registers behind two calls; everything that decides is in core and imu.
+// The ATmega328P's registers; all decisions are made in core and imu.
 #pragma once
 #include "core.h"
 

@@ -85,7 +85,7 @@ namespace bus {
 void begin() {
   TWSR = 0;
   TWBR = (F_CPU / 400000UL - 16) / 2;
-  // The modules carry pull-ups of their own; these help on a bare breadboard.
+  // The modules have pull-ups; these are for chips without a module.
   PORTC |= SDA | SCL;
   TWCR = _BV(TWEN);
 }
@@ -109,7 +109,7 @@ void release() { now = FREE; }
 
 void recover() {
   TWCR = 0;
-  // UM10204 3.1.16: nine clocks make a slave let go of SDA.
+  // UM10204 3.1.16: nine clocks make a slave release SDA.
   for (uint8_t pulse = 0; pulse < 9; ++pulse) {
     PORTC &= static_cast<uint8_t>(~SCL);
     DDRC |= SCL;

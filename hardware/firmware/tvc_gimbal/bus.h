@@ -17,7 +17,7 @@ const uint8_t* data();
 uint16_t ended();
 // Back to FREE after DONE or FAILED.
 void release();
-// Ends whatever runs and frees a line that a confused sensor holds.
+// Aborts the transaction and frees a line that a sensor holds.
 void recover();
 
 }  // namespace bus

@@ -66,7 +66,7 @@ void Gimbal::neutral() {
 void Gimbal::boot(uint8_t reset_cause, uint32_t serial) {
   reset_cause_ = reset_cause;
   if (serial != wire::SERIAL_BLANK) serial_ = serial;
-  transmit.push(0);  // ends whatever noise the line carried before
+  transmit.push(0);  // ends whatever the line carried before
   hello();
 }
 
@@ -172,7 +172,7 @@ bool Gimbal::command(const wire::Command& command, uint32_t received_us) {
 bool Gimbal::configure(const wire::Config& config) {
   if (!plausible(config)) return false;
   config_ = config;
-  neutral();  // pulses of the old limits do not outlive them
+  neutral();  // pulses of the old limits end with them
   return true;
 }
 
@@ -184,7 +184,7 @@ bool Gimbal::name(uint32_t serial) {
 }
 
 void Gimbal::pong(const wire::Ping& ping, uint32_t received_us, uint32_t now_us) {
-  // The answer leaves when everything before it has left; two more bytes wait in the UART then.
+  // The answer is sent after everything queued, and after two bytes in the UART.
   const uint8_t queued = transmit.used();
   wire::Pong pong;
   pong.host_ns = ping.host_ns;

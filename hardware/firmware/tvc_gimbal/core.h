@@ -1,11 +1,11 @@
-// What the rig does, without a register: frames in, pulse widths and frames out.
+// Behaviour of the rig without registers: frames to pulse widths and frames.
 #pragma once
 #include <stdint.h>
 
 #include "framing.h"
 #include "protocol.h"
 
-// What the board senses for one telemetry frame, sampled together.
+// Sensor readings of one telemetry frame.
 struct Sample {
   uint32_t device_us;
   uint16_t frame_us;
@@ -24,7 +24,7 @@ class Gimbal {
  public:
   explicit Gimbal(uint8_t board);
 
-  // Says HELLO; `reset_cause` is MCUSR, `serial` what the board's memory holds.
+  // Sends HELLO; `reset_cause` is MCUSR, `serial` the number in the board's memory.
   void boot(uint8_t reset_cause, uint32_t serial);
   // True when this byte has completed a frame: obey it before the next byte.
   bool receive(uint8_t byte) { return receiver_.take(byte); }
@@ -37,7 +37,7 @@ class Gimbal {
   bool armed() const { return flags_ & wire::FLAGS_ARMED; }
   uint8_t telemetry_period_ms() const { return config_.telemetry_period_ms; }
   uint8_t dlpf() const { return config_.dlpf; }
-  uint32_t serial() const { return serial_; }  // which board this is; the board keeps it
+  uint32_t serial() const { return serial_; }  // serial number, to be kept by the board
 
   TransmitRing transmit;
 
@@ -59,7 +59,7 @@ class Gimbal {
   uint16_t flags_;
   uint16_t acknowledged_;
   uint16_t overruns_;  // as last reported by the board
-  uint16_t overruns_seen_;  // when the host last said hello
+  uint16_t overruns_seen_;  // at the latest HELLO
   uint32_t deadline_us_;
   uint32_t serial_;
   uint8_t board_;

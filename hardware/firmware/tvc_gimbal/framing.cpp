@@ -52,17 +52,17 @@ void Receiver::append(uint8_t byte) {
 
 bool Receiver::finish() {
   const bool empty = code_ == 0;
-  bool sound = !overlong_ && left_ == 0 && size_ >= framing::OVERHEAD;
+  bool valid = !overlong_ && left_ == 0 && size_ >= framing::OVERHEAD;
   code_ = left_ = 0;
   overlong_ = false;
   if (empty) return false;
-  if (sound) {
+  if (valid) {
     const uint8_t* tail = body_ + size_ - 2;
-    sound = framing::crc16(body_, static_cast<uint8_t>(size_ - 2)) ==
+    valid = framing::crc16(body_, static_cast<uint8_t>(size_ - 2)) ==
             static_cast<uint16_t>(tail[0] | (tail[1] << 8));
   }
-  if (!sound) {
-    // Before the first sound frame the host may just have opened the port in mid-frame.
+  if (!valid) {
+    // Before the first valid frame the host may have opened the port in mid-frame.
     if (synchronised_) ++crc_errors;
     size_ = 0;
     return false;
@@ -74,7 +74,7 @@ bool Receiver::finish() {
 
 void Receiver::count_lost() {
   const uint16_t missed = static_cast<uint16_t>(sequence() - expected_);
-  // A number from the past is a host that started again, not a loss.
+  // An earlier number is a host that started again, not a loss.
   if (synchronised_ && missed < 0x8000) lost = static_cast<uint16_t>(lost + missed);
   expected_ = static_cast<uint16_t>(sequence() + 1);
   synchronised_ = true;

@@ -18,10 +18,10 @@ uint16_t crc16(const uint8_t* data, uint8_t size);
 
 }  // namespace framing
 
-// Takes bytes as they come; gives back sound frames and counts the rest.
+// Decodes bytes one by one; returns valid frames and counts the rest.
 class Receiver {
  public:
-  // True when this byte completed a sound frame, readable until the next byte.
+  // True if this byte completed a valid frame, readable until the next byte.
   bool take(uint8_t byte);
 
   uint8_t type() const { return body_[0]; }
@@ -39,15 +39,15 @@ class Receiver {
 
   uint8_t body_[framing::LONGEST] = {};
   uint8_t size_ = 0;
-  uint8_t code_ = 0;  // of the running COBS block; 0 before the first
+  uint8_t code_ = 0;  // of the current COBS block; 0 before the first
   uint8_t left_ = 0;  // bytes still to come in it
   bool overlong_ = false;
   bool complete_ = false;
-  bool synchronised_ = false;  // a sound frame has been seen
+  bool synchronised_ = false;  // a valid frame has been received
   uint16_t expected_ = 0;
 };
 
-// Numbers and stuffs frames into the transmit ring; one that finds no room is dropped and counted.
+// Numbers and stuffs frames into the transmit ring; one without room is dropped and counted.
 class Sender {
  public:
   explicit Sender(TransmitRing& ring) : ring_(ring) {}

@@ -72,14 +72,14 @@ void Imus::done(bool ok, const uint8_t* data, uint32_t now_us) {
   if (sensor_ >= COUNT) return;
   const uint8_t i = sensor_++;
   if (!ok) {
-    step_[i] = 0;  // unplugged or browned out: it has forgotten its set-up
+    step_[i] = 0;  // unplugged or browned out: its set-up is lost
     return;
   }
   if (step_[i] < STEPS) {
     ++step_[i];
     return;
   }
-  if (all_zero(data)) {  // asleep: a short dip of its supply has reset it, yet it answers
+  if (all_zero(data)) {  // asleep: a short dip of its supply has reset it
     step_[i] = 0;
     return;
   }

@@ -1,4 +1,4 @@
-// Two MPU6050 on one bus: which transaction comes next, and what its answer means.
+// Two MPU6050 on one bus: the next transaction, and the decoding of its result.
 #pragma once
 #include <stdint.h>
 
@@ -18,11 +18,11 @@ class Imus {
 
   // Sets both up again with another low-pass filter; readings stop meanwhile.
   void configure(uint8_t dlpf);
-  // Starts a round: each sensor is read once, or its set-up goes one register further.
+  // Starts a round: each sensor is read once, or one more register of its set-up is written.
   void begin();
   // Starts a round in which neither is read.
   void rest();
-  // False when the round is over.
+  // False at the end of the round.
   bool next(Transaction& transaction) const;
   void done(bool ok, const uint8_t* data, uint32_t now_us);
 
@@ -33,6 +33,6 @@ class Imus {
 
  private:
   uint8_t dlpf_;
-  uint8_t sensor_;        // whose turn it is
+  uint8_t sensor_;        // current
   uint8_t step_[COUNT];   // set-up registers written so far
 };

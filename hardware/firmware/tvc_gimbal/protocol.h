@@ -41,7 +41,7 @@ enum Mode : uint8_t { MODE_NEUTRAL = 0, MODE_DRIVE = 1 };
 
 enum Flags : uint16_t { FLAGS_ARMED = 1, FLAGS_DRIVING = 2, FLAGS_TIMED_OUT = 4, FLAGS_CLAMPED = 8, FLAGS_REFUSED = 16, FLAGS_HOLDER_IMU = 32, FLAGS_BASE_IMU = 64, FLAGS_RECEIVE_OVERRUN = 128 };
 
-// Asks for HELLO.
+// Requests HELLO.
 struct __attribute__((packed)) HelloRequest {
   enum : uint8_t { TYPE = 0x01 };
 };
@@ -49,30 +49,30 @@ struct __attribute__((packed)) HelloRequest {
 // Pulse widths to drive until the next command or the timeout.
 struct __attribute__((packed)) Command {
   enum : uint8_t { TYPE = 0x02 };
-  uint16_t pulse[3];  // [0.5 µs] servo x, servo y, turntable; 0 leaves one at neutral
-  uint16_t timeout_ms;  // [ms] neutral when no command follows in time; 1…2000
+  uint16_t pulse[3];  // [0.5 µs] servo x, servo y, turntable; 0 for neutral
+  uint16_t timeout_ms;  // [ms] neutral if no command follows within it; 1…2000
   uint8_t mode;  // 0 neutral, 1 drive
 };
 static_assert(sizeof(Command) == 9, "padded");
 
-// Asks for PONG.
+// Requests PONG.
 struct __attribute__((packed)) Ping {
   enum : uint8_t { TYPE = 0x03 };
-  uint64_t host_ns;  // [ns] any stamp of the host's clock
+  uint64_t host_ns;  // [ns] time stamp of the host's clock
 };
 static_assert(sizeof(Ping) == 8, "padded");
 
-// Commands are obeyed from here on; clears TIMED_OUT.
+// Enables commands; clears TIMED_OUT.
 struct __attribute__((packed)) Arm {
   enum : uint8_t { TYPE = 0x04 };
 };
 
-// Neutral at once, and commands are refused.
+// Servos to neutral; disables commands.
 struct __attribute__((packed)) Disarm {
   enum : uint8_t { TYPE = 0x05 };
 };
 
-// Settings; refused as a whole when one of them is out of range.
+// Settings; refused as a whole if one is out of range.
 struct __attribute__((packed)) Config {
   enum : uint8_t { TYPE = 0x06 };
   uint8_t telemetry_period_ms;  // [ms] 2…250
@@ -83,21 +83,21 @@ struct __attribute__((packed)) Config {
 };
 static_assert(sizeof(Config) == 20, "padded");
 
-// Gives a board that has none its number, kept without power; refused where there is one.
+// Serial number for a board without one, kept without power; refused by a board with one.
 struct __attribute__((packed)) Name {
   enum : uint8_t { TYPE = 0x07 };
   uint32_t serial;  // 1…0xFFFFFFFE
 };
 static_assert(sizeof(Name) == 4, "padded");
 
-// Who is there and how to read it; sent on boot and on request.
+// Identity, versions, scales and settings of the board; sent at boot and on request.
 struct __attribute__((packed)) Hello {
   enum : uint8_t { TYPE = 0x81 };
-  uint16_t protocol;  // version of the wire
+  uint16_t protocol;  // version of the protocol
   uint16_t layout;  // checksum of the message table
   uint8_t firmware[3];  // version: major, minor, patch
   uint32_t build;  // first four bytes of the sources' SHA-256
-  uint32_t serial;  // which board this is; 0: it was never given a number
+  uint32_t serial;  // serial number of the board; 0 without one
   uint8_t board;  // 1 Nano, 2 emulator, 3 Raspberry Pi
   uint8_t reset_cause;  // MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog
   uint8_t servo_pins[3];  // servo x, servo y, turntable
@@ -105,9 +105,9 @@ struct __attribute__((packed)) Hello {
   uint8_t joystick_pins[2];  // x, y
   uint8_t switch_pins[4];  // +x, -x, +y, -y
   uint8_t imu_addresses[2];  // holder, base
-  uint16_t tick_ns;  // [ns] pulse widths count in it
+  uint16_t tick_ns;  // [ns] unit of pulse widths
   uint16_t pwm_period_us;  // [µs] servo frame
-  uint16_t adc_levels;  // codes of a full supply
+  uint16_t adc_levels;  // codes at full supply
   uint16_t gyro_range_dps;  // [°/s] 32768 counts
   uint8_t accelerometer_range_g;  // [g] 32768 counts
   uint8_t telemetry_period_ms;  // [ms] as configured
@@ -118,7 +118,7 @@ struct __attribute__((packed)) Hello {
 };
 static_assert(sizeof(Hello) == 61, "padded");
 
-// Everything the device senses, sampled together.
+// One sample of all sensors, with status and counters.
 struct __attribute__((packed)) Telemetry {
   enum : uint8_t { TYPE = 0x82 };
   uint32_t device_us;  // [µs] device clock at the sample; wraps
@@ -135,9 +135,9 @@ struct __attribute__((packed)) Telemetry {
   uint16_t flags;  // bits of `Flags`
   uint16_t crc_errors;  // frames from the host that failed; wraps
   uint16_t lost;  // sequence numbers missed from the host; wraps
-  uint16_t overruns;  // bytes from the host that found no room; wraps
-  uint16_t skipped;  // frames to the host that found no room; wraps
-  uint16_t acknowledged;  // sequence of the last host frame obeyed
+  uint16_t overruns;  // bytes from the host lost for lack of room; wraps
+  uint16_t skipped;  // frames to the host dropped for lack of room; wraps
+  uint16_t acknowledged;  // sequence number of the last host frame obeyed
 };
 static_assert(sizeof(Telemetry) == 65, "padded");
 

@@ -1,4 +1,4 @@
-// A byte queue with an interrupt on one end and the main loop on the other.
+// A byte queue between an interrupt and the main loop.
 #pragma once
 #include <stdint.h>
 
@@ -7,7 +7,7 @@ class Ring {
   static_assert(SIZE <= 256 && (SIZE & (SIZE - 1)) == 0, "indices are one byte: atomic on AVR");
 
  public:
-  // Writes many bytes quickly. Unchecked: ask room() first. The other end sees nothing before
+  // Writes many bytes quickly. Unchecked: ask room() first. The other end sees no byte before
   // publish(). Its index is a local variable, which the compiler keeps in a register.
   class Writer {
    public:
@@ -40,7 +40,7 @@ class Ring {
     const uint8_t at = tail_;
     if (head_ == at) return false;
     byte = data_[at];
-    asm volatile("" ::: "memory");  // the byte before its room is given away
+    asm volatile("" ::: "memory");  // the byte is read before its room is released
     tail_ = static_cast<uint8_t>((at + 1) & MASK);
     return true;
   }

@@ -1,5 +1,5 @@
 // Timer1, fast PWM with ICR1 as top: D9 and D10 directly, double-buffered at the frame's start.
-// Timer2, free-running at the same tick: D3. Its compare unit makes both edges of the pulse; the
+// Timer2, free-running at the same tick: D3. Its compare unit makes both edges; the
 // interrupts only arm the next edge up to 128 µs ahead, so their latency does not reach the pin.
 #include "servos.h"
 
@@ -103,7 +103,7 @@ bool set(const uint16_t* pulse) {
     // Too close to the end, x could go into force one frame before y.
     if (age < FRAME_TICKS - GUARD_TICKS) {
       if ((TIFR1 & _BV(TOV1)) && !latched_early) {
-        latch();  // a frame has started whose interrupt still waits
+        latch();  // a frame has started whose interrupt is pending
         latched_early = true;
       }
       for (uint8_t i = 0; i < 3; ++i) wanted[i] = pulse[i];

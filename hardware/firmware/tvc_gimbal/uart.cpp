@@ -10,7 +10,7 @@
 
 namespace {
 
-constexpr uint8_t STAMPS = 32;  // the ring holds no more frames than 18
+constexpr uint8_t STAMPS = 32;  // the ring holds at most 18 frames
 
 Ring<128> received;
 volatile uint16_t stamps[STAMPS];  // arrivals of the latest delimiters: ticks into a servo frame
@@ -25,9 +25,9 @@ ISR(USART_RX_vect) {
   const uint8_t byte = UDR0;
   if (!received.push(byte)) {
     ++lost;
-    return;  // a delimiter that nobody will take must not be counted either
+    return;  // a delimiter that is not queued must not be counted
   }
-  if (byte != 0) return;  // a frame is worth waking for, a byte is not
+  if (byte != 0) return;  // wake for a frame, not for a byte
   stamps[delimiters % STAMPS] = TCNT1;
   ++delimiters;
   wake();

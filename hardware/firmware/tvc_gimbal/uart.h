@@ -1,4 +1,4 @@
-// Serial line, both directions through rings that interrupts fill and empty.
+// Serial line; interrupts fill the receive ring and empty the transmit ring.
 #pragma once
 #include <stdint.h>
 
@@ -11,10 +11,10 @@ void begin();
 // Sends what the transmit ring holds.
 void kick();
 
-// False when nothing waits. For a delimiter `stamp_us` becomes the clock at its arrival.
+// False if there is none. For a delimiter `stamp_us` becomes the clock at its arrival.
 bool take(uint8_t& byte, uint32_t& stamp_us);
 
-// Received bytes that found no room; wraps.
+// Received bytes lost for lack of room; wraps.
 uint16_t overruns();
 
 }  // namespace uart

@@ -1,4 +1,4 @@
-// Tells the main loop from an interrupt that there is work.
+// Flag by which an interrupt wakes the main loop.
 #pragma once
 #include <avr/io.h>
 

@@ -11,6 +11,7 @@ import mujoco
 from analysis.convergence import Flight, Study, distance, richardson, study
 from analysis.report import render
 from twin.config import Converge
+from twin.config.paths import writable
 from twin.errors import TwinError
 from twin.experiments.convergence.budget import budget
 from twin.experiments.convergence.flights import JITTERED, flight, jittered, load_for
@@ -34,9 +35,7 @@ def converge(config: Converge) -> ConvergenceResult:
     """
     began = time.perf_counter()
     steps = _steps(config)
-    out = config.out or Path("runs/converge.html")
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise TwinError(f"--out {out}: must be an .html file")
+    out = writable(config.out or Path("runs/converge.html"), ".html", ".htm")
     names = tuple(dict.fromkeys((*config.integrators, config.integrator)))
     with compiled(), _quietly():
         fly = flight(config)

@@ -19,6 +19,7 @@ from analysis.response.figure import Figure, over_repeats
 from analysis.response.metrics import StepMetrics
 from analysis.response.steps import up_to_hidden
 from twin.config import Fly, with_model
+from twin.config.paths import writable
 from twin.config.seats import MODELS, is_rig
 from twin.errors import TwinError
 from twin.experiments.flight import FlightResult
@@ -51,10 +52,10 @@ def repeat(config: Fly) -> RepeatResult:
 def _places(config: Fly) -> tuple[Path, Path]:
     out = config.out or Path("runs/repeat")
     if out.suffix.lower() in (".html", ".htm"):
-        return out.with_suffix(""), out
+        return out.with_suffix(""), writable(out)
     if out.suffix:
         raise TwinError(f"--out {out}: must be a folder or a page (.html) with --repeat")
-    return out, out.with_suffix(".html")
+    return out, writable(out.with_suffix(".html"))
 
 
 def _seat(config: Fly, gimbal: str, folder: Path) -> SeatFlights:

@@ -1,5 +1,6 @@
 """Centre of pressure and moment of the air over the angle of attack, and the static margin."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import mujoco
@@ -33,7 +34,7 @@ class Stability:
             np.array(model.numeric(f"air_{n}").data) for n in names
         )
         self._parts = [
-            [float(model.numeric(f"air_{part}_{what}").data[0]) for what in ("slope", "z")]
+            [np.array(model.numeric(f"air_{part}_{what}").data) for what in ("slope", "z")]
             for part in ("nose", "fin")
         ]
         self.diameter = float(np.sqrt(4 * self._reference / np.pi))
@@ -59,9 +60,10 @@ class Stability:
         cross = air.crossflow(v[0], v[1], w[0], w[1], scale, self._z, self._area, self.station)
         linear = np.zeros(4)
         # a nose lifts only while it leads; fins do both ways
-        for (slope, z), axial in zip(self._parts, (max(v[2], 0.0), abs(v[2])), strict=True):
-            r = z - self.station
-            linear += air.normal_force(v[0], v[1], axial, w[0], w[1], q * slope, r)
+        for (slopes, stations), axial in zip(self._parts, (max(v[2], 0.0), abs(v[2])), strict=True):
+            for slope, z in zip(slopes, stations, strict=True):
+                r = z - self.station
+                linear += air.normal_force(v[0], v[1], axial, w[0], w[1], q * slope, r)
         a, b, c, d = linear.tolist()
         return cross, (a, b, c, d)
 
@@ -125,6 +127,28 @@ def _limit_text(limit: float) -> str:
     return f"stable up to {np.degrees(limit):.1f}° of angle of attack"
 
 
+def margins(model: mujoco.MjModel) -> tuple[float, float]:
+    """Static margin at a vanishing angle of attack, loaded and empty [calibres]; model unchanged.
+
+    Raises
+    ------
+    TwinError : the model lacks numerics of air or motor
+    """
+    vehicle, burnout = _loaded(copy(model))
+    pressure = vehicle.centre_of_pressure(ROOT)
+    full, empty = (vehicle.at(t).station - pressure for t in (0.0, burnout))
+    return full / vehicle.diameter, empty / vehicle.diameter
+
+
+def _loaded(model: mujoco.MjModel) -> tuple[Stability, float]:
+    """A vehicle before ignition, and the time of burnout [s]."""
+    try:
+        burnout = float(model.numeric("motor_time").data.max())
+        return Stability(model), burnout + float(model.numeric("motor_ignition").data[0])
+    except KeyError as error:
+        raise TwinError(f"no static margin: {' '.join(str(error).split())[:200]}") from None
+
+
 def static_margin(model: mujoco.MjModel) -> StaticMargin:
     """Static margin of a vehicle with all that acts across it: nose, fins and crossflow.
 
@@ -132,12 +156,7 @@ def static_margin(model: mujoco.MjModel) -> StaticMargin:
     ------
     TwinError : the model lacks numerics of air or motor
     """
-    try:
-        loaded = Stability(model)
-        burnout = float(model.numeric("motor_time").data.max())
-        burnout += float(model.numeric("motor_ignition").data[0])
-    except KeyError as error:
-        raise TwinError(f"no static margin: {' '.join(str(error).split())[:200]}") from None
+    loaded, burnout = _loaded(model)
     pressure = loaded.centre_of_pressure(ROOT)
     stations, limits = [], []
     for time in (0.0, burnout):

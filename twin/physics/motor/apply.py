@@ -12,18 +12,19 @@ from twin.physics.motor.curve import Motor
 from twin.physics.motor.figures import MotorError
 from twin.physics.motor.grain import Burn, Grain
 
+REPLACES = "motor_replaces"  # 1: the numerics describe the motor, whatever the mechanism draws
 SAME_WIDTH = 1e-4  # m; a casing this much narrower than its mount needs no adapter
 
 
 def apply_motor(
     target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, burn: Burn | None = None
-) -> tuple[str, ...]:
+) -> None:
     """Put a motor into a vehicle, before (`MjSpec`) or after (`MjModel`) it is compiled.
 
     The forward end stays where it is, so a shorter motor moves the nozzle up. The curve is
     thinned to the capacity of the numerics `motor_time` and `motor_thrust` with its impulse kept.
     The bodies `gimbal_motor` and `gimbal_propellant` have their origin in the middle of the
-    casing and z along it. Returns notes for the user, one line each.
+    casing and z along it.
 
     Raises
     ------
@@ -33,27 +34,12 @@ def apply_motor(
     for name in ("motor_time", "motor_thrust", "motor_diameter", "motor_length"):
         _element(target, "numeric", name)
     bore = float(target.numeric("motor_diameter").data[0])
-    if motor.diameter > bore * (1 + 1e-6):
-        raise MotorError(
-            f"motor {motor.name!r} is {motor.diameter * 1e3:g} mm wide;"
-            f" the holder takes {bore * 1e3:g} mm"
-        )
-    notes: tuple[str, ...] = ()
-    if motor.diameter < bore - SAME_WIDTH:
-        notes = (_adapter(motor, bore),)
+    _check_width(motor, bore)
     grain = Grain.of(motor, burn)
-    _place(target, motor, grain)
+    _place(target, motor, grain, float(target.numeric("motor_length").data[0]))
     _write_numerics(target, motor, grain)
     if isinstance(target, mujoco.MjModel):
         mujoco.mj_setConst(target, mujoco.MjData(target))
-    return notes
-
-
-def _adapter(motor: Motor, bore: float) -> str:
-    return (
-        f"motor {motor.name} is {motor.diameter * 1e3:g} mm wide and its mount {bore * 1e3:g} mm:"
-        " flown with an adapter that weighs nothing"
-    )
 
 
 def figures_of(target: mujoco.MjSpec | mujoco.MjModel) -> dict[str, float]:
@@ -67,6 +53,69 @@ def figures_of(target: mujoco.MjSpec | mujoco.MjModel) -> dict[str, float]:
     return {n: float(_element(target, "numeric", f"motor_{n}").data[0]) for n in names}
 
 
+def fit_stated_motor(spec: mujoco.MjSpec) -> None:
+    """Give the motor's bodies the size and masses of the numerics, where these ask for it.
+
+    A vehicle that attaches a mechanism cannot change the motor drawn there; with the numeric
+    `motor_replaces` 1 its own numerics describe the motor.
+
+    Raises
+    ------
+    MotorError : the motor is wider than the casing that is drawn
+    TwinError : the casing is not a cylinder
+    """
+    numeric = spec.numeric(REPLACES)
+    if numeric is None or not numeric.data[0]:
+        return
+    motor = _stated(spec)
+    grain = Grain.of(motor, "end" if spec.numeric("motor_burn").data[0] else "core")
+    casing = _casing(spec)
+    if casing is None:
+        raise TwinError("body 'gimbal_motor' has no cylinder that shows the motor's size")
+    bore, present = 2 * float(casing.size[0]), 2 * float(casing.size[1])
+    _check_width(motor, bore)
+    _place(spec, motor, grain, present)
+    numeric.data = [0.0]
+    spec.numeric("motor_diameter").data = [bore]  # the width of the mount
+
+
+def adapter_note(spec: mujoco.MjSpec) -> tuple[str, ...]:
+    """What to know about a motor narrower than its mount; nothing where it fits."""
+    mount, casing = spec.numeric("motor_diameter"), _casing(spec)
+    if mount is None or casing is None:
+        return ()
+    bore, width = float(mount.data[0]), 2 * float(casing.size[0])
+    if width > bore - SAME_WIDTH:
+        return ()
+    note = (
+        f"the motor is {width * 1e3:.4g} mm wide, its mount {bore * 1e3:.4g} mm: flown with an"
+        " adapter that weighs nothing"
+    )
+    return (note,)
+
+
+def _casing(spec: mujoco.MjSpec) -> Any:
+    body = spec.body("gimbal_motor")
+    return None if body is None else next(iter(_cylinders(spec, body)), None)
+
+
+def _stated(spec: mujoco.MjSpec) -> Motor:
+    """The motor that the numerics describe."""
+    time, thrust = (np.array(spec.numeric(f"motor_{n}").data) for n in ("time", "thrust"))
+    last = int(np.argmax(time)) + 1
+    curve = {"time": time[:last], "thrust": thrust[:last]}
+    return Motor(name="of the vehicle", **curve, **figures_of(spec))  # type: ignore[arg-type]
+
+
+def _check_width(motor: Motor, bore: float) -> None:
+    """Refuse a motor wider than its mount [m]."""
+    if motor.diameter > bore * (1 + 1e-6):
+        raise MotorError(
+            f"motor {motor.name!r} is {motor.diameter * 1e3:g} mm wide;"
+            f" the holder takes {bore * 1e3:g} mm"
+        )
+
+
 def _element(target: Any, kind: str, name: str) -> Any:
     try:
         found = getattr(target, kind)(name)
@@ -77,13 +126,16 @@ def _element(target: Any, kind: str, name: str) -> Any:
     return found
 
 
-def _write_numerics(target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, grain: Grain) -> None:
-    capacity = min(len(target.numeric(n).data) for n in ("motor_time", "motor_thrust"))
+def numerics_of(motor: Motor, grain: Grain, capacity: int) -> dict[str, list[float]]:
+    """Values of the numerics `motor_*` that describe a motor, its curve thinned to `capacity`.
+
+    All but `motor_diameter`, which is the width of the mount, and `motor_ignition`.
+    """
     curve = motor.simplified(capacity)
     rest = capacity - curve.time.size
-    values: dict[str, list[float]] = {
-        "motor_time": [*curve.time, *[curve.burn_time] * rest],
-        "motor_thrust": [*curve.thrust, *[0.0] * rest],
+    return {
+        "motor_time": [*curve.time.tolist(), *[curve.burn_time] * rest],
+        "motor_thrust": [*curve.thrust.tolist(), *[0.0] * rest],
         "motor_impulse": [curve.impulse],
         "motor_propellant_mass": [motor.propellant_mass],
         "motor_loaded_mass": [motor.loaded_mass],
@@ -92,7 +144,11 @@ def _write_numerics(target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, grain:
         "motor_grain_radius": [grain.radius],
         "motor_burn": [1.0 if grain.burn == "end" else 0.0],
     }
-    for name, data in values.items():
+
+
+def _write_numerics(target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, grain: Grain) -> None:
+    capacity = min(len(target.numeric(n).data) for n in ("motor_time", "motor_thrust"))
+    for name, data in numerics_of(motor, grain, capacity).items():
         numeric = _element(target, "numeric", name)
         padded = [*data, *list(numeric.data)[len(data) :]]
         if isinstance(target, mujoco.MjModel):
@@ -101,9 +157,12 @@ def _write_numerics(target: mujoco.MjSpec | mujoco.MjModel, motor: Motor, grain:
             numeric.data = padded
 
 
-def _place(target: Any, motor: Motor, grain: Grain) -> None:
-    """Forward end kept: middle up by half, nozzle up by all of what the motor is shorter."""
-    shorter = float(target.numeric("motor_length").data[0]) - motor.length
+def _place(target: Any, motor: Motor, grain: Grain, present: float) -> None:
+    """Forward end kept: middle up by half, nozzle up by all of what the motor is shorter.
+
+    `present` is the length of the motor in place [m].
+    """
+    shorter = present - motor.length
     nozzle = _element(target, "site", "gimbal_nozzle")
     nozzle.pos = np.asarray(nozzle.pos) + shorter * _axis(nozzle.quat)
     casing_mass = motor.loaded_mass - motor.propellant_mass

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
-from twin.physics.native.names import NUMERICS
+from twin.physics.native.names import ALL, NUMERICS, Numeric
 
 Array = NDArray[np.float64]
 
@@ -36,10 +36,15 @@ MOTOR_POSITIVE: Final = (
     "motor_grain_length",
     "motor_grain_radius",
 )
-PAIRS: Final = (("air_strip_z", "air_strip_area"), ("motor_time", "motor_thrust"))
+PAIRS: Final = (
+    ("air_strip_z", "air_strip_area"),
+    ("air_nose_slope", "air_nose_z"),
+    ("air_fin_slope", "air_fin_z"),
+    ("motor_time", "motor_thrust"),
+)
 IMPULSE_TOLERANCE: Final = 0.01  # rounding of motor files
 
-_UNIT: Final = {numeric.name: numeric.unit for numeric in NUMERICS}
+_UNIT: Final = {numeric.name: numeric.unit for numeric in ALL}
 
 
 def check(model: mujoco.MjModel) -> None:
@@ -51,7 +56,9 @@ def check(model: mujoco.MjModel) -> None:
     ------
     TwinError : the first invalid numeric, its value and the valid range
     """
-    values: dict[str, Array] = {n.name: model.numeric(n.name).data for n in NUMERICS}
+    values: dict[str, Array] = {
+        n.name: model.numeric(n.name).data for n in ALL if n in NUMERICS or _carries(model, n)
+    }
     for name, data in values.items():
         _demand(name, data, np.isfinite(data), "must be finite")
     for name in SWITCHES:
@@ -70,6 +77,10 @@ def check(model: mujoco.MjModel) -> None:
                 " they must have the same number"
             )
     _check_motor(values)
+
+
+def _carries(model: mujoco.MjModel, numeric: Numeric) -> bool:
+    return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, numeric.name) >= 0
 
 
 def _demand(name: str, data: Array, good: NDArray[np.bool_], wanted: str) -> None:

@@ -53,6 +53,7 @@ _STRIP_Z, _STRIP_AREA = _slot("air_strip_z"), _slot("air_strip_area")
 _AREA, _ROLL = _slot("air_reference_area"), _slot("air_roll_damping")
 _NOSE, _NOSE_Z = _slot("air_nose_slope"), _slot("air_nose_z")
 _FIN, _FIN_Z = _slot("air_fin_slope"), _slot("air_fin_z")
+_CANT = _slot("air_roll_forcing")
 _THESIS_R, _THESIS_DV = _slot("air_thesis_radius"), _slot("air_thesis_offset")
 _WIND, _WIND_AZIMUTH, _WIND_EXPONENT = (
     _slot("wind_speed"),
@@ -198,6 +199,25 @@ def _crossflow(
 
 
 @jit
+def _lift(
+    load: air.body.Load,
+    v: Vector,
+    w: Vector,
+    q: float,
+    axial: float,
+    slope: Array,
+    z: Array,
+    station: float,
+) -> air.body.Load:
+    """A load with the normal forces of parts of those slopes at those stations added."""
+    fx, fy, mx, my = load
+    for k in range(slope.size):
+        part = air.normal_force(v[0], v[1], axial, w[0], w[1], q * slope[k], z[k] - station)
+        fx, fy, mx, my = fx + part[0], fy + part[1], mx + part[2], my + part[3]
+    return fx, fy, mx, my
+
+
+@jit
 def _air(m: int, d: int, data: Array, index: Array) -> None:
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
     origin = vector(floats(d, _XPOS, 3 * nbody), body)
@@ -215,29 +235,18 @@ def _air(m: int, d: int, data: Array, index: Array) -> None:
 
     q = 0.5 * rho * _value(data, index, _AREA)
     fx, fy, mx, my = _crossflow(v, w, rho, station, data, index)
+    load = (fx, fy, mx, my)
     # a nose lifts only while it leads; fins do both ways
-    nose = air.normal_force(
-        v[0],
-        v[1],
-        max(v[2], 0.0),
-        w[0],
-        w[1],
-        q * _value(data, index, _NOSE),
-        _value(data, index, _NOSE_Z) - station,
-    )
-    fins = air.normal_force(
-        v[0],
-        v[1],
-        abs(v[2]),
-        w[0],
-        w[1],
-        q * _value(data, index, _FIN),
-        _value(data, index, _FIN_Z) - station,
-    )
+    slope, z = _array(data, index, _NOSE), _array(data, index, _NOSE_Z)
+    load = _lift(load, v, w, q, max(v[2], 0.0), slope, z, station)
+    slope, z = _array(data, index, _FIN), _array(data, index, _FIN_Z)
+    load = _lift(load, v, w, q, abs(v[2]), slope, z, station)
     fz = air.axial_drag(v[2], q * _value(data, index, _AXIAL))
     mz = air.roll_damping(v[2], w[2], 0.5 * rho * _value(data, index, _ROLL))
-    force = turn(rotation, (fx + nose[0] + fins[0], fy + nose[1] + fins[1], fz))
-    torque = turn(rotation, (mx + nose[2] + fins[2], my + nose[3] + fins[3], mz))
+    if index[_CANT] >= 0:
+        mz += 0.5 * rho * _value(data, index, _CANT) * v[2] * abs(v[2])
+    force = turn(rotation, (load[0], load[1], fz))
+    torque = turn(rotation, (load[2], load[3], mz))
     apply_force(m, d, body, point, force, torque)
 
 

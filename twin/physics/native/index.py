@@ -17,12 +17,12 @@ from twin.physics.aerodynamics.atmosphere import MODE
 from twin.physics.native.cache import jit
 from twin.physics.native.check import check
 from twin.physics.native.layout import MODEL, characters, constant, floats, integers, size
-from twin.physics.native.names import BODIES, INDEX, NUMERICS, SITES
+from twin.physics.native.names import ALL, BODIES, INDEX, NUMERICS, SITES
 from twin.physics.native.ramp import launch_pose
 
-MARK: Final = 20260101.0 + len(NUMERICS)  # of a bound model, unlike older ones
+MARK: Final = 20260101.0 + len(ALL)  # of a bound model, unlike older ones
 VEHICLE, PROPELLANT, NOZZLE, FIRST = 1, 2, 3, 4  # slots before the numerics' (start, size) pairs
-LENGTH: Final = FIRST + 2 * len(NUMERICS)
+LENGTH: Final = FIRST + 2 * len(ALL)
 
 
 def _packed(names: tuple[str, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
@@ -32,9 +32,9 @@ def _packed(names: tuple[str, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64
     return np.frombuffer(b"".join(joined), np.uint8), starts
 
 
-_TEXT, _START = _packed((INDEX, *BODIES, *SITES, *(n.name for n in NUMERICS)))
+_TEXT, _START = _packed((INDEX, *BODIES, *SITES, *(n.name for n in ALL)))
 _OWN: Final = constant(0)  # of the packed names; the others follow in the order of their slots
-_LEAST = np.array([n.size for n in NUMERICS])
+_LEAST = np.array([n.size for n in ALL])
 _NAMES, _NAMES_SIZE = MODEL["names"], MODEL["nnames"]
 _NUMERICS, _NUMERIC_NAMES = MODEL["nnumeric"], MODEL["name_numericadr"]
 _ADDRESS, _SIZE = MODEL["numeric_adr"], MODEL["numeric_size"]
@@ -105,7 +105,7 @@ def entries(model: mujoco.MjModel) -> NDArray[np.float64]:
     ids = [mujoco.mj_name2id(model, body, name) for name in BODIES]
     ids += [mujoco.mj_name2id(model, site, name) for name in SITES]
     pairs: list[int] = []
-    for wanted in NUMERICS:
+    for wanted in ALL:
         found = mujoco.mj_name2id(model, numeric, wanted.name)
         fits = found >= 0 and model.numeric_size[found] >= wanted.size
         pairs += [model.numeric_adr[found], model.numeric_size[found]] if fits else [-1, 0]
@@ -141,7 +141,7 @@ def bind(model: mujoco.MjModel) -> None:
 def _require(index: NDArray[np.float64]) -> None:
     missing = [f"body '{n}'" for n, k in zip(BODIES, index[VEHICLE:NOZZLE], strict=True) if k < 0]
     missing += [f"site '{n}'" for n, k in zip(SITES, index[NOZZLE:FIRST], strict=True) if k < 0]
-    pairs = zip(NUMERICS, index[FIRST:LENGTH:2], strict=True)
+    pairs = zip(NUMERICS, index[FIRST::2], strict=False)  # what is optional comes last
     missing += [f"numeric '{n.name}' (size ≥ {n.size}, {n.unit})" for n, k in pairs if k < 0]
     if missing:
         raise TwinError(

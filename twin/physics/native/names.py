@@ -27,10 +27,10 @@ NUMERICS: Final = (
     Numeric("air_strip_area", 2, "m²", "silhouette b dz of each station", "from geometry"),
     Numeric("air_reference_area", 1, "m²", "cross-section that coefficients refer to", "π d²/4"),
     Numeric("air_axial_drag", 1, "-", "axial drag coefficient C_A", "0.5"),
-    Numeric("air_nose_slope", 1, "1/rad", "normal force slope C_Nα of the nose", "2"),
-    Numeric("air_nose_z", 1, "m", "centre of pressure of the nose", "from geometry"),
-    Numeric("air_fin_slope", 1, "1/rad", "C_Nα of all fins with the body", "from geometry"),
-    Numeric("air_fin_z", 1, "m", "centre of pressure of the fins", "from geometry"),
+    Numeric("air_nose_slope", 1, "1/rad", "normal force slope C_Nα of nose (and steps)", "2"),
+    Numeric("air_nose_z", 1, "m", "centre of pressure of each", "from geometry"),
+    Numeric("air_fin_slope", 1, "1/rad", "C_Nα of each fin set with the body", "from geometry"),
+    Numeric("air_fin_z", 1, "m", "centre of pressure of each", "from geometry"),
     Numeric("air_roll_damping", 1, "m⁴", "slope · Σ∫ c y² dy over the fins", "from geometry"),
     Numeric("air_thesis_radius", 1, "m", "r_ref of the area-moment form", "from geometry"),
     Numeric("air_thesis_offset", 1, "m/s", "∂v_ref of the area-moment form", "0.1"),
@@ -61,8 +61,13 @@ NUMERICS: Final = (
     Numeric("motor_grain_radius", 1, "m", "outer radius of the grain", "0.0125"),
     Numeric("motor_burn", 1, "-", "grain: 0 burns from the core outward, 1 from its end", "1"),
 )
+# a model may lack these; their force is then absent
+OPTIONAL: Final = (
+    Numeric("air_roll_forcing", 1, "m³", "optional: slope · Σ∫ c y dy · cant of the fins", "0"),
+)
+ALL: Final = NUMERICS + OPTIONAL
 BODIES: Final = ("vehicle", "gimbal_propellant")
 SITES: Final = ("gimbal_nozzle",)
 INDEX: Final = "native_index"
 
-SLOT: Final = {numeric.name: k for k, numeric in enumerate(NUMERICS)}
+SLOT: Final = {numeric.name: k for k, numeric in enumerate(ALL)}

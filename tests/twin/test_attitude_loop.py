@@ -1,0 +1,65 @@
+"""The linear attitude loop handed to the margins, against the controller's code and MuJoCo."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin.control import AttitudeController
+from twin.evaluation.loop import attitude_loops
+from twin.physics.motor import Depletion
+from twin.plant.authority import control_config
+from twin.plant.model import ModelConfig, load
+
+AT = 6.0  # s; in the steady part of the burn
+
+
+@pytest.fixture(scope="module")
+def loops():
+    return attitude_loops()
+
+
+@pytest.mark.parametrize("omega", [2.0, 9.0, 25.0])
+def test_the_controller_answers_a_small_swing_as_its_transfer_function_says(loops, omega):
+    """Angle of 1e-4 rad about x, at 0.1 ms; the first-order integral errs by ω·dt/2."""
+    config = control_config(load(ModelConfig()).mj)
+    controller, dt = AttitudeController(config), 1e-4
+    period = round(2 * math.pi / omega / dt)
+    t = np.arange(8 * period) * dt
+    sine, cosine = np.sin(omega * t), np.cos(omega * t)
+    command = np.empty(len(t))
+    for n in range(len(t)):
+        half = 0.5e-4 * sine[n]
+        attitude = np.array([math.cos(half), math.sin(half), 0.0, 0.0])
+        rate = np.array([1e-4 * omega * cosine[n], 0.0, 0.0])
+        command[n] = controller.update(AT, dt, attitude, rate, np.array([0.0, 0.0, 1.0]))[0]
+    last = slice(-2 * period, None)
+    answer = 2.0 * np.mean(command[last] * (cosine[last] - 1j * sine[last])) * 1j / 1e-4
+    authority = np.interp(AT, config.authority_time, config.authority)
+    # a positive gimbal angle turns the vehicle about −x, by `authority` per radian
+    s = 1j * omega
+    loop = loops[0]
+    expected = np.polyval(loop.num, s) / np.polyval(loop.den, s) * s**2 / authority
+    assert answer == pytest.approx(expected, rel=3e-3)
+
+
+def test_the_gain_grows_with_the_authority_of_the_emptied_vehicle(loops):
+    """By MuJoCo's joint-space inertia: the free joint's block holds mass, mass·lever, inertia."""
+    model = load(ModelConfig()).mj
+    ratios = []
+    for burnt_at in (0.0, 1e3):
+        Depletion(model).update(burnt_at)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        whole = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, whole)
+        first = model.joint("vehicle").dofadr[0]
+        free = whole[first : first + 6, first : first + 6]
+        mass = free[0, 0]
+        # linear velocities are in the world, rotations in the body: compare magnitudes
+        lever = np.linalg.norm(free[:3, 3]) / mass
+        ratios.append(lever / (free[3, 3] - mass * lever**2))
+    grown = np.polyval(loops[1].num, 1.0) / np.polyval(loops[0].num, 1.0)
+    assert grown == pytest.approx(ratios[1] / ratios[0], rel=2e-3)
+    assert grown == pytest.approx(1.39, abs=0.01)

@@ -1,0 +1,42 @@
+"""Settings of `twin vehicle`."""
+
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from twin.config.options import Output
+from twin.config.types import POSITIONAL
+from twin.errors import TwinError
+
+
+@dataclass(frozen=True)
+class Vehicle(Output):
+    """Show a vehicle's masses and stability, or build its MJCF from a short description."""
+
+    group: ClassVar[str] = "vehicle"
+
+    action: Annotated[Literal["show", "build"], POSITIONAL]
+    """show: print mass, inertia, centre of pressure and static margin; build: write the MJCF of a
+    description with every coefficient and its source."""
+    file: Annotated[Path, POSITIONAL]
+    """Description of the vehicle (TOML); `show` also takes an MJCF file."""
+    _: KW_ONLY
+    motor: Path | None = None
+    """Motor file, or FILE:NAME, in place of the one that the vehicle names."""
+    mechanism: Path | None = None
+    """MJCF file of the gimbal mechanism, in place of the one that the vehicle names."""
+    out: Path | None = None
+    """MJCF file that `build` writes (.xml); runs/NAME.xml if omitted."""
+
+    def validate(self) -> None:
+        """Refuse files of another kind.
+
+        Raises
+        ------
+        TwinError : the file and what it must be
+        """
+        super().validate()
+        if self.action == "build" and self.file.suffix.lower() != ".toml":
+            raise TwinError(f"twin vehicle build {self.file}: must be a description (.toml)")
+        if self.action == "show" and self.out is not None:
+            raise TwinError("--out: `twin vehicle show` writes no file")

@@ -1,0 +1,212 @@
+"""`twin vehicle`: what a vehicle weighs and how stable it is, and its MJCF."""
+
+import math
+from copy import copy
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from twin.config.paths import writable
+from twin.config.result import Result, Rows
+from twin.config.vehicle import Vehicle as Settings
+from twin.physics import vehicle as vehicles
+from twin.physics.aerodynamics.stability import ROOT, Stability
+from twin.physics.vehicle.barrowman import Term
+from twin.plant.authority import balance
+from twin.plant.compose import is_description
+from twin.plant.model import ModelConfig, TwinModel, load
+
+BURN: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the burn time
+ANGLES: Final = (0.0, 2.0, 5.0, 10.0)  # degrees
+NO_MACH: Final = "the coefficients hold below Mach 0.6; they do not depend on the Mach number"
+
+
+@dataclass(frozen=True)
+class State:
+    """A vehicle at one instant of its burn; stations from the origin towards the nose [m].
+
+    Attributes
+    ----------
+    time : after ignition [s]
+    mass : [kg]
+    centre_of_mass : [m]
+    transverse, axial : moments of inertia about it [kg m²]
+    margin : centre of mass ahead of the centre of pressure [calibres]
+    """
+
+    time: float
+    mass: float
+    centre_of_mass: float
+    transverse: float
+    axial: float
+    margin: float
+
+
+@dataclass(frozen=True)
+class VehicleResult(Result):
+    """Masses and stability of a vehicle.
+
+    Attributes
+    ----------
+    name : file
+    states : over the burn, the first loaded and the last empty
+    centre_of_pressure : by angle of attack in degrees [m]
+    diameter : of the reference area [m]
+    drag : axial drag coefficient
+    drag_source : where it comes from
+    terms : normal force of each part; empty for an MJCF file
+    tip : station of the nose's tip [m]; None for an MJCF file
+    thrust : largest [N]
+    """
+
+    name: str
+    states: tuple[State, ...]
+    centre_of_pressure: dict[str, float]
+    diameter: float
+    drag: float
+    drag_source: str
+    terms: tuple[Term, ...]
+    tip: float | None
+    thrust: float
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values in SI."""
+        return asdict(self)
+
+    def rows(self) -> Rows:
+        """The figures as a table; stations from the tip where it is known."""
+        full, empty = self.states[0], self.states[-1]
+        gravity = 9.80665
+        rows = [
+            ("vehicle", self.name),
+            ("mass", f"{full.mass:.4g} kg loaded, {empty.mass:.4g} kg empty"),
+            ("thrust / weight", f"{self.thrust / (full.mass * gravity):.2f} at most"),
+            ("inertia", f"{_pair(full)} loaded, {_pair(empty)} empty [kg m²], transverse and roll"),
+            ("stations from", "the tip of the nose" if self.tip is not None else "the origin"),
+        ]
+        rows += _titled("over the burn", [self._instant(state) for state in self.states])
+        pressures = self.centre_of_pressure.items()
+        rows += _titled("centre of pressure", [self._pressure(*item) for item in pressures])
+        rows.append(("", NO_MACH))
+        terms = [f"{t.name}: C_Nα {t.slope:+.3f} at {t.station:.4f} m" for t in self.terms]
+        rows += _titled("normal force", terms)
+        rows.append(("axial drag", f"{self.drag:.3f} of π/4 ({self.diameter * 1e3:.4g} mm)²"))
+        if self.drag_source:
+            rows.append(("", self.drag_source))
+        return rows + [("note", note) for note in self.notes]
+
+    def _station(self, z: float) -> float:
+        return z if self.tip is None else self.tip - z
+
+    def _instant(self, state: State) -> str:
+        return (
+            f"{state.time:6.2f} s: mass {state.mass:.4g} kg, centre of mass"
+            f" {self._station(state.centre_of_mass):.4f} m, margin {state.margin:+.2f} calibres"
+        )
+
+    def _pressure(self, angle: str, z: float) -> str:
+        ends = (self.states[0], self.states[-1])
+        full, empty = ((end.centre_of_mass - z) / self.diameter for end in ends)
+        return (
+            f"{float(angle):4.0f}° of attack: {self._station(z):.4f} m, margin {full:+.2f} loaded,"
+            f" {empty:+.2f} empty"
+        )
+
+
+def _titled(title: str, texts: list[str]) -> Rows:
+    """Rows of which only the first has the title."""
+    return [(title if k == 0 else "", text) for k, text in enumerate(texts)]
+
+
+@dataclass(frozen=True)
+class BuildResult(Result):
+    """An MJCF file that was written."""
+
+    file: str
+    source: str
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values."""
+        return asdict(self)
+
+    def rows(self) -> Rows:
+        """What was written, and how to fly it."""
+        fly = f"twin fly --vehicle {self.file}"
+        return [("description", self.source), ("MJCF", self.file), ("", fly)]
+
+
+def vehicle(config: Settings) -> VehicleResult | BuildResult:
+    """Show or build a vehicle.
+
+    Raises
+    ------
+    TwinError : a file that cannot be read or written, or a vehicle that cannot be built
+    """
+    return _build(config) if config.action == "build" else _show(config)
+
+
+def _described(config: Settings) -> vehicles.Vehicle:
+    design = vehicles.read(config.file, config.motor)
+    if config.mechanism is not None and design.gimbal is not None:
+        held = replace(design.gimbal, mechanism=str(config.mechanism.resolve()))
+        design = replace(design, gimbal=held)
+    return vehicles.Vehicle.of(design)
+
+
+def _build(config: Settings) -> BuildResult:
+    built = _described(config)
+    out = writable(config.out or Path("runs") / f"{config.file.stem}.xml", ".xml")
+    text = vehicles.mjcf(built, out.parent.resolve())
+    part = out.with_name(out.name + ".partial")
+    part.write_text(text, encoding="utf-8")
+    part.replace(out)
+    return BuildResult(str(out), str(config.file))
+
+
+def _show(config: Settings) -> VehicleResult:
+    twin = load(ModelConfig(vehicle=config.file, mechanism=config.mechanism, motor=config.motor))
+    built = _described(config) if is_description(config.file) else None
+    return report(twin, str(config.file), built)
+
+
+def report(twin: TwinModel, name: str, built: vehicles.Vehicle | None = None) -> VehicleResult:
+    """Figures of a loaded vehicle, and of the design that it was built from."""
+    model = copy(twin.mj)
+    air = Stability(model)
+    ignition = float(model.numeric("motor_ignition").data[0])
+    burn = float(model.numeric("motor_time").data.max())
+    radians = [max(math.radians(angle), ROOT) for angle in ANGLES]
+    pressure = [air.centre_of_pressure(angle) for angle in radians]
+    states = tuple(_state(model, air, ignition, share * burn, pressure[0]) for share in BURN)
+    source = ""
+    if built is not None:
+        source = "as the description states" if built.design.drag is not None else ""
+        source = source or f"from the shape: {built.drag.text}"
+    return VehicleResult(
+        name=name,
+        states=states,
+        centre_of_pressure={f"{a:g}": float(z) for a, z in zip(ANGLES, pressure, strict=True)},
+        diameter=air.diameter,
+        drag=float(model.numeric("air_axial_drag").data[0]),
+        drag_source=source,
+        terms=() if built is None else (*built.body_terms, *built.fin_terms),
+        tip=None if built is None else built.origin,
+        thrust=float(np.max(model.numeric("motor_thrust").data)),
+        notes=twin.notes,
+    )
+
+
+def _state(
+    model: mujoco.MjModel, air: Stability, ignition: float, time: float, pressure: float
+) -> State:
+    station = air.at(ignition + time).station
+    mass, _, transverse, axial = balance(model)
+    return State(time, mass, station, transverse, axial, (station - pressure) / air.diameter)
+
+
+def _pair(state: State) -> str:
+    return f"{state.transverse:.3g} and {state.axial:.2g}"

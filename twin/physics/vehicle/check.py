@@ -1,0 +1,200 @@
+"""Which designs cannot be built: parts that do not fit each other, masses in wrong units."""
+
+from twin.physics.vehicle.carrier import Carrier
+from twin.physics.vehicle.design import (
+    HEAVIEST,
+    LARGEST,
+    THICKEST,
+    Body,
+    Design,
+    FinSet,
+    VehicleError,
+)
+from twin.physics.vehicle.lumps import Lump
+from twin.physics.vehicle.outline import Outline, PlacedFins, Segment
+
+SLACK = 1e-6  # m; stations in a file are rounded
+
+
+def check_parts(design: Design) -> None:
+    """Refuse parts that cannot be, before they are placed.
+
+    Raises
+    ------
+    VehicleError : the part, its value and what would be right
+    """
+    if not design.body or design.body[0].part != "nose":
+        raise VehicleError('body: must begin with a part = "nose"')
+    for k, part in enumerate(design.body):
+        _check_body(part, k)
+    for k, fins in enumerate(design.fins):
+        _check_plan(fins, f"fins[{k}]")
+    if design.gimbal is not None and design.origin is not None:
+        raise VehicleError("origin: the pivot of the gimbal is the origin; leave it out")
+    if len(design.rail_buttons) not in (0, 2):
+        raise VehicleError(f"rail_buttons: must be two stations, not {len(design.rail_buttons)}")
+
+
+def _check_body(part: Body, k: int) -> None:
+    where = f"body[{k}]"
+    if part.part == "nose" and k > 0:
+        raise VehicleError(f'{where}: only the first part is a nose; use part = "transition"')
+    if part.part != "tube" and part.diameter is None:
+        raise VehicleError(f"{where}: a {part.part} needs diameter, of its aft end")
+    if part.part == "tube" and part.shape is not None:
+        raise VehicleError(f'{where}: a tube has no shape; use part = "transition"')
+    if part.solid and part.wall is not None:
+        raise VehicleError(f"{where}: wall and solid exclude each other")
+    if part.centre is not None and part.centre > part.length:
+        raise VehicleError(
+            f"{where}: centre = {part.centre:g} m lies behind the part, {part.length:g} m long"
+        )
+    if part.parameter is not None and part.shape not in ("power", "haack", "parabola"):
+        raise VehicleError(f"{where}: parameter needs shape power, haack or parabola")
+
+
+def _check_plan(fins: FinSet, where: str) -> None:
+    if fins.count != round(fins.count):
+        raise VehicleError(f"{where}: count = {fins.count:g} must be a whole number")
+    if fins.shape == "points":
+        _check_points(fins, where)
+        return
+    needed = {"root": fins.root, "span": fins.span}
+    if fins.shape == "trapezoid":
+        needed["tip"] = fins.tip
+    if missing := [name for name, value in needed.items() if value is None]:
+        raise VehicleError(f"{where}: a {fins.shape} needs {' and '.join(missing)}")
+    if fins.points:
+        raise VehicleError(f'{where}: points need shape = "points"')
+    if fins.thickness > THICKEST * (fins.root or LARGEST):
+        raise VehicleError(
+            f"{where}: thickness = {fins.thickness:g} m of a root of {fins.root:g} m; must be at"
+            f" most {THICKEST:g} of it"
+        )
+
+
+def _check_points(fins: FinSet, where: str) -> None:
+    points = fins.points
+    if len(points) < 3:
+        raise VehicleError(f"{where}: points has {len(points)} corners; must have 3 or more")
+    if points[0][1] != 0 or points[-1][1] != 0:
+        raise VehicleError(f"{where}: the first and the last of points must lie on the body, at 0")
+    if min(y for _, y in points[1:-1]) <= 0:
+        raise VehicleError(f"{where}: the points between must lie off the body, above 0")
+    if points[-1][0] <= points[0][0]:
+        raise VehicleError(f"{where}: the last of points must lie behind the first")
+
+
+def check_outline(design: Design, outline: Outline) -> None:
+    """Refuse parts that do not fit onto or into each other.
+
+    Raises
+    ------
+    VehicleError : the part, its value and what would be right
+    """
+    for k, segment in enumerate(outline.segments):
+        _check_wall(segment, k)
+    for k, placed in enumerate(outline.fins):
+        _check_fins(placed, outline, k)
+    for k, item in enumerate(design.masses):
+        name = f"masses[{k}]" + (f" ({item.name})" if item.name else "")
+        low, high = item.position - item.length / 2, item.position + item.length / 2
+        if low < -SLACK or high > outline.end + SLACK:
+            raise VehicleError(
+                f"{name}: reaches from {low:.4g} to {high:.4g} m behind the tip; must lie within"
+                f" the vehicle, 0 to {outline.end:.4g} m"
+            )
+        if item.diameter > 2 * outline.largest_radius + SLACK:
+            raise VehicleError(
+                f"{name}: diameter = {item.diameter:g} m; the body is"
+                f" {2 * outline.largest_radius:g} m wide"
+            )
+    for station in design.rail_buttons:
+        if not 0 <= station <= outline.end:
+            raise VehicleError(
+                f"rail_buttons: {station:g} m; must lie on the vehicle, 0 to {outline.end:.4g} m"
+            )
+    if design.rail_buttons and len(set(design.rail_buttons)) == 1:
+        raise VehicleError("rail_buttons: must be two different stations")
+
+
+def _check_wall(segment: Segment, k: int) -> None:
+    wall = segment.part.wall
+    if wall is not None and wall > max(segment.front, segment.aft):
+        raise VehicleError(
+            f"body[{k}]: wall = {wall:g} m of a part of {max(segment.front, segment.aft):g} m"
+            " radius; must be thinner"
+        )
+
+
+def _check_fins(placed: PlacedFins, outline: Outline, k: int) -> None:
+    shoulder, tail = outline.segments[0].end, outline.tail
+    low, high = placed.start, placed.start + placed.plan.root
+    if low < shoulder - SLACK or high > tail + SLACK:
+        raise VehicleError(
+            f"fins[{k}]: the root reaches from {low:.4g} to {high:.4g} m behind the tip; must lie"
+            f" on the body behind the nose, {shoulder:.4g} to {tail:.4g} m"
+        )
+    if placed.radius <= 0:
+        raise VehicleError(f"fins[{k}]: the body has no width at {low:.4g} m")
+
+
+def check_masses(outline: Outline, parts: tuple[Lump, ...], whole: Lump) -> None:
+    """Refuse masses that no material has, the sign of grams given as kilograms.
+
+    Raises
+    ------
+    VehicleError : the mass and the volume that it is said to fill
+    """
+    volume = sum(segment.volume() for segment in outline.segments)
+    if whole.mass <= 0:
+        raise VehicleError("the vehicle has no mass")
+    for part in (*parts, whole):
+        if part.mass > HEAVIEST * volume:
+            raise VehicleError(
+                f"{part.name or 'the vehicle'}: {part.mass:g} kg in a body of"
+                f" {volume * 1e3:.4g} litres would be denser than steel; are the masses in grams?"
+                ' Write "40 g" or 0.04'
+            )
+
+
+def check_motor(design: Design, outline: Outline, carrier: Carrier | None) -> None:
+    """Refuse a motor that does not fit its place.
+
+    Raises
+    ------
+    VehicleError : the motor's size and that of its place
+    """
+    motor = design.motor_data
+    assert motor is not None
+    if carrier is not None:
+        bore = carrier.bore
+    else:
+        aft = 2 * max(outline.segments[-1].aft, outline.segments[-1].front)
+        bore = aft if design.motor.diameter is None else design.motor.diameter
+        if bore > aft + SLACK:
+            raise VehicleError(f"motor.diameter = {bore:g} m; the body is {aft:g} m wide there")
+    if motor.diameter > bore * (1 + SLACK):
+        raise VehicleError(
+            f"motor {motor.name!r} is {motor.diameter * 1e3:g} mm wide; its mount takes"
+            f" {bore * 1e3:g} mm"
+        )
+    front = outline.nozzle - motor.length
+    if front < 0:
+        raise VehicleError(
+            f"motor {motor.name!r} is {motor.length:g} m long; the vehicle is"
+            f" {outline.nozzle:.4g} m long"
+        )
+
+
+def check_gimbal(design: Design, outline: Outline) -> None:
+    """Refuse a pivot outside the body, and settings that belong to a fixed motor."""
+    if design.gimbal is None:
+        return
+    if not 0 < design.gimbal.pivot < outline.end:
+        raise VehicleError(
+            f"gimbal.pivot = {design.gimbal.pivot:g} m; must lie on the vehicle, up to"
+            f" {outline.end:.4g} m behind the tip"
+        )
+    if design.motor.overhang or design.motor.diameter is not None:
+        raise VehicleError("motor.overhang and motor.diameter: the mechanism decides both")
