@@ -186,8 +186,7 @@ def signal(name: str) -> Signal:
 
     Raises
     ------
-    AnalysisError
-        if there is no such signal; the message lists the valid names.
+    AnalysisError : there is no such signal; the message lists the valid names
     """
     try:
         return SIGNALS[name]

@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.convergence import Distance, Trajectory, distance
 from analysis.delays import (
     Delays,
@@ -25,8 +25,6 @@ from analysis.delays import (
 from analysis.plain import Plain
 from analysis.recording.series import Recording
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
 
 GRANTED = "granted"  # the word for a right that a loop had
 REFINED = 4  # times finer than it was flown, for the error of the time step

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.identify.diagnostics import Saturation, residual_tests
 from analysis.identify.evidence import AxisEvidence, ChannelFit
@@ -12,9 +11,6 @@ from analysis.identify.prediction import nrmse_fit
 from analysis.identify.servo import ServoFit
 from analysis.identify.states import Part
 from analysis.recording.measurements import Measurement
-
-Array = NDArray[np.float64]
-
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it

@@ -11,11 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.prediction import nrmse_fit
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
-
 
 Build = Callable[[Mapping[str, float]], mujoco.MjModel]
 DELAY = "delay"
@@ -281,8 +279,7 @@ def sysid_module() -> Any:  # noqa: ANN401
 
     Raises
     ------
-    LinkageError
-        if it is not installed.
+    LinkageError : it is not installed
     """
     found = importlib.import_module("mujoco.sysid")
     if not hasattr(found, "optimize"):

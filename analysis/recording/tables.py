@@ -9,11 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.schema import AnalysisError, unknown
-
-Array = NDArray[np.float64]
 
 LARGEST_FILE = 1 << 30  # bytes
 MOST_COLUMNS = 512
@@ -43,9 +41,8 @@ class Table:
 
         Raises
         ------
-        AnalysisError
-            if there is none of that name (the message lists the valid names), or it holds
-            something else than numbers.
+        AnalysisError : there is none of that name (the message lists the valid names), or it holds
+            something else than numbers
         """
         if name not in self.columns:
             raise AnalysisError(f"{self.source}: {unknown('column', name, self.columns)}")
@@ -58,8 +55,7 @@ class Table:
 
         Raises
         ------
-        AnalysisError
-            for names that are none, and columns of different lengths.
+        AnalysisError : names that are none, and columns of different lengths
         """
         found = [self.column(name) for name in names]
         lengths = {name: len(c) for name, c in zip(names, found, strict=True)}
@@ -73,8 +69,7 @@ def read(path: Path | str) -> Table:
 
     Raises
     ------
-    AnalysisError
-        for a file that is missing, too large, of another kind, or not a table.
+    AnalysisError : a file that is missing, too large, of another kind, or not a table
     """
     path = Path(path)
     try:

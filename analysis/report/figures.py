@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 from analysis.recording.series import TimeSeries
@@ -34,7 +34,6 @@ from analysis.response import (
 from analysis.schema import AnalysisError
 from analysis.transfer_function import TransferFunctionModel
 
-Array = NDArray[np.float64]
 Kind = Literal["steps", "staircase", "broadband", "ramps", "still", "closed loop"]
 
 KINDS: dict[str, Kind] = {
@@ -256,7 +255,7 @@ def _coupling(driven: Measurement, other: Measurement) -> tuple[Figure, ...]:
 
 def _plateaus(steps: Sequence[Step]) -> tuple[Array, Array]:
     command = np.array([s.command_after for s in steps])
-    angle = np.array([float(s.response[-max(len(s.response) // 3, 3) :].mean()) for s in steps])
+    angle = np.array([float(s.rest.mean()) for s in steps])
     return command, angle
 
 

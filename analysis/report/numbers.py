@@ -4,19 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.comparison.compare import Comparison, compare
 from analysis.plain import Plain
 from analysis.recording.caveats import caveats
 from analysis.recording.measurements import Measurement
-from analysis.report.figures import AxisFigures, report_figures
+from analysis.report.figures import AxisFigures, Kind, report_figures
 from analysis.report.spectrum import FrequencyResponse, frequency_response
-from analysis.response import disagreements
+from analysis.response import Figure, disagreements
 from analysis.schema import AnalysisError
 from analysis.transfer_function import Margins, TransferFunctionModel
-
-Array = NDArray[np.float64]
 
 SAME = 0.98  # of the time two commands must agree for their answers to be compared
 CLOSE = 1e-3  # rad; a command within 0.06° is the same command
@@ -46,6 +43,14 @@ class RunNumbers(Plain):
     figures: tuple[AxisFigures, ...]
     responses: Mapping[str, FrequencyResponse]
     disagree: tuple[tuple[str, str, float], ...] = ()
+
+    def kind(self, axis: str) -> Kind | None:
+        """What the command of an axis was, None for an axis the run lacks."""
+        return next((a.kind for a in self.figures if a.axis == axis), None)
+
+    def by_name(self, axis: str) -> dict[str, Figure]:
+        """Figures of an axis; of one name the last."""
+        return {f.name: f for a in self.figures if a.axis == axis for f in a.figures}
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON."""

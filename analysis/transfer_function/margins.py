@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.plain import Plain
 from analysis.transfer_function.channel import Channel
 from analysis.transfer_function.model import TransferFunctionModel
-
-Array = NDArray[np.float64]
 
 _POINTS = 1000  # of the grid that python-control refines
 _PADE = 8  # order; its phase is that of the delay to 1e-4 rad over any crossover here
