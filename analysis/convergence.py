@@ -9,12 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.plain import Plain
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
 
 ABOVE_FLOOR = 10.0  # errors closer to the reference's own uncertainty say nothing about an order
 SAFETY = 1.25  # of a Richardson estimate from three solutions (Roache 1998, grid convergence index)

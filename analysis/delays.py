@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.plain import Plain
 from analysis.recording.series import Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

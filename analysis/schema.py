@@ -32,7 +32,7 @@ Kind = Literal["continuous", "sampled", "counter"]
 
 
 class AnalysisError(ValueError):
-    """A measurement or file that cannot be used, told in one line."""
+    """A measurement or file that cannot be used, reported in one line."""
 
 
 # Stored units that differ from SI: how many stored units one SI unit is.
@@ -97,7 +97,7 @@ _TABLE = (
     _signal("gimbal/sigma", "x y", "rad", "deg", "sampled"),
     _signal("gimbal/rate/simulated", "x y", "rad/s", "deg/s"),
     _signal("gimbal/rate/measured", "x y", "rad/s", "deg/s", "sampled"),
-    # two motions laid over each other by `twin compare`, and other minus reference
+    # two motions aligned by `twin compare`, and other minus reference
     _signal("gimbal/reference", "x y", "rad", "deg", "sampled"),
     _signal("gimbal/other", "x y", "rad", "deg", "sampled"),
     _signal("gimbal/difference", "x y", "rad", "deg", "sampled"),
@@ -186,8 +186,7 @@ def signal(name: str) -> Signal:
 
     Raises
     ------
-    AnalysisError
-        if there is no such signal; the message lists the valid names.
+    AnalysisError : there is no such signal; the message lists the valid names
     """
     try:
         return SIGNALS[name]

@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.convergence import Distance, Trajectory, distance
 from analysis.delays import (
     Delays,
@@ -25,8 +25,6 @@ from analysis.delays import (
 from analysis.plain import Plain
 from analysis.recording.series import Recording
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
 
 GRANTED = "granted"  # the word for a right that a loop had
 REFINED = 4  # times finer than it was flown, for the error of the time step
@@ -204,7 +202,7 @@ def _blamed(v: Verdict, limits: Limits) -> list[str]:
     late = v.lateness is not None and v.lateness.p99 > limits.lateness * v.period
     if not late and v.overruns <= limits.overruns * v.ticks:
         return []
-    refused = [name for name, told in v.rights.items() if told != GRANTED]
+    refused = [name for name, label in v.rights.items() if label != GRANTED]
     blamed = [f"it ran without {' and '.join(refused)}"] if refused else []
     if v.stolen > v.period:
         blamed.append(f"the host withheld {v.stolen * 1e3:.0f} ms from this virtual machine")
@@ -215,13 +213,13 @@ def _judged(v: Verdict, limits: Limits, wire: float, frame: float) -> Verdict:
     reasons = []
     if v.ticks and v.overruns > limits.overruns * v.ticks:
         reasons.append(f"{v.overruns} of {v.ticks} ticks overran")
-    for told, found, limit in (
+    for label, found, limit in (
         ("ticks began late by", v.lateness, limits.lateness),
         ("the loop was delayed by", v.delay, limits.delay),
     ):
         if found is not None and found.p99 > limit * v.period:
             worst, most = found.p99 * 1e3, limit * v.period * 1e3
-            reasons.append(f"{told} {worst:.3g} ms (99 %), {most:.3g} ms is the limit")
+            reasons.append(f"{label} {worst:.3g} ms (99 %), {most:.3g} ms is the limit")
     if v.moved is not None:
         most = limits.moved * v.moved.path
         for cause, by in (("timing", v.moved.timing), ("the time step", v.moved.step)):

@@ -2,7 +2,7 @@
 
 
 class TwinError(ValueError):
-    """A mistake of the user's, told in one line; the command line maps it to exit code 2."""
+    """A mistake of the user, as one line; the command line maps it to exit code 2."""
 
 
 class DivergenceError(RuntimeError):

@@ -7,14 +7,13 @@ from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis.array import Array
 from analysis.comparison.motion import FEWEST, bridged, in_gap, unbroken
 from analysis.plain import Plain, plain
 from analysis.recording.series import TimeSeries
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
 
 _LONGEST = 0.25  # s of delay searched
 _SEGMENTS = 6  # of the record, averaged for coherence
@@ -138,8 +137,7 @@ def compare(
 
     Raises
     ------
-    AnalysisError
-        if they share no axis, or not enough time.
+    AnalysisError : they share no axis, or not enough time
     """
     shared = [c for c in reference.components if c in other.components]
     if not shared:

@@ -5,15 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.plain import Plain, plain
 from analysis.recording.series import Recording
 from analysis.response.metrics import StepMetrics, measure
 from analysis.response.steps import cut_steps
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
 
 PERIOD = 0.02  # s between the instants compared
 NEEDED = ("vehicle/position", "vehicle/attitude")

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from analysis.array import Array
 
 FEWEST = 16  # samples of a motion, and in common
 GAP = 5.0  # periods without a reading; nothing is interpolated across

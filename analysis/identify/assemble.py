@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.layout import Layout
 from analysis.identify.problem import Problem
 from analysis.identify.states import Part, Rows
 from analysis.recording.measurements import Measurement
 from analysis.recording.series import TimeSeries
-
-Array = NDArray[np.float64]
 
 
 def assemble(

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from analysis.array import Array
+
 Complex = NDArray[np.complex128]
 
 # Two poles closer than this (relative) are pulled apart: their residues would cancel to nothing.

@@ -4,15 +4,14 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.basis import denominator
 from analysis.identify.evidence import ChannelFit, Estimate, ServoBounds
 from analysis.identify.fit import AxisFit
 from analysis.identify.servo import ServoFit
 from analysis.identify.uncertainty import propagated
 
-Array = NDArray[np.float64]
 Figures = list[tuple[str, str, Callable[[Array], float]]]  # name, unit, value of the parameters
 
 

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.errors import IdentificationError
 from analysis.identify.noise import resolution
 from analysis.recording.measurements import Measurement
-
-Array = NDArray[np.float64]
 
 DEGREES = 180.0 / np.pi
 _NEAR = 1.2  # a ratio within this factor of 57.3 is degrees, not an unusual gimbal
@@ -24,9 +23,8 @@ def check_records(records: Sequence[Measurement]) -> None:
 
     Raises
     ------
-    IdentificationError
-        for none, for differing axes, constant or indistinguishable commands, too few steps, too
-        many missing or clipped readings, and gyro and potentiometer in different units.
+    IdentificationError : no record, differing axes, constant or indistinguishable commands, too few
+        steps, too many missing or clipped readings, and gyro and potentiometer in different units
     """
     if not records:
         raise IdentificationError("no record to identify from")
@@ -172,8 +170,7 @@ def check_gain(gain: float, command: str, axis: str) -> None:
 
     Raises
     ------
-    IdentificationError
-        for gains near 57.3 (degrees per radian) and 0.0175.
+    IdentificationError : gains near 57.3 (degrees per radian) and 0.0175
     """
     mistaken = _degrees(gain)
     if mistaken is not None:

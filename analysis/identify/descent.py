@@ -1,11 +1,9 @@
 """Damped least squares over poles and delays, within what the samples can tell."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.problem import Problem
-
-Array = NDArray[np.float64]
 
 
 def descend(

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify import noise as sensor_noise
 from analysis.identify.problem import Problem
 from analysis.identify.segments import step_of_row
 from analysis.plain import Plain
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

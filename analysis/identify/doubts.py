@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.identify.diagnostics import Saturation, residual_tests
 from analysis.identify.evidence import AxisEvidence, ChannelFit
@@ -12,9 +11,6 @@ from analysis.identify.prediction import nrmse_fit
 from analysis.identify.servo import ServoFit
 from analysis.identify.states import Part
 from analysis.recording.measurements import Measurement
-
-Array = NDArray[np.float64]
-
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
@@ -28,11 +24,11 @@ def stamp_warnings(records: Sequence[Measurement]) -> list[str]:
     if late is None:
         return []
     way = "too short" if late.stamps == "shown" else "too short or too long"
-    told = f"{late.name}: commands have no stamps of their own: delays may be "
-    told += (
+    text = f"{late.name}: commands have no stamps of their own: delays may be "
+    text += (
         f"{1e3 * late.slack:.3g} ms {way}, which their intervals cover; give stamps (--commands)"
     )
-    return [told]
+    return [text]
 
 
 def commanded(part: Part, own: int) -> bool:
@@ -88,8 +84,8 @@ def warnings_of(
     if not axis.converged:
         found.append(f"{name}: the search did not settle; treat the figures as a guess")
     if not fit >= _POOR:
-        told = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both.items() if fits)
-        found.append(f"{name}: poor fit ({told}); another order, or something unmodelled")
+        text = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both.items() if fits)
+        found.append(f"{name}: poor fit ({text}); another order, or something unmodelled")
     if axis.saturation.saturated:
         found.append(
             f"{name}: rate-limited, the speed grows with the amplitude to the power "
@@ -97,7 +93,7 @@ def warnings_of(
             "fit the servo"
         )
     elif axis.saturation.saturated is None and axis.saturation.steps >= 4:
-        found.append(f"{name}: steps of one size only; saturation cannot be told from slowness")
+        found.append(f"{name}: steps of one size only; cannot distinguish saturation from slowness")
     for what, tests in (("angle", axis.residual_angle), ("rate", axis.residual_rate)):
         if tests and tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3:
             found.append(

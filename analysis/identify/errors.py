@@ -4,4 +4,4 @@ from analysis.schema import AnalysisError
 
 
 class IdentificationError(AnalysisError):
-    """A record, option or order that cannot lead to a model, told in one line."""
+    """A record, option or order that cannot lead to a model, reported in one line."""

@@ -3,13 +3,11 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.diagnostics import Residuals, Saturation
 from analysis.plain import Plain, plain
 from analysis.transfer_function.servo import Structure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

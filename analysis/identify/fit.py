@@ -3,15 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify import noise as sensor_noise
 from analysis.identify.descent import descend
 from analysis.identify.noise import Mask, Pair, typical, weights
 from analysis.identify.problem import Problem, Solution
 from analysis.identify.starts import best_start, follow
-
-Array = NDArray[np.float64]
 
 _ROUNDS = 5  # of noise estimation; two or three settle it to a percent
 _SPIKE = 6.0  # sigma; one Gaussian reading in 5e8 lies beyond

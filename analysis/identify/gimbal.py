@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.channels import nothing
 from analysis.identify.evidence import ChannelFit
 from analysis.identify.identification import identify
@@ -14,7 +14,6 @@ from analysis.identify.prediction import predict
 from analysis.recording.measurements import Measurement
 from analysis.transfer_function.servo import Structure
 
-Array = NDArray[np.float64]
 Coupling = Literal["auto", "none", "full"]
 
 # Motion of an axis with the other's command, over its own. Below, a cross channel's poles and delay
@@ -43,8 +42,7 @@ def identify_gimbal(
 
     Raises
     ------
-    IdentificationError
-        for records no model can come from, and orders that are not possible.
+    IdentificationError : records no model can come from, and orders that are not possible
     """
     inputs, outputs = (records[0].inputs, records[0].outputs) if records else ((), ())
     square = len(inputs) == len(outputs)

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify import channels, checks
 from analysis.identify.assemble import assemble
 from analysis.identify.diagnostics import Saturation, saturation
@@ -21,8 +21,6 @@ from analysis.identify.servo import search_servo
 from analysis.identify.uncertainty import bootstrap, covariance, whole_jacobian
 from analysis.recording.measurements import Measurement
 from analysis.transfer_function.servo import Structure
-
-Array = NDArray[np.float64]
 
 _MOST_POLES = 6
 LONGEST_DELAY = 10.0  # s
@@ -54,8 +52,7 @@ def identify(
 
     Raises
     ------
-    IdentificationError
-        for records no model can come from, and orders that are not possible.
+    IdentificationError : records no model can come from, and orders that are not possible
     """
     check_order(poles, zeros, delay)
     checks.check_records(records)
@@ -76,8 +73,7 @@ def longest_delay(records: Sequence[Measurement], asked: float | None) -> float:
 
     Raises
     ------
-    IdentificationError
-        for what is no delay to be searched.
+    IdentificationError : what is no delay to be searched
     """
     if asked is None:
         return max(0.1, 10.0 * max(r.period for r in records))
@@ -107,8 +103,7 @@ def check_order(poles: int, zeros: int, delay: Literal["free"] | float) -> None:
 
     Raises
     ------
-    IdentificationError
-        with what is possible.
+    IdentificationError : with what is possible
     """
     if not 1 <= poles <= _MOST_POLES:
         raise IdentificationError(f"{poles} poles; 1 to {_MOST_POLES} are possible")

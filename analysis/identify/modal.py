@@ -9,9 +9,9 @@ scalar and the double mode).
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.compiled import njit
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _SERIES = 0.05  # below |p h| of this the closed form loses more digits than six terms of the series

@@ -4,15 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.identify.errors import IdentificationError
 from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.plain import plain
 from analysis.transfer_function import Channel, Servo, TransferFunctionModel
 from analysis.transfer_function.servo import Structure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +52,7 @@ class IdentifiedModel:
 
         Raises
         ------
-        IdentificationError
-            if there is none of that name; the message lists the valid names.
+        IdentificationError : there is none of that name; the message lists the valid names
         """
         for e in self.estimates:
             if e.name == name:

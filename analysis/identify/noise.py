@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.problem import Problem, Solution
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Pair = tuple[float, float]  # of angle [rad] and rate [rad/s]; NaN where not measured
 

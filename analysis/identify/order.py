@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify import checks
 from analysis.identify.assemble import assemble
 from analysis.identify.errors import IdentificationError
@@ -17,8 +17,6 @@ from analysis.identify.problem import Problem
 from analysis.identify.segments import Mask, step_folds
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
-
-Array = NDArray[np.float64]
 
 _FOLDS = 4
 _GAIN = 0.02  # of the error: what one more parameter must save on steps held out
@@ -64,8 +62,7 @@ def select_order(
 
     Raises
     ------
-    IdentificationError
-        for no candidates or impossible ones, and records no model can come from.
+    IdentificationError : no candidates or impossible ones, and records no model can come from
     """
     if not candidates:
         raise IdentificationError("no orders to choose from")

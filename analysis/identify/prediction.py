@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.basis import Denominator, denominator, over_single, parameters_of
 from analysis.identify.errors import IdentificationError
 from analysis.identify.modal import modal_response
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.servo_response import servo_motion_of
 from analysis.recording.measurements import Measurement
-
-Array = NDArray[np.float64]
 
 
 def predict(model: IdentifiedModel, record: Measurement) -> tuple[Array, Array]:
@@ -22,8 +20,7 @@ def predict(model: IdentifiedModel, record: Measurement) -> tuple[Array, Array]:
 
     Raises
     ------
-    IdentificationError
-        if the record has commands that the model lacks.
+    IdentificationError : the record has commands that the model lacks
     """
     if not set(record.inputs) <= set(model.inputs):
         raise IdentificationError(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.basis import Denominator, denominator
 from analysis.identify.layout import Layout
 from analysis.identify.states import Part, free_states, part_states
@@ -21,8 +22,6 @@ from analysis.identify.weights import (
     free_weights,
     gradient_weights,
 )
-
-Array = NDArray[np.float64]
 
 _ILL = 1e-6  # pivot of unit columns: below, squaring the condition costs too many digits
 

@@ -1,6 +1,6 @@
 """When a rig passed its commands on: the pulse frames of a recording, and what each of them asked.
 
-A hobby servo is told 50 times a second. A command waits for the next frame, 0 to 20 ms, and one
+A hobby servo receives 50 pulses a second. A command waits for the next frame, 0 to 20 ms, and one
 that is followed by another within that time is never seen by the servo. A linear model of a mean
 wait cannot foretell that. What the frames held, and when they began, is in the recording.
 
@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.errors import IdentificationError
 from analysis.recording.measurements import Measurement
 from analysis.recording.series import Recording, TimeSeries
-
-Array = NDArray[np.float64]
 
 FRAME = 0.02  # s; `hardware.protocol` PWM_PERIOD_US
 PULSE, CLOCK = "sensors/pulse", "sensors/device_time"
@@ -74,8 +73,7 @@ def by_pulses(run: Measurement) -> Measurement:
 
     Raises
     ------
-    IdentificationError
-        for a recording without pulses, or with pulses that do not follow the commands.
+    IdentificationError : a recording without pulses, or with pulses that do not follow the commands
     """
     frames = pulse_frames(run.recording, run.inputs, run.name)
     values, _ = asked(frames, run.command.held, run.name)
@@ -93,8 +91,7 @@ def pulse_frames(recording: Recording, components: tuple[str, ...], name: str) -
 
     Raises
     ------
-    IdentificationError
-        for a recording without pulses or with too few of them.
+    IdentificationError : a recording without pulses or with too few of them
     """
     for signal in (PULSE, CLOCK):
         if signal not in recording.series:
@@ -162,8 +159,7 @@ def asked(frames: PulseFrames, wanted: Callable[[Array], Array], name: str) -> t
 
     Raises
     ------
-    IdentificationError
-        where more than a tenth of the pulses did not follow the commands.
+    IdentificationError : where more than a tenth of the pulses did not follow the commands
     """
     late = lateness(frames, wanted)
     commands = wanted(frames.begin - late)

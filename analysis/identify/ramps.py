@@ -7,11 +7,9 @@ rate limit on the command, then delay and transfer function, then backlash.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.compiled import njit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

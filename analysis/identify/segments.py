@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.problem import Problem
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _MOST = 200  # segments: commands that change at every sample are cut into stretches instead

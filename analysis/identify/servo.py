@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify import noise as sensor_noise
 from analysis.identify.dead_band import static_dead_band
 from analysis.identify.errors import IdentificationError
@@ -19,8 +20,6 @@ from analysis.identify.segments import step_folds
 from analysis.identify.servo_response import servo_response
 from analysis.identify.servo_starts import grid_of_starts, limits, scales
 from analysis.transfer_function.servo import Structure
-
-Array = NDArray[np.float64]
 
 _ROUNDS = 3
 _FOLLOWED = 3
@@ -98,8 +97,8 @@ def search_servo(
 
     Raises
     ------
-    IdentificationError
-        if the layout has zeros or more than two poles, which no bounded servo here has.
+    IdentificationError : the layout has zeros or more than two poles, which no bounded servo here
+        has
     """
     if problem.layout.zeros or problem.layout.poles not in (1, 2):
         raise IdentificationError(

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.basis import denominator, over_single
 from analysis.identify.ramps import Bounds
 from analysis.identify.servo_motion import play, speed_servo
@@ -14,8 +14,6 @@ from analysis.transfer_function.servo import Structure
 
 if TYPE_CHECKING:
     from analysis.identify.evidence import ChannelFit, ServoBounds
-
-Array = NDArray[np.float64]
 
 
 def servo_response(

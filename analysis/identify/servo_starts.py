@@ -1,11 +1,9 @@
 """Where the search for a bounded servo begins, and how far it may go."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.problem import Problem
-
-Array = NDArray[np.float64]
 
 
 def grid_of_starts(problem: Problem, max_delay: float) -> list[Array]:

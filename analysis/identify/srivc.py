@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.basis import (
     Denominator,
     denominator,
@@ -21,8 +22,6 @@ from analysis.identify.basis import (
 from analysis.identify.modal import modal_response
 from analysis.identify.problem import Problem
 from analysis.identify.states import Part
-
-Array = NDArray[np.float64]
 
 _REFINEMENTS = 3
 

@@ -3,13 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify import srivc
 from analysis.identify.descent import bounds, descend, period, scales, span
 from analysis.identify.problem import Problem
-
-Array = NDArray[np.float64]
 
 _ROWS = 6000  # samples the starts are judged on
 _INSTRUMENT_ROWS = 3000  # samples the instruments see

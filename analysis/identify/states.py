@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.basis import Denominator
 from analysis.identify.modal import impulse_response, modal_response
 from analysis.identify.ramps import Bounds, ramps
-
-Array = NDArray[np.float64]
-
 
 Rows = NDArray[np.intp]
 

@@ -6,9 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.problem import Solution
-
-Array = NDArray[np.float64]
 
 _DRAWS = 400
 _FEWEST_STEPS = 6  # below, drawing steps says nothing

@@ -6,10 +6,9 @@ States are [Re z, −Im z, Re w, −Im w, u]: z of 1/(s−p), w of 1/(s−p)², 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.basis import Denominator, over_single, over_square
 from analysis.identify.layout import Layout
-
-Array = NDArray[np.float64]
 
 
 def _stack(

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.evidence import Estimate
 from analysis.identify.uncertainty import bootstrap
 from analysis.linkage.problem import (
@@ -24,8 +24,6 @@ from analysis.linkage.problem import (
     Moves,
     sysid_module,
 )
-
-Array = NDArray[np.float64]
 
 # Deviations across which each plane is laid, and how far at least: where the noise is far below the
 # dents only places closer and closer around it tell the minimum.
@@ -85,8 +83,7 @@ def fit_linkage(
 
     Raises
     ------
-    LinkageError
-        for no parameters, too few moves, or a model without such joints.
+    LinkageError : no parameters, too few moves, or a model without such joints
     """
     if not knobs:
         raise LinkageError("no parameter to fit")

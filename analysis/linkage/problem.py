@@ -11,11 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.identify.prediction import nrmse_fit
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
-
 
 Build = Callable[[Mapping[str, float]], mujoco.MjModel]
 DELAY = "delay"
@@ -31,7 +29,7 @@ HELD_OUT = 3  # every third move
 
 
 class LinkageError(AnalysisError):
-    """A recording or parameter no physics can be fitted with, told in one line."""
+    """A recording or parameter no physics can be fitted with, reported in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +59,7 @@ class Knob:
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """What a gimbal was told and what was read of it.
+    """Commands and readings of a gimbal.
 
     Attributes
     ----------
@@ -281,8 +279,7 @@ def sysid_module() -> Any:  # noqa: ANN401
 
     Raises
     ------
-    LinkageError
-        if it is not installed.
+    LinkageError : it is not installed
     """
     found = importlib.import_module("mujoco.sysid")
     if not hasattr(found, "optimize"):

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis.array import Array
 from analysis.recording.measurements import (
     COMMAND,
     MEASURED,
@@ -15,8 +16,6 @@ from analysis.recording.measurements import (
     check_stamps,
 )
 from analysis.recording.series import RecordingError, TimeSeries
-
-Array = NDArray[np.float64]
 
 
 def measurement(
@@ -58,9 +57,8 @@ def measurement(
 
     Raises
     ------
-    RecordingError
-        for `command_time` that begins later than the samples, without `before`; and for what no
-        `Measurement` may hold.
+    RecordingError : `command_time` that begins later than the samples, without `before`; and for
+        what no `Measurement` may hold
     """
     samples = check_stamps(time, "time", name, 3)
     input_scale = scale if input_scale is None else input_scale

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from analysis.recording.measurements import Measurement
 from analysis.recording.series import Recording
 
-# What a run was told to do; two motions that answer different questions are no test of each other.
+# Settings that decide the motion; motions with different settings do not test each other.
 ASKED = (
     "signal", "axis", "amplitude_deg", "repeats", "hold_s", "band_hz", "smallest_deg",
     "rate_limit_deg_s", "programme", "target", "target_range_m", "off_axis_deg", "at_s", "about",
@@ -29,10 +29,10 @@ def caveats(runs: Sequence[Measurement], *, together: bool = True) -> tuple[str,
 
 def _own(recording: Recording) -> list[str]:
     reasons = recording.timing.get("reasons")
-    told = [r for r in reasons if isinstance(r, str)] if isinstance(reasons, list) else []
+    texts = [r for r in reasons if isinstance(r, str)] if isinstance(reasons, list) else []
     found = []
     if recording.timing.get("verdict") == "invalid":
-        found.append("; ".join(["its timing was judged invalid", *told]))
+        found.append("; ".join(["its timing was judged invalid", *texts]))
     failed = [e for e in recording.events if e.level == "ERROR"]
     return found + [f"at {e.time:.3f} s {e.text}" for e in failed[:MOST]]
 

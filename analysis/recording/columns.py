@@ -7,15 +7,13 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.recording import tables
 from analysis.recording.arrays import measurement
 from analysis.recording.measurements import Initial, InputStamps, Measurement
 from analysis.recording.series import Recording
 from analysis.schema import AnalysisError, unknown
-
-Array = NDArray[np.float64]
 
 UNITS: Mapping[str, float] = MappingProxyType(
     {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "turn": 2.0 * math.pi, "1": 1.0}
@@ -69,9 +67,8 @@ def measurement_of_table(
 
     Raises
     ------
-    AnalysisError
-        for unknown columns and units, stamps that are hardly in seconds, and what no `Measurement`
-        may hold.
+    AnalysisError : unknown columns and units, stamps that are hardly in seconds, and what no
+        `Measurement` may hold
     """
     scale, own = _scale(columns.unit), _scale(columns.input_unit or columns.unit)
     seconds = columns.time_scale

@@ -34,8 +34,7 @@ def load(
 
     Raises
     ------
-    AnalysisError
-        for files that cannot be read, unknown names, and what no `Measurement` may hold.
+    AnalysisError : files that cannot be read, unknown names, and what no `Measurement` may hold
     """
     path = Path(path)
     if not is_table(path):
@@ -75,8 +74,7 @@ def measurement_of(
 
     Raises
     ------
-    RecordingError
-        for signals that were not recorded, and what no `Measurement` may hold.
+    RecordingError : signals that were not recorded, and what no `Measurement` may hold
     """
     if angle is None and rate is None:
         angle = MEASURED if MEASURED in recording.series else SIMULATED

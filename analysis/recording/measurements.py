@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis.array import Array
 from analysis.recording.series import Recording, RecordingError, TimeSeries
 
-Array = NDArray[np.float64]
 Initial = Literal["rest", "free"]
 InputStamps = Literal["exact", "shown", "sampled"]
 
@@ -42,8 +42,8 @@ class Measurement:
 
     Raises
     ------
-    RecordingError
-        for stamps that do not increase, different axes of angle and rate, and neither of them.
+    RecordingError : stamps that do not increase, different axes of angle and rate, and neither of
+        them
     """
 
     command: TimeSeries
@@ -230,8 +230,7 @@ def check_stamps(values: ArrayLike, what: str, name: str, fewest: int) -> Array:
 
     Raises
     ------
-    RecordingError
-        with the first sample that is wrong.
+    RecordingError : with the first sample that is wrong
     """
     time = np.asarray(values, dtype=np.float64)
     if time.ndim != 1 or len(time) < fewest:

@@ -32,9 +32,8 @@ def read(path: Path | str, *, growing: bool = False) -> Recording:
 
     Raises
     ------
-    RecordingError
-        if the file is missing, is no recording of the twin, is cut off, has another schema
-        version, or holds impossible numbers.
+    RecordingError : the file is missing, is no recording of the twin, is cut off, has another
+        schema version, or holds impossible numbers
     """
     path = Path(path)
     content = _Content(path)

@@ -48,10 +48,8 @@ def batches(
 
     Raises
     ------
-    FormatError
-        at the first unsound byte met; `CutOffError` if the file ends before its footer.
-    OSError
-        if the file cannot be read.
+    FormatError : at the first unsound byte met; `CutOffError` if the file ends before its footer
+    OSError : the file cannot be read
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         store = None

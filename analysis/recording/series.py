@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis import schema
+from analysis.array import Array
 from analysis.schema import AnalysisError
 
 if TYPE_CHECKING:
     import pandas
-
-Array = NDArray[np.float64]
 
 
 class RecordingError(AnalysisError):
@@ -34,8 +33,7 @@ class TimeSeries:
 
     Raises
     ------
-    RecordingError
-        if shapes do not fit, time runs backwards or is not finite, or a value is infinite.
+    RecordingError : shapes do not fit, time runs backwards or is not finite, or a value is infinite
     """
 
     name: str
@@ -82,8 +80,7 @@ class TimeSeries:
 
         Raises
         ------
-        RecordingError
-            if there is no such component; the message lists the valid names.
+        RecordingError : there is no such component; the message lists the valid names
         """
         if component not in self.components:
             raise RecordingError(schema.unknown("component", component, self.components))
@@ -158,8 +155,7 @@ class Recording:
 
         Raises
         ------
-        RecordingError
-            if it was not recorded; the message lists what was.
+        RecordingError : it was not recorded; the message lists what was
         """
         if name not in self.series:
             raise RecordingError(schema.unknown("recorded signal", name, self.series))
@@ -177,10 +173,8 @@ class Recording:
 
         Raises
         ------
-        RecordingError
-            if a signal was not recorded.
-        ImportError
-            without pandas (extra `notebook`).
+        RecordingError : a signal was not recorded
+        ImportError : without pandas (extra `notebook`)
         """
         try:
             import pandas

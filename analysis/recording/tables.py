@@ -9,11 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.schema import AnalysisError, unknown
-
-Array = NDArray[np.float64]
 
 LARGEST_FILE = 1 << 30  # bytes
 MOST_COLUMNS = 512
@@ -31,7 +29,7 @@ class Table:
     ----------
     columns : name → values (n,), NaN where a field is empty; lengths may differ (MATLAB files)
     source : the file's name
-    unusable : name → what is wrong with a column of text or infinities; told to who asks for it
+    unusable : name → what is wrong with a column of text or infinities
     """
 
     columns: Mapping[str, Array]
@@ -43,9 +41,8 @@ class Table:
 
         Raises
         ------
-        AnalysisError
-            if there is none of that name (the message lists the valid names), or it holds
-            something else than numbers.
+        AnalysisError : there is none of that name (the message lists the valid names), or it holds
+            something else than numbers
         """
         if name not in self.columns:
             raise AnalysisError(f"{self.source}: {unknown('column', name, self.columns)}")
@@ -58,8 +55,7 @@ class Table:
 
         Raises
         ------
-        AnalysisError
-            for names that are none, and columns of different lengths.
+        AnalysisError : names that are none, and columns of different lengths
         """
         found = [self.column(name) for name in names]
         lengths = {name: len(c) for name, c in zip(names, found, strict=True)}
@@ -73,8 +69,7 @@ def read(path: Path | str) -> Table:
 
     Raises
     ------
-    AnalysisError
-        for a file that is missing, too large, of another kind, or not a table.
+    AnalysisError : a file that is missing, too large, of another kind, or not a table
     """
     path = Path(path)
     try:
@@ -166,8 +161,8 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
                 if value == math.inf and name not in unusable:
                     place = f"{path}: row {reader.line_num}, column '{name}'"
                     infinite = text.strip().lstrip("+-").lower() in {"inf", "infinity"}
-                    told = "infinite" if infinite else f"'{text.strip()[:40]}' is not a number"
-                    unusable[name] = f"{place}: {told}"
+                    fault = "infinite" if infinite else f"'{text.strip()[:40]}' is not a number"
+                    unusable[name] = f"{place}: {fault}"
     if len(values) > MOST_ROWS:
         raise AnalysisError(f"{path}: more than {MOST_ROWS} rows")
     if not values:

@@ -41,9 +41,8 @@ def report(
 
     Raises
     ------
-    AnalysisError
-        if a run has no axis with command and readings, a model's axes are not those of the first
-        run, or the page cannot be written.
+    AnalysisError : a run has no axis with command and readings, a model's axes are not those of the
+        first run, or the page cannot be written
     """
     out = Path(out)
     if out.suffix.lower() not in (".html", ".htm"):
@@ -69,8 +68,7 @@ def labelled(
 
     Raises
     ------
-    AnalysisError
-        for no run at all, another number of labels, and a run without an axis to report on.
+    AnalysisError : no run at all, another number of labels, and a run without an axis to report on
     """
     if not runs:
         raise AnalysisError("no recording to report on")
@@ -91,8 +89,7 @@ def simulated(reference: Measurement, name: str, model: TransferFunctionModel) -
 
     Raises
     ------
-    AnalysisError
-        if the model lacks an axis of the run, or the run's commands are too long to answer.
+    AnalysisError : the model lacks an axis of the run, or the run's commands are too long to answer
     """
     missing = [a.component for a in reference.axes if a.component not in model.inputs]
     if missing or set(model.inputs) - {a.component for a in reference.axes}:

@@ -1,4 +1,4 @@
-"""The figures a run allows, per axis: what was commanded decides what can be told.
+"""The figures a run allows, per axis: the kind of command decides which there are.
 
 `run_figures` are those of a test at once; `report_figures` adds what a page has room for.
 """
@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 from analysis.recording.series import TimeSeries
@@ -34,7 +34,6 @@ from analysis.response import (
 from analysis.schema import AnalysisError
 from analysis.transfer_function import TransferFunctionModel
 
-Array = NDArray[np.float64]
 Kind = Literal["steps", "staircase", "broadband", "ramps", "still", "closed loop"]
 
 KINDS: dict[str, Kind] = {
@@ -50,7 +49,7 @@ FEWEST_SIZES = 3  # of steps tell where a speed stops growing
 
 @dataclass(frozen=True, slots=True)
 class AxisFigures(Plain):
-    """Figures of one axis of one run, and what could not be told."""
+    """Figures of one axis of one run, and those not determined."""
 
     axis: str
     kind: Kind
@@ -59,7 +58,7 @@ class AxisFigures(Plain):
 
 
 def kind_of(axis: Measurement) -> Kind:
-    """What an axis was told: as the run says itself, otherwise as the command looks."""
+    """Kind of command of an axis: as recorded, otherwise from its shape."""
     u, changes = axis.command, axis.command.changes()
     if len(changes) == 0:
         return "still"
@@ -82,8 +81,8 @@ def run_figures(run: Measurement) -> tuple[AxisFigures, ...]:
     found = [axis_figures(axis) for axis in run.axes]
     coupled = [
         f
-        for driven, told in zip(run.axes, found, strict=True)
-        if told.kind in ("steps", "staircase")
+        for driven, entry in zip(run.axes, found, strict=True)
+        if entry.kind in ("steps", "staircase")
         for other in run.axes
         if other is not driven
         for f in _coupling(driven, other)
@@ -117,25 +116,25 @@ def _together(run: Measurement) -> str:
 
 
 def _with_more(
-    run: Measurement, told: AxisFigures, model: TransferFunctionModel | None
+    run: Measurement, entry: AxisFigures, model: TransferFunctionModel | None
 ) -> AxisFigures:
-    axis = run.axis(told.axis)
-    if axis is None or told.kind in ("still", "closed loop"):
-        return told
-    figures, notes = list(told.figures), list(told.notes)
-    if told.kind in ("steps", "staircase"):
+    axis = run.axis(entry.axis)
+    if axis is None or entry.kind in ("still", "closed loop"):
+        return entry
+    figures, notes = list(entry.figures), list(entry.notes)
+    if entry.kind in ("steps", "staircase"):
         slew = _slew(axis)
         figures += slew
         if any(f.name == "speed_reached" for f in slew):
             notes.append("slew rate: the speed grows up to the largest step; no limit in sight")
-        if told.kind == "steps":
+        if entry.kind == "steps":
             figures += _repeatability(axis)
-    figures += _loss(axis, told.kind)
+    figures += _loss(axis, entry.kind)
     try:
-        figures += _own(axis.component, told.kind, model)
+        figures += _own(axis.component, entry.kind, model)
     except AnalysisError as error:
         notes.append(f"model: {error}")
-    return replace(told, figures=tuple(figures), notes=tuple(notes))
+    return replace(entry, figures=tuple(figures), notes=tuple(notes))
 
 
 def _slew(axis: Measurement) -> tuple[Figure, ...]:
@@ -256,7 +255,7 @@ def _coupling(driven: Measurement, other: Measurement) -> tuple[Figure, ...]:
 
 def _plateaus(steps: Sequence[Step]) -> tuple[Array, Array]:
     command = np.array([s.command_after for s in steps])
-    angle = np.array([float(s.response[-max(len(s.response) // 3, 3) :].mean()) for s in steps])
+    angle = np.array([float(s.rest.mean()) for s in steps])
     return command, angle
 
 

@@ -4,19 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.comparison.compare import Comparison, compare
 from analysis.plain import Plain
 from analysis.recording.caveats import caveats
 from analysis.recording.measurements import Measurement
-from analysis.report.figures import AxisFigures, report_figures
+from analysis.report.figures import AxisFigures, Kind, report_figures
 from analysis.report.spectrum import FrequencyResponse, frequency_response
-from analysis.response import disagreements
+from analysis.response import Figure, disagreements
 from analysis.schema import AnalysisError
 from analysis.transfer_function import Margins, TransferFunctionModel
-
-Array = NDArray[np.float64]
 
 SAME = 0.98  # of the time two commands must agree for their answers to be compared
 CLOSE = 1e-3  # rad; a command within 0.06° is the same command
@@ -26,7 +23,7 @@ BROADBAND = ("broadband",)
 
 @dataclass(frozen=True, slots=True)
 class RunNumbers(Plain):
-    """What is told of one run.
+    """Figures of one run.
 
     Attributes
     ----------
@@ -46,6 +43,14 @@ class RunNumbers(Plain):
     figures: tuple[AxisFigures, ...]
     responses: Mapping[str, FrequencyResponse]
     disagree: tuple[tuple[str, str, float], ...] = ()
+
+    def kind(self, axis: str) -> Kind | None:
+        """What the command of an axis was, None for an axis the run lacks."""
+        return next((a.kind for a in self.figures if a.axis == axis), None)
+
+    def by_name(self, axis: str) -> dict[str, Figure]:
+        """Figures of an axis; of one name the last."""
+        return {f.name: f for a in self.figures if a.axis == axis for f in a.figures}
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON."""
@@ -88,14 +93,14 @@ def numbers_of(
     notes = list(caveats(runs, together=False))
     models = [*models, *(None for _ in runs[len(models) :])]
     first = report_figures(runs[0], models[0])
-    told = []
+    entries = []
     for k, run in enumerate(runs):
         figures = first if k == 0 else report_figures(run, models[k])
         notes += [f"{run.name}, {a.axis}: {note}" for a in figures for note in a.notes]
         disagree = _disagree(first, figures) if k and runs[0].motion == "measured" else ()
         if run.motion != "measured":  # a simulation has no noise to scatter by
             disagree = tuple(d for d in disagree if not d[1].startswith("repeatability"))
-        told.append(_numbers(run, figures, disagree))
+        entries.append(_numbers(run, figures, disagree))
     comparisons = []
     for k, other in enumerate(runs):
         for reference in runs[:k]:
@@ -103,11 +108,11 @@ def numbers_of(
                 comparisons.append(_compared(reference, other))
             except AnalysisError as error:
                 notes.append(f"{reference.name} and {other.name}: {error}")
-    return ReportNumbers(title, "", tuple(told), tuple(comparisons), tuple(notes))
+    return ReportNumbers(title, "", tuple(entries), tuple(comparisons), tuple(notes))
 
 
 def same_command(a: Measurement, b: Measurement) -> bool:
-    """Whether two records were told the same, but for the edges."""
+    """Whether two records have the same commands, except at the edges."""
     low = max(a.command.time[0], b.command.time[0])
     high = min(a.command.time[-1], b.command.time[-1])
     t = np.linspace(low, high, 4001)[1:-1]

@@ -1,7 +1,6 @@
 """Sections to one HTML page that asks no network for anything."""
 
 import base64
-import contextlib
 import hashlib
 import json
 from collections.abc import Sequence
@@ -9,6 +8,7 @@ from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 
+from analysis.files import write_text
 from analysis.report.parts import Cell, Plot, Section, Table
 from analysis.schema import AnalysisError
 
@@ -31,8 +31,7 @@ def render(
 
     Raises
     ------
-    AnalysisError
-        if plotly is not installed, or the file cannot be written.
+    AnalysisError : plotly is not installed, or the file cannot be written
     """
     out = Path(out)
     plots = [p.to_dict() for s in sections for p in s.parts if isinstance(p, Plot)]
@@ -54,7 +53,7 @@ def render(
     text = pieces[0] + "".join(
         content[key] + rest for key, _, rest in (p.partition("}}") for p in pieces[1:])
     )
-    _write(out, text)
+    write_text(out, text)
     return out
 
 
@@ -125,15 +124,3 @@ def _plotly() -> str:
 def _hash(script: str) -> str:
     # what stands between the tags is what is hashed, as UTF-8 (CSP 3, 8.2)
     return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
-
-
-def _write(out: Path, text: str) -> None:
-    beside = out.with_name(f"{out.name}.partial")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(text, encoding="utf-8", newline="\n")
-        beside.replace(out)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            beside.unlink()
-        raise AnalysisError(f"cannot write {out}: {error.strerror or error}") from None

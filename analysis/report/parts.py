@@ -7,9 +7,10 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from analysis.array import Array
+
 Style = Literal["line", "thin", "dash", "dots", "rings"]
 
 MOST_POINTS = 3000  # of one line: more than a screen has columns

@@ -4,14 +4,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 from analysis.response import Figure
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
 
 STRETCHES = 8  # of the record; half overlapping, they make 15 averages
 EXCITED = 1e-3  # of the strongest line's power: less is leakage, not excitation
@@ -62,8 +60,7 @@ def frequency_response(axis: Measurement) -> FrequencyResponse:
 
     Raises
     ------
-    AnalysisError
-        if the record is too short, or its command excites nothing.
+    AnalysisError : the record is too short, or its command excites nothing
     """
     from scipy.signal import csd, welch
 

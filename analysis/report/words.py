@@ -28,9 +28,9 @@ def split(name: str) -> tuple[str, str]:
 
 def figure_text(figure: Figure) -> str:
     """Value with its interval, amplitude and number of repeats: `54.2 ± 0.3 ms at +5°, n = 6`."""
-    told = value_text(figure)
+    shown = value_text(figure)
     at = f" at {amplitude_text(figure)}" if math.isfinite(figure.amplitude) else ""
-    return f"{told}{at}, n = {figure.n}" if figure.n else f"{told}{at}"
+    return f"{shown}{at}, n = {figure.n}" if figure.n else f"{shown}{at}"
 
 
 def value_text(figure: Figure) -> str:

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis.array import Array
 from analysis.plain import Plain
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
 
 ALIKE = 0.05  # of the amplitude: figures of motions that close are of the same
 
@@ -61,8 +60,7 @@ def fitted_line(x: Array, y: Array) -> tuple[float, float, Array]:
 
     Raises
     ------
-    AnalysisError
-        for fewer than three points, or points over one place.
+    AnalysisError : fewer than three points, or points over one place
     """
     if len(x) < 3 or np.ptp(x) == 0.0:
         raise AnalysisError(f"{len(x)} points over a range of {np.ptp(x) if len(x) else 0:g}; "

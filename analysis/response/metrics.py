@@ -6,12 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.array import Array
 from analysis.schema import AnalysisError
 
-Array = NDArray[np.float64]
-
-
-_PLATEAU = 1.0 / 3.0  # of the step's duration, at its end, is taken as rest
 BAND = 0.02  # settling band, of the change
 DEAD = 0.05  # of the change: the motion has begun
 FEWEST = 5  # samples of a step
@@ -80,8 +77,7 @@ def step_metrics(
 
     Raises
     ------
-    AnalysisError
-        for too few samples, and a response that does not move.
+    AnalysisError : too few samples, and a response that does not move
     """
     t, y = np.asarray(time, dtype=np.float64), np.asarray(response, dtype=np.float64)
     change = final - start
@@ -218,6 +214,11 @@ class Step:
     command_before: float
     command_after: float
 
+    @property
+    def rest(self) -> Array:
+        """Readings of the last third, at least three: the plateau."""
+        return self.response[-max(len(self.response) // 3, 3) :]
+
 
 def measure(step: Step) -> StepMetrics:
     """Metrics of a measured step: plateau means at both ends, noise from the final plateau."""
@@ -234,5 +235,4 @@ def measure(step: Step) -> StepMetrics:
 
 def plateau_of(step: Step) -> tuple[float, float]:
     """Mean of the end of a step, and the deviation of its noise."""
-    plateau = step.response[-max(int(len(step.time) * _PLATEAU), 3) :]
-    return float(plateau.mean()), float(np.std(np.diff(plateau)) / math.sqrt(2.0))
+    return float(step.rest.mean()), float(np.std(np.diff(step.rest)) / math.sqrt(2.0))

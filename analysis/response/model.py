@@ -4,14 +4,12 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.response.figure import Figure
 from analysis.response.metrics import StepMetrics, step_metrics
 from analysis.schema import AnalysisError
 from analysis.transfer_function import Channel
-
-Array = NDArray[np.float64]
 
 _POINTS = 50_001  # over the horizon: linear interpolation then errs by 1e-8 of a rise
 _HORIZON = 12.0  # slowest time constants: e⁻¹² of the change is left
@@ -26,8 +24,7 @@ def step_response(channel: Channel, horizon: float | None = None) -> tuple[Array
 
     Raises
     ------
-    AnalysisError
-        if the channel is not stable.
+    AnalysisError : the channel is not stable
     """
     import control
 

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.response.figure import ALIKE, Figure, over_repeats, student
 from analysis.response.metrics import (
     FEWEST,
@@ -14,9 +14,6 @@ from analysis.response.metrics import (
     plateau_of,
 )
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
-
 
 _FAR = 2.0  # times the knee
 _REACHED = 0.9  # of the largest amplitude: a knee beyond is none
@@ -52,8 +49,7 @@ def slew_figures(steps: Sequence[Step]) -> tuple[Figure, Figure]:
 
     Raises
     ------
-    AnalysisError
-        for fewer than four steps that move.
+    AnalysisError : fewer than four steps that move
     """
     amplitude, speed = slew_points(steps)
     if len(amplitude) < 4:

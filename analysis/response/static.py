@@ -4,13 +4,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from analysis.response.figure import Figure, fitted_line, over_repeats, student
 from analysis.response.metrics import Step
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
 
 _SURE = 3.0  # sigma: less is not called motion
 _FAITHFUL = 0.5  # of the commanded step: less is not called resolved
@@ -31,8 +29,7 @@ def staircase_figures(steps: Sequence[Step], gain: float = 1.0) -> tuple[Figure,
 
     Raises
     ------
-    AnalysisError
-        for fewer than three amplitudes.
+    AnalysisError : fewer than three amplitudes
     """
     points = [_moved(s) for s in steps]
     if len({round(p[0], 9) for p in points}) < 3:
@@ -44,7 +41,7 @@ def staircase_figures(steps: Sequence[Step], gain: float = 1.0) -> tuple[Figure,
 
 def _moved(step: Step) -> tuple[float, float, float]:
     """Commanded change, response in its direction, and that response's standard error."""
-    rest = step.response[-max(len(step.response) // 3, 3) :]
+    rest = step.rest
     change = step.command_after - step.command_before
     move = (float(rest.mean()) - float(step.before.mean())) * math.copysign(1.0, change)
     sigma = math.hypot(
@@ -79,8 +76,7 @@ def hysteresis(
 
     Raises
     ------
-    AnalysisError
-        if no command was approached from both sides.
+    AnalysisError : no command was approached from both sides
     """
     u, y, way = (np.asarray(x, dtype=np.float64) for x in (command, angle, direction))
     slope, offset, _ = fitted_line(u, y)
@@ -151,8 +147,7 @@ def repeatability(
 
     Raises
     ------
-    AnalysisError
-        for fewer than three approaches from every direction.
+    AnalysisError : fewer than three approaches from every direction
     """
     figures, means = [], []
     for way, values in (("from below", from_below), ("from above", from_above)):

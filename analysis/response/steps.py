@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from analysis.response.figure import ALIKE, Figure, over_repeats
 from analysis.response.metrics import (
@@ -17,9 +17,6 @@ from analysis.response.metrics import (
     measure,
 )
 from analysis.schema import AnalysisError
-
-Array = NDArray[np.float64]
-
 
 _UNITS = {
     "rise_time": "s",
@@ -73,8 +70,7 @@ def step_figures(steps: Sequence[Step]) -> tuple[Figure, ...]:
 
     Raises
     ------
-    AnalysisError
-        if there is no step, or none moves.
+    AnalysisError : there is no step, or none moves
     """
     measured = []
     for step in steps:

@@ -12,8 +12,6 @@ from analysis.transfer_function.file import ModelFileError
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True)
 class Channel:
@@ -26,8 +24,7 @@ class Channel:
 
     Raises
     ------
-    ModelFileError
-        Coefficients that are not finite, improper, or without a denominator.
+    ModelFileError : coefficients that are not finite, improper, or without a denominator
     """
 
     num: tuple[float, ...]

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis.array import Array
 from analysis.transfer_function.servo import Servo, play, shaped_commands
-
-Array = NDArray[np.float64]
 
 # A delay this close to a whole number of steps is that number: writing 0.012 s as a decimal
 # fraction costs up to 1e-16, a clock never resolves a billionth of a step.

@@ -2,8 +2,6 @@
 
 import json
 import math
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -18,7 +16,7 @@ LONGEST_DELAY = 1.0  # s; a gimbal slower than this cannot be what was identifie
 
 
 class ModelFileError(AnalysisError):
-    """A transfer-function file or value that cannot be used, told in one line."""
+    """A transfer-function file or value that cannot be used, reported in one line."""
 
 
 def _constant(name: str) -> NoReturn:
@@ -30,8 +28,7 @@ def load(path: Path) -> Any:  # noqa: ANN401 - JSON is any until it has been che
 
     Raises
     ------
-    ModelFileError
-        The file cannot be read, is too large, or is not JSON.
+    ModelFileError : the file cannot be read, is too large, or is not JSON
     """
     try:
         with path.open("rb") as stream:
@@ -47,32 +44,6 @@ def load(path: Path) -> Any:  # noqa: ANN401 - JSON is any until it has been che
     except (ValueError, RecursionError) as error:
         reason = str(error).splitlines()[0]
         raise ModelFileError(f"{path} is not a JSON file: {reason}") from error
-
-
-def save(path: Path, content: Mapping[str, object]) -> None:
-    """Write JSON beside the path and rename it over, so that no half file is ever seen.
-
-    Raises
-    ------
-    ModelFileError
-        The folder cannot be written.
-    """
-    text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    temporary = None
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
-        ) as stream:
-            temporary = Path(stream.name)
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except OSError as error:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
-        raise ModelFileError(f"{path}: {error.strerror or error}") from error
 
 
 def mapping(value: object, where: str) -> Mapping[str, Any]:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.plain import Plain
 from analysis.transfer_function.channel import Channel
 from analysis.transfer_function.model import TransferFunctionModel
-
-Array = NDArray[np.float64]
 
 _POINTS = 1000  # of the grid that python-control refines
 _PADE = 8  # order; its phase is that of the delay to 1e-4 rad over any crossover here
@@ -68,11 +67,11 @@ class Margins(Plain):
     def text(self) -> str:
         """One line, in dB, degrees and milliseconds."""
         up, down = (decibels(g) for g in (self.gain, self.lower_gain))
-        told = (
+        text = (
             f"gain {up} / {down}, phase {math.degrees(self.phase):.1f}°, "
             f"delay {1e3 * self.delay:.0f} ms, crossover {self.crossover:.1f} rad/s"
         )
-        return told if self.stable else f"UNSTABLE: {told}"
+        return text if self.stable else f"UNSTABLE: {text}"
 
 
 def margins(loops: Sequence[Loop], model: TransferFunctionModel) -> tuple[Margins, ...]:

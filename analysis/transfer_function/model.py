@@ -1,20 +1,20 @@
 """An identified gimbal: a matrix of delayed transfer functions and the bounds of its servos."""
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis.array import Array
+from analysis.files import write_text
 from analysis.transfer_function import file
 from analysis.transfer_function.channel import Channel
 from analysis.transfer_function.discrete import Discrete, discretise_channel, whole_steps
 from analysis.transfer_function.file import SCHEMA, ModelFileError
 from analysis.transfer_function.servo import Servo, play, speed_loop
-
-Array = NDArray[np.float64]
-
 
 _SERVO_KEYS = {
     "rate_limit_rad_s": "rate_limit",
@@ -73,8 +73,7 @@ class TransferFunctionModel:
 
         Raises
         ------
-        ModelFileError
-            The file is missing, too large, or not a model; the message names the key.
+        ModelFileError : the file is missing, too large, or not a model; the message names the key
         """
         path = Path(path)
         content = file.load(path)
@@ -84,14 +83,9 @@ class TransferFunctionModel:
             raise ModelFileError(f"{path}: {error}") from error
 
     def write(self, path: Path | str) -> None:
-        """Write a model file; a file of that name is replaced in one go.
-
-        Raises
-        ------
-        ModelFileError
-            The folder cannot be written.
-        """
-        file.save(Path(path), self.to_dict())
+        """Write a model file; `AnalysisError` if the folder cannot be written."""
+        text = json.dumps(self.to_dict(), indent=2, allow_nan=False, ensure_ascii=False)
+        write_text(Path(path), f"{text}\n")
 
     @classmethod
     def from_dict(cls, value: object) -> Self:
@@ -99,8 +93,7 @@ class TransferFunctionModel:
 
         Raises
         ------
-        ModelFileError
-            A key is missing, unknown, or holds what cannot be; the message names it.
+        ModelFileError : A key is missing, unknown, or holds what cannot be; the message names it
         """
         content = file.mapping(value, "the model")
         needed = {"schema", "inputs", "outputs", "channels"}
@@ -143,8 +136,7 @@ class TransferFunctionModel:
 
         Raises
         ------
-        ModelFileError
-            No such axis.
+        ModelFileError : no such axis
         """
         return self.channels[_index(self.outputs, output)][_index(self.inputs, input_)]
 
@@ -158,8 +150,7 @@ class TransferFunctionModel:
 
         Raises
         ------
-        ModelFileError
-            `dt` is not positive.
+        ModelFileError : `dt` is not positive
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise ModelFileError(f"dt is {dt:g} s; it must be positive")

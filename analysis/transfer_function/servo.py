@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.transfer_function.file import ModelFileError
 
-Array = NDArray[np.float64]
 Structure = Literal["command", "speed"]
 STRUCTURES: tuple[Structure, ...] = ("command", "speed")
 
@@ -90,8 +89,7 @@ def speed_loop(num: Sequence[float], den: Sequence[float]) -> tuple[float, float
 
     Raises
     ------
-    ModelFileError
-        The channel has another form.
+    ModelFileError : the channel has another form
     """
     a = [c / den[0] for c in den]
     if len(num) != 1 or len(a) not in (2, 3) or min(a) <= 0.0:

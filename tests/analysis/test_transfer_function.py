@@ -171,7 +171,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_beside_it(tmp_path, monk
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(ModelFileError, match="No space left"):
+    with pytest.raises(AnalysisError, match="No space left"):
         coupled().write(path)
     assert path.read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1

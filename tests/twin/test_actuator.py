@@ -320,7 +320,7 @@ def test_the_two_axes_and_their_order_come_from_the_names():
 @pytest.mark.parametrize(
     ("model", "says"),
     [
-        (TransferFunctionModel(((NONE,),), ("x",), ("x",)), r"from \['x'\] to \['x'\]"),
+        (TransferFunctionModel(((NONE,),), ("x",), ("x",)), r"inputs \['x'\], outputs \['x'\]"),
         (
             TransferFunctionModel(((Channel((1.0,), (1.0, -1.0)), NONE), (NONE, NONE))),
             "unstable",

@@ -231,7 +231,7 @@ def test_pitch_over_reaches_its_amplitude_without_a_jump():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Hold((0.0, 0.0, 0.0)), "no direction"),
+        (lambda: Hold((0.0, 0.0, 0.0)), "must not be zero"),
         (lambda: Hold((0.0, 0.0, 1.0), axis=(0.0, 0.0, 2.0)), "along launch"),
         (lambda: ControlConfig(kp=-1.0), "kp is -1"),
         (lambda: ControlConfig(cutoff=math.nan), "cutoff is nan"),

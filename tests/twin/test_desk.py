@@ -317,7 +317,7 @@ MISTAKES = [
     ("calibrate --out /proc/nowhere/c.json", "cannot write"),
     ("calibrate --switch-deg 9 9 9 9", "+x, -x, +y, -y"),
     ("calibrate --repeats 0", "from 1 to 100"),
-    ("calibrate --gimbal linkage", "is no rig"),
+    ("calibrate --gimbal linkage", "must be a rig"),
     ("rig --kind arduino", "emulator"),
     ("rig --fault supply:sag:2", "0…0.9"),
     ("rig --fault nonsense", "potentiometer_x_a:glitch"),

@@ -349,5 +349,5 @@ def test_no_backlash_adds_no_joint_and_a_negative_one_is_refused():
     count = len(spec.joints)
     insert_backlash(spec, 0.0)
     assert len(spec.joints) == count
-    with pytest.raises(MechanismError, match="at least zero"):
+    with pytest.raises(MechanismError, match="must be 0 or greater"):
         insert_backlash(spec, -0.1)

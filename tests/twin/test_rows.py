@@ -11,9 +11,9 @@ from twin.loop.seats import Pilot
 from twin.physics import native
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
+from twin.recorder.checks import checked
 from twin.recorder.rows import Rows
 from twin.recorder.sink import places
-from twin.recorder.stream import checked
 
 WIND, AZIMUTH = 6.0, 0.7  # m/s, rad
 

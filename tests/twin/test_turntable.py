@@ -19,7 +19,7 @@ from twin.config import Fly
 from twin.experiments.fly import fly
 from twin.hil import BenchPlant, RigOptions, open_rig
 from twin.hil.connect import lead, opened
-from twin.hil.turntable import _twist, find_base
+from twin.hil.turntable import _twist, measure_base
 from twin.physics import native
 from twin.plant.model import ModelConfig, load
 
@@ -144,9 +144,9 @@ def test_the_controller_sees_the_base_and_not_the_vehicle(tmp_path, monkeypatch)
     from twin.hil import connect as opening
 
     lean = radians(3.0)
-    honest = opening.find_base
+    honest = opening.measure_base
     monkeypatch.setattr(
-        opening, "find_base", lambda seat: replace(base := honest(seat), tilt=base.tilt - lean)
+        opening, "measure_base", lambda seat: replace(base := honest(seat), tilt=base.tilt - lean)
     )
     _, run = flown(tmp_path / "a.rrd", "emulator", duration_s=8.0)
     late = run["turntable/simulated"].time > 6.0
@@ -184,7 +184,7 @@ def test_a_turntable_that_does_not_turn_is_told():
         seat = opened(RigOptions("emulator", scene="bench"), None)  # nothing on the third pin
         seat.start()
         with pytest.raises(HardwareError, match="servo on its pin") as caught:
-            find_base(seat)
+            measure_base(seat)
         seat.close()
     assert "\n" not in str(caught.value)
 
@@ -192,7 +192,7 @@ def test_a_turntable_that_does_not_turn_is_told():
 @pytest.mark.parametrize(
     ("fault", "told"),
     [
-        ("turntable:stuck@8", "the base stands at"),
+        ("turntable:stuck@8", "the base is at"),
         ("base_gyro:frozen@8", "base IMU frozen"),
         ("base_gyro:bias:60@8", "gyro bias, of holder or base"),
     ],

@@ -1,6 +1,6 @@
 """PID, low-pass, attitude loop, setpoint programmes and the steering demonstration.
 
-Everything works on arrays (..., n): one vehicle or ten thousand run through the same compiled code.
+All functions take arrays (..., n), so that one vehicle or thousands use the same compiled code.
 """
 
 from twin.control.attitude import AttitudeController, ControlConfig

@@ -1,7 +1,7 @@
-"""Attitude loop: where the nose is, where it should be, and the gimbal angle that turns it there.
+"""Attitude loop: gimbal angles that turn the nose to a wanted direction.
 
-The error is taken in body axes, so the loop does not care how far the vehicle has rolled. One motor
-gives no roll moment; roll is left alone.
+The error is taken in body axes, so the loop is independent of the roll angle. One motor gives no
+roll moment; roll is not controlled.
 """
 
 import math
@@ -24,14 +24,14 @@ class ControlConfig:
 
     Attributes
     ----------
-    kp, ki, kd : angular acceleration per rotation missing [1/s²], its integral [1/s³], rate [1/s]
+    kp, ki, kd : angular acceleration per error [1/s²], its integral [1/s³], rate [1/s]
     cutoff : of the low-pass on the rate [rad/s]; 0 switches it off
     limit : largest gimbal angle on each axis [rad]
     rate_limit : fastest change of the command [rad/s]; 0 switches it off
-    error_limit : rotation missing is taken for no more than this [rad]; bounds the turn rate
+    error_limit : limit on the error [rad]; bounds the turn rate
     authority_time, authority : angular acceleration per gimbal angle, thrust·lever/inertia
-        [rad/s² per rad], at times [s]; linear between, held outside
-    authority_floor : below it the gimbal is centred and the integral waits [rad/s² per rad]
+        [rad/s² per rad], at times [s]; linear between, constant outside
+    authority_floor : below it the gimbal is centred and the integral is held [rad/s² per rad]
     """
 
     kp: float = 25.0
@@ -53,7 +53,7 @@ class ControlConfig:
         if len(self.authority_time) != len(self.authority) or not self.authority:
             raise TwinError(
                 f"control authority has {len(self.authority)} values for"
-                f" {len(self.authority_time)} times; it needs one each, and at least one"
+                f" {len(self.authority_time)} times; must have one each, and at least one"
             )
         if np.any(np.diff(self.authority_time) <= 0.0):
             raise TwinError("control authority_time must increase")
@@ -61,14 +61,14 @@ class ControlConfig:
 
 def _demand(good: bool, name: str, value: float, wanted: str) -> None:
     if not (good and math.isfinite(value)):
-        raise TwinError(f"control {name} is {value:g}; it must be finite and {wanted}")
+        raise TwinError(f"control {name} is {value:g}; must be finite and {wanted}")
 
 
 @njit(nogil=True)
 def missing_rotation(attitude: Array, nose: Array) -> tuple[float, float]:
-    """Rotation about body x and y that takes the nose to the wanted direction [rad].
+    """Rotation about body x and y from the nose to the wanted direction [rad].
 
-    `attitude` (4,) wxyz body to world, `nose` (3,) unit, world. Shortest way; no roll in it.
+    `attitude` (4,) wxyz body to world, `nose` (3,) unit, world. Shortest rotation, without roll.
     """
     w, x, y, z = attitude
     dx, dy, dz = nose
@@ -77,7 +77,7 @@ def missing_rotation(attitude: Array, nose: Array) -> tuple[float, float]:
     bz = 2 * (x * z + w * y) * dx + 2 * (y * z - w * x) * dy + (1 - 2 * (x * x + y * y)) * dz
     across = math.sqrt(bx * bx + by * by)
     angle = math.atan2(across, bz)
-    # sin θ/θ → 1 towards the nose; straight behind it any way round is as short, take x
+    # sin θ/θ → 1 towards the nose; at 180° every axis is as short: x
     if across < 1e-12:
         return (0.0, 0.0) if bz > 0.0 else (angle, 0.0)
     return -by / across * angle, bx / across * angle
@@ -85,7 +85,7 @@ def missing_rotation(attitude: Array, nose: Array) -> tuple[float, float]:
 
 @njit(nogil=True)
 def interpolate(t: float, times: Array, values: Array) -> float:
-    """Value at t of a table, linear between its entries and held outside."""
+    """Value at t of a table, linear between its entries and constant outside."""
     n = len(times)
     if t <= times[0] or n == 1:
         return float(values[0])
@@ -133,7 +133,7 @@ class AttitudeController:
 
     Attributes
     ----------
-    error : (n, 2) rotation missing at the last update, about body x and y [rad]
+    error : (n, 2) error at the last update, about body x and y [rad]
     """
 
     def __init__(self, config: ControlConfig | None = None) -> None:
@@ -145,7 +145,7 @@ class AttitudeController:
         self.reset()
 
     def reset(self, n: int = 1) -> None:
-        """Forget everything; n vehicles from now on."""
+        """Reset the state, for n vehicles."""
         self._state = np.zeros((n, 6))
         self.error = np.zeros((n, 2))
         self._out = np.zeros((n, 2))
@@ -161,7 +161,7 @@ class AttitudeController:
         t, dt : experiment time, time since the last update [s]
         attitude : (..., 4) wxyz, body to world
         rate : (..., 3) in the body frame [rad/s]
-        setpoint : (..., 3) wanted nose direction in the world, unit vectors
+        setpoint : (..., 3) wanted nose direction, world frame, unit vectors
         """
         if out is None:
             out = self._out[0] if attitude.ndim == 1 else self._out

@@ -1,10 +1,10 @@
 """Steering to a fixed point in space, a demonstration for simulation only.
 
 The point must lie within 30° of the launch direction. The law is the energy-optimal approach to a
-point that stands still: the miss that would remain without further steering, divided by the time
-to go squared, times three (P. Zarchan, Tactical and Strategic Missile Guidance, 6th ed., 2012,
-ch. 8: zero effort miss). Gravity bends the predicted path, so no thrust is spent on fighting what
-helps.
+fixed point: the miss that would remain without further steering, divided by the time to go squared,
+times three (P. Zarchan, Tactical and Strategic Missile Guidance, 6th ed., 2012,
+ch. 8: zero effort miss). Gravity is part of the predicted path,
+so the law does not compensate it.
 """
 
 import math
@@ -21,7 +21,7 @@ from twin.errors import TwinError
 
 Array = NDArray[np.float64]
 CONE = math.radians(30.0)
-_SLACK = 1e-6  # rad; a point placed at exactly 30° must pass
+_SLACK = 1e-6  # rad; rounding of a point at exactly 30°
 
 
 @dataclass(frozen=True)
@@ -30,18 +30,17 @@ class FixedPoint:
 
     Attributes
     ----------
-    target : the point, world [m]
-    launch : launch direction; the point lies within 30° of it
+    target : the point, world frame [m]
+    launch : launch direction; the point must lie within 30° of it
     origin : launch point, world [m]
-    navigation : gain on the predicted miss; 3 spends least
+    navigation : gain on the predicted miss; 3 is optimal in energy
     mass : of the vehicle [kg]
     thrust_time, thrust : motor's thrust [N] at times [s]
     normal_force : ½ρ·area·slope of the normal force, [N per rad per (m/s)²]
     drag : ½ρ·area·drag coefficient [N per (m/s)²]
     most : largest angle between nose and velocity [rad]
-    begin : launch direction is held until then [s]
-    last : the gain grows no further within this time of the point [s]; the attitude loop could
-        not follow, and what it steers then no longer moves the path
+    begin : time until which the launch direction is held [s]
+    last : lower limit of the time to go in the gain [s]; the attitude loop could not follow faster
     """
 
     target: Vector
@@ -62,13 +61,13 @@ class FixedPoint:
         line = np.subtract(self.target, self.origin)
         distance = float(np.linalg.norm(line))
         if not (math.isfinite(distance) and distance > 0.0):
-            raise TwinError(f"target {self.target} must be finite and away from the launch point")
+            raise TwinError(f"target {self.target}: must be finite and away from the launch point")
         across = float(np.linalg.norm(np.cross(launch, line)))
         angle = math.atan2(across, float(np.dot(launch, line)))
         if angle > CONE + _SLACK:
             raise TwinError(
-                f"target {self.target} lies {math.degrees(angle):.1f}° off the launch direction;"
-                f" the demonstration steers within {math.degrees(CONE):.0f}°"
+                f"target {self.target}: {math.degrees(angle):.1f}° off the launch direction; must"
+                f" be within {math.degrees(CONE):.0f}°"
             )
         object.__setattr__(self, "launch", launch)
         fixed = np.array(
@@ -92,7 +91,7 @@ class FixedPoint:
 
 @njit(nogil=True)
 def _time_to_go(distance: float, speed: float, push: float) -> float:
-    """Time over a distance at a speed that grows by `push` [m/s²]; no longer than at constant."""
+    """Time for a distance at a speed that changes by `push` [m/s²]."""
     root = speed * speed + 2.0 * push * distance
     if root <= 0.0:
         return 2.0 * distance / speed
@@ -117,7 +116,7 @@ def _directions(
             if t < begin or speed < 3.0:
                 out[k] = launch
             else:
-                out[k] = v / speed  # past the point, or turned away from it: fly straight on
+                out[k] = v / speed  # past the point, or turned away from it: fly straight ahead
             continue
         ahead = v / speed
         push = (thrust - drag * speed * speed) / mass - GRAVITY * ahead[2]
@@ -127,6 +126,6 @@ def _directions(
         along = miss[0] * ahead[0] + miss[1] * ahead[1] + miss[2] * ahead[2]
         steer = navigation / (go * go) * (miss - along * ahead)
         need = math.sqrt(steer[0] ** 2 + steer[1] ** 2 + steer[2] ** 2)
-        # small-angle force across the path: thrust leans with the nose, the air pushes on it
+        # force across the path for small angles: thrust component and normal force of the air
         lean = min(need * mass / max(thrust + normal_force * speed * speed, 0.1), most)
         out[k] = math.cos(lean) * ahead + math.sin(lean) / max(need, 1e-9) * steer

@@ -18,11 +18,11 @@ def pid(
     error: float, slope: float, integral: float, kp: float, ki: float, kd: float,
     low: float, high: float, dt: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Output within [low, high], and the integral's next share of it.
+    """Output within [low, high], and the next state of the integral.
 
-    `slope` is the measurement's rate, so that a jump of the setpoint gives no kick. The integral
-    stands still while it would push further into a bound (conditional integration; K. J. Åström,
-    T. Hägglund, Advanced PID Control, 2006, §3.5).
+    `slope` is the rate of the measurement, so that a setpoint jump gives no derivative kick. The
+    integral is held while it would drive the output further past a limit (conditional integration;
+    K. J. Åström, T. Hägglund, Advanced PID Control, 2006, §3.5).
     """
     wanted = kp * error + integral - kd * slope
     output = min(max(wanted, low), high)

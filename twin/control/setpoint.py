@@ -17,10 +17,10 @@ UP: Vector = (0.0, 0.0, 1.0)
 
 
 class Setpoint(Protocol):
-    """Whatever says where the nose is to point."""
+    """A programme of nose directions."""
 
     def direction(self, t: float, position: Array, velocity: Array) -> Array:
-        """Wanted nose direction (..., 3), unit, for position and velocity (..., 3) in the world."""
+        """Return unit nose directions (..., 3) for positions and velocities (..., 3), world."""
 
 
 def off_axis(launch: Vector, right: float, up: float) -> Vector:
@@ -43,10 +43,15 @@ def off_axis(launch: Vector, right: float, up: float) -> Vector:
 
 
 def unit(vector: Vector, name: str) -> Vector:
-    """Return a vector at length 1; one without length is refused by `name`."""
+    """Return a vector scaled to length 1; `name` is for the error message.
+
+    Raises
+    ------
+    TwinError : it has no direction
+    """
     length = math.sqrt(sum(c * c for c in vector))
     if not (math.isfinite(length) and length > 0.0):
-        raise TwinError(f"{name} {vector} has no direction")
+        raise TwinError(f"{name} {vector}: must not be zero, and must be finite")
     return (vector[0] / length, vector[1] / length, vector[2] / length)
 
 
@@ -61,9 +66,9 @@ class Hold:
 
     Attributes
     ----------
-    launch : direction of launch, world; any length but zero
-    axis : the nose is turned about this world axis. By default a positive angle tips the nose from
-        the vertical down-range (from a vertical launch: to the east).
+    launch : launch direction, world frame, any length but zero
+    axis : world axis about which the nose is turned; by default the one for which a positive angle
+        tips the nose down-range (to the east from a vertical launch)
     """
 
     launch: Vector = UP
@@ -99,7 +104,7 @@ class Hold:
     def direction(self, t: float, position: Array, velocity: Array) -> Array:  # noqa: ARG002
         """Wanted nose direction (..., 3), unit, world."""
         a = self.angle(t)
-        if a == 0.0 and position.ndim == 1:  # most ticks of most programmes
+        if a == 0.0 and position.ndim == 1:  # the common case
             return self._at_rest  # type: ignore[attr-defined, no-any-return]
         nose: Array = (
             self._still + math.cos(a) * self._turning + math.sin(a) * self._across  # type: ignore[attr-defined]
@@ -121,7 +126,7 @@ class Step(Hold):
 
 @dataclass(frozen=True)
 class Doublet(Step):
-    """`amplitude` one way for `duration` [s], the other way as long, then back."""
+    """`amplitude` [rad] for `duration` [s], its negative for as long, then zero."""
 
     duration: float = 1.5
 
@@ -134,10 +139,9 @@ class Doublet(Step):
 
 @dataclass(frozen=True)
 class PitchOver(Step):
-    """Tip over by `amplitude` within `duration` [s] like the start of a gravity turn.
+    """Turn by `amplitude` [rad] within `duration` [s], like the start of a gravity turn.
 
-    Half a cosine: the turn begins and ends with no angular acceleration step beyond
-    amplitude·π²/(2·duration²).
+    Half a cosine: the angular acceleration is at most amplitude·π²/(2·duration²).
     """
 
     duration: float = 4.0

@@ -2,8 +2,6 @@
 
 import copy
 import json
-import os
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
+from analysis.files import write_text
 from hardware.frames import AXES
 from twin.config import Identify
 from twin.config.paths import writable
@@ -134,7 +133,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     if late > 1e-3:
         warnings.append(f"{1e3 * late:.1f} ms of delay are no parameter of the linkage: not in it")
     written = {**known, **{t: v for n, v in values.items() for t in TARGETS.get(n, (n,))}}
-    _write(out, written)
+    write_text(out, json.dumps(written, indent=2, allow_nan=False) + "\n")
     return PhysicsResult(
         fit, written, out, tuple(r.name for r in source.runs), tuple(warnings),
         time.perf_counter() - began,
@@ -185,15 +184,3 @@ class _Bench:
         apply_servo(model)
         native.bind(model)
         return model
-
-
-def _write(path: Path, content: Mapping[str, float]) -> None:
-    """Write beside, then rename."""
-    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False) as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
-    beside = Path(stream.name)
-    beside.chmod(0o644)
-    beside.replace(path)

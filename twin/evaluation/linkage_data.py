@@ -1,4 +1,4 @@
-"""What a recording says a linkage was told and did, on the physics' own grid of time."""
+"""Commands and motion of a recorded linkage, on the time grid of the physics."""
 
 from collections.abc import Callable
 
@@ -83,8 +83,8 @@ def _asked(frames: PulseFrames, r: Measurement, shaft: Shaft) -> Array:
     def wanted(times: Array) -> Array:
         return np.asarray(shaft(r.command.held(times)))
 
-    told = wanted(frames.begin - lateness(frames, wanted))
-    columns = [fitted(frames.pulse[:, [k]], told[:, [k]], 1)[:, 0] for k in range(len(AXES))]
+    commanded = wanted(frames.begin - lateness(frames, wanted))
+    columns = [fitted(frames.pulse[:, [k]], commanded[:, [k]], 1)[:, 0] for k in range(len(AXES))]
     return np.stack(columns, axis=1)
 
 

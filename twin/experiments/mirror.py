@@ -17,7 +17,7 @@ from twin.experiments.session import Session
 from twin.experiments.signals import until_signal
 from twin.experiments.summary import recording_rows
 from twin.hil import RigGimbal
-from twin.hil.playback import Tape as Playback
+from twin.hil.playback import Playback
 from twin.hil.teleop import Keys, Stick, Watch
 from twin.loop.loop import Controller
 from twin.loop.readings import Readings
@@ -134,11 +134,11 @@ def mirror(config: Mirror) -> MirrorResult:
             controller, name = _controller(config, keys, s.rig), _name(config, s.rig)
             witness = _Witness(s.rig.readings, s.rig.now_ns)
         else:
-            tape = Playback(config.playback, plant)
-            s.seat(tape, tape.readings)
-            controller, name = tape, f"recording {config.playback}"
-            witness = _Witness(tape.readings, None)
-            length = tape.duration_ns + s.tick_ns  # the last reading belongs to a tick
+            playback = Playback(config.playback, plant)
+            s.seat(playback, playback.readings)
+            controller, name = playback, f"recording {config.playback}"
+            witness = _Witness(playback.readings, None)
+            length = playback.duration_ns + s.tick_ns  # the last reading belongs to a tick
         if config.duration_s is not None:
             length = min(length, round(config.duration_s * 1e9))
         drain = DRAIN_NS if config.serve is None else DRAIN_LIVE_NS
@@ -173,7 +173,9 @@ def mirror(config: Mirror) -> MirrorResult:
 def _controller(config: Mirror, keys: Keys | None, rig: RigGimbal) -> Controller:
     if keys is not None:
         return keys
-    return Stick(rig.readings) if config.steer == "joystick" else Watch(rig.readings, rig.asked)
+    return (
+        Stick(rig.readings) if config.steer == "joystick" else Watch(rig.readings, rig.pulse_angle)
+    )
 
 
 def _name(config: Mirror, rig: RigGimbal) -> str:

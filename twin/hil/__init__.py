@@ -1,4 +1,4 @@
-"""Rigs in the gimbal seat: on a serial line, or simulated over the bench scene.
+"""Rigs in the gimbal seat: on a serial line, or simulated with the bench scene.
 
 >>> from twin.hil import is_rig
 >>> is_rig("emulator"), is_rig("/dev/ttyUSB0"), is_rig("linkage")

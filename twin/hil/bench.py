@@ -1,4 +1,4 @@
-"""The bench scene as the mechanism of a simulated rig: pulses move MuJoCo's servos and rods."""
+"""The bench scene as the mechanism of a simulated rig: pulses move its servos and rods."""
 
 from math import cos, sin
 
@@ -15,30 +15,30 @@ TURN = "turntable"  # joint and actuator that turn the base
 
 
 class BenchPlant:
-    """A mechanism, clamped or on a turntable, behind `hardware.emulator.Plant`.
+    """A mechanism, clamped or on a turntable, as a `hardware.emulator.Plant`.
 
-    It needs `native.installed()`.
-
-    The firmware's clock sets the physics step, so that a device whose clock is fast moves through
-    its world in whole steps of its own millisecond.
+    Needs `native.installed()`. The clock of the firmware sets the physics step, so that a device
+    with a fast clock takes whole steps of its own millisecond.
 
     Parameters
     ----------
-    twin : a scene without vehicle whose gimbal is moved by servos; stepped and changed here only
+    twin : a scene without vehicle, with servos; no other component may step or change it
 
     Raises
     ------
-    TwinError : the scene has another gimbal
+    TwinError : the gimbal of the scene has no servos
     """
 
     def __init__(self, twin: TwinModel) -> None:
         if twin.gimbal != "linkage":
-            raise TwinError(f"a simulated rig needs servos, this model's gimbal is {twin.gimbal}")
+            raise TwinError(
+                f"a simulated rig needs servos; the gimbal of this scene is {twin.gimbal!r}"
+            )
         self.model = model = twin.mj
         self.data = mujoco.MjData(model)
-        # Runge–Kutta would call the dead band four times a step; the shipped scenes use this one.
+        # Runge–Kutta would evaluate the dead band four times a step.
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        # views of the state; MuJoCo's arrays stay where they are for life
+        # views of the state; MuJoCo never moves its arrays
         self._ctrl, self._qpos, self._qvel = self.data.ctrl, self.data.qpos, self.data.qvel
         self._dt = model.opt.timestep
         self._servos = [int(model.actuator(f"gimbal_servo_{a}").id) for a in AXES]
@@ -62,7 +62,7 @@ class BenchPlant:
         return view
 
     def _turntable(self) -> tuple[int, int, int] | None:
-        """Actuator, place and velocity of the joint that turns the base; None where it stands."""
+        """Actuator and state indices of the joint that turns the base; None on a fixed base."""
         if mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, TURN) < 0:
             return None
         joint = self.model.joint(TURN)
@@ -71,11 +71,11 @@ class BenchPlant:
         return servo, int(joint.qposadr[0]), int(joint.dofadr[0])
 
     def advance(self, dt: float, shaft: Triple) -> None:
-        """Move for dt [s] with the shaft angles the pulses ask for [rad].
+        """Advance by dt [s] with the shaft angles that the pulses command [rad].
 
         Raises
         ------
-        DivergenceError : the state left the finite numbers
+        DivergenceError : a velocity is not finite or far too large
         """
         if dt != self._dt:
             self.model.opt.timestep = self._dt = dt
@@ -89,12 +89,12 @@ class BenchPlant:
             raise DivergenceError(f"the simulated rig diverged at {self.data.time:.3f} s")
 
     def angles(self) -> Pair:
-        """Gimbal angles as they are [rad]."""
+        """True gimbal angles [rad]."""
         q = self._qpos
         return float(q[self._q[0]]), float(q[self._q[1]])
 
     def rates(self) -> Pair:
-        """Their time derivatives [rad/s]."""
+        """True gimbal rates [rad/s]."""
         v = self._qvel
         return float(v[self._v[0]]), float(v[self._v[1]])
 
@@ -108,8 +108,8 @@ class BenchPlant:
     def holder_imu(self) -> tuple[Triple, Triple]:
         """Angular rate and specific force on the holder [rad/s], [m/s²].
 
-        The rate follows from the joints, because MuJoCo's sensors are of the instant before the
-        last step; the force, which nothing here depends on closely, is that sensor's.
+        The rate is computed from the joints, because MuJoCo's sensors belong to the beginning of
+        the last step; the force is that of the sensor.
         """
         (dx, dy), y = self.rates(), float(self._qpos[self._q[1]])
         dx += self.turn()[1]  # the base turns about the axis of the ring

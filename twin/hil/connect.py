@@ -1,4 +1,4 @@
-"""From the name in the gimbal seat to a rig that is connected."""
+"""Open and connect the rig that `--gimbal` names."""
 
 import sys
 import time
@@ -21,29 +21,29 @@ from twin.errors import TwinError
 from twin.hil.bench import BenchPlant
 from twin.hil.gimbal import RigGimbal
 from twin.hil.simulated import Device, make_device, nominal_calibration, parameters
-from twin.hil.turntable import find_base
+from twin.hil.turntable import measure_base
 from twin.plant.model import ModelConfig, TwinModel, load
 from twin.plant.plant import Plant
 
-RIG_PARAMETERS = ("gimbal_", TURNTABLE)  # first parts of their names; the second on a turntable
+RIG_PARAMETERS = ("gimbal_", TURNTABLE)  # prefixes of names; the second for turntables only
 
 
 @dataclass(frozen=True)
 class RigOptions:
-    """What opening a rig can be told.
+    """Options of opening a rig.
 
     Attributes
     ----------
     seat : `emulator`, `firmware` or a port
-    calibration : JSON file of this rig; what the drawings say where None
-    unit : number of a simulated rig with tolerances; None is the rig as drawn
+    calibration : JSON file of this rig; nominal values where None
+    unit : serial number of a simulated rig with random tolerances; None is the nominal rig
     faults : of a simulated rig, see `hardware.emulator.parse`
-    seed : of a simulated rig's noise
+    seed : of the noise of a simulated rig
     mechanism : MJCF file in place of the reference mechanism
-    overrides : named parameters; those of mechanism and turntable count for a rig
-    scene : what it stands on: `bench`, or `turntable` whose base turns
+    overrides : named parameters; a rig uses those of mechanism and turntable
+    scene : `bench`, or `turntable` with a base that turns
     watch : neither arm nor command it
-    fuse : estimate angles; a calibration has no use for it
+    fuse : estimate angles; not needed for a calibration
     """
 
     seat: str
@@ -59,17 +59,17 @@ class RigOptions:
 
 
 def lead(options: RigOptions) -> Pair:
-    """What a turntable is told ahead, per rate [s] and per acceleration [s²]."""
+    """Feed-forward of the turntable servo per rate [s] and per acceleration [s²]."""
     first, second = _model(options, TURNTABLE).mj.numeric("turntable_lead").data.tolist()
     return first, second
 
 
 def device(options: RigOptions) -> Device:
-    """The simulated rig of a seat, over a scene of its own.
+    """A simulated rig with a separate scene.
 
     Raises
     ------
-    TwinError, HardwareError : unknown fault, missing AVR tools, an override that cannot be
+    TwinError, HardwareError : unknown fault, missing AVR tools, impossible override
     """
     faults = [parse(text) for text in options.faults]
     rig = parameters(_model(options, "bench").mj, options.unit)
@@ -78,7 +78,7 @@ def device(options: RigOptions) -> Device:
 
 
 def _model(options: RigOptions, scene: str) -> TwinModel:
-    """A scene with the rig's mechanism; the bench is the one that knows the limit switches."""
+    """A scene with the mechanism of the rig; only the bench has the limit switches."""
     names = RIG_PARAMETERS if scene == TURNTABLE else RIG_PARAMETERS[:1]
     ours = {k: v for k, v in options.overrides.items() if k.startswith(names)}
     return load(ModelConfig(scene=scene, mechanism=options.mechanism, overrides=ours))
@@ -86,23 +86,23 @@ def _model(options: RigOptions, scene: str) -> TwinModel:
 
 @contextmanager
 def open_rig(
-    options: RigOptions, plant: Plant | None, tape: Recording | None = None
+    options: RigOptions, plant: Plant | None, playback: Recording | None = None
 ) -> Iterator[RigGimbal]:
     """Connect a rig for the length of a block, within `native.installed()`; see `opened`.
 
     Parameters
     ----------
-    tape : recording whose readings stand in for the rig
+    playback : recording whose readings replace the rig
     """
-    if tape is not None:
+    if playback is not None:
         assert plant is not None
-        seat = _replayed(options, plant, tape)
+        seat = _replayed(options, plant, playback)
     else:
         seat = opened(options, plant)
     try:
         seat.start()
         if options.scene == TURNTABLE and seat.base is None:
-            seat.base = find_base(seat)
+            seat.base = measure_base(seat)
             seat.settle()
         yield seat
     finally:
@@ -110,7 +110,7 @@ def open_rig(
 
 
 def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
-    """A rig in the gimbal seat, its line open, `start` not called yet.
+    """A rig for the gimbal seat with its line open; `start` has not been called.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
     """
     check_seat(options.seat)
     if not is_rig(options.seat):
-        raise TwinError(f"--gimbal {options.seat} is no rig")
+        raise TwinError(f"--gimbal {options.seat}: must be a rig: emulator, firmware or a port")
     if options.seat in SIMULATED:
         return _simulated(options, plant)
     _refuse_simulation(options)
@@ -138,7 +138,7 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
 
 
 def _warm(calibration: Calibration) -> None:
-    """Compile what a rig's frames need, once after an update, before it talks."""
+    """Compile the estimator before frames arrive; takes long once after an update."""
     still = SensorFrame(
         0, 0, (0.5,) * 4, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3,
         (False,) * 4, (0.0, 0.0), 0,
@@ -148,25 +148,25 @@ def _warm(calibration: Calibration) -> None:
     fusion.update(replace(still, device_us=2000))
 
 
-def _replayed(options: RigOptions, plant: Plant, tape: Recording) -> RigGimbal:
+def _replayed(options: RigOptions, plant: Plant, playback: Recording) -> RigGimbal:
     from twin.hil.recorded import RecordedRig, base_of, calibration_of
 
     bench = _model(options, "bench").mj
-    calibration = calibration_of(tape, given=options.calibration is not None)
+    calibration = calibration_of(playback, given=options.calibration is not None)
     if calibration is None:
         simulated = options.seat in SIMULATED
         rig = parameters(bench, options.unit) if simulated else None
         calibration = nominal_calibration(bench, rig)
-    turns = options.scene == TURNTABLE
+    turntable = options.scene == TURNTABLE
     seat = RigGimbal(
-        RecordedRig(tape, calibration, plant, turns=turns),
+        RecordedRig(playback, calibration, plant, turntable=turntable),
         plant,
         clock=lambda: plant.time_ns,
         wait=lambda _: None,
         lockstep=False,
         live=False,
     )
-    seat.base = base_of(tape) if turns else None
+    seat.base = base_of(playback) if turntable else None
     return seat
 
 
@@ -197,7 +197,7 @@ def _calibration(options: RigOptions) -> Calibration | None:
 
 
 def _refuse_simulation(options: RigOptions) -> None:
-    """A real rig has the faults and tolerances it has."""
+    """Refuse options of simulated rigs for a port."""
     given: Sequence[tuple[str, object]] = (
         ("--fault", options.faults),
         ("--unit", options.unit is not None),
@@ -205,6 +205,6 @@ def _refuse_simulation(options: RigOptions) -> None:
     for flag, value in given:
         if value:
             raise TwinError(
-                f"{flag} is for simulated rigs; --gimbal {options.seat} is a port"
-                " (give it to the `twin rig` behind it)"
+                f"{flag} is for simulated rigs and --gimbal {options.seat} is a port; give it to"
+                " the `twin rig` that serves the port"
             )

@@ -22,22 +22,22 @@ from hardware.rig.rig import TIMEOUT_MS
 from twin.loop.readings import Readings
 from twin.plant.plant import Plant
 
-# The filters find the gyro's bias sooner, but the estimate of a device's clock errs by up to 1 ms
-# in the first 0.6 s after the handshake.
+# The filters settle sooner, but the estimate of the device clock errs by up to 1 ms in the first
+# 0.6 s after the handshake.
 SETTLE_NS = 800_000_000
 LONGEST_SETTLE_NS = 3_000_000_000
-# A servo looks at its pulse every 20 ms; more commands than the rig sends frames tell it nothing.
+# A servo takes a new pulse every 20 ms; commands more frequent than the frames have no effect.
 COMMAND_NS = 2_000_000
-# The rig's own timeout sends its servos to neutral when nothing comes any more; they take 0.1 s.
 SILENT_S = 0.1  # without a reading: fifty frames, and the time the rig waits for a command
+# timeout of the rig, after which its servos go to neutral, and the time they take
 NEUTRAL_NS = TIMEOUT_MS * 1_000_000 + 100_000_000
 _STEP_NS = 1_000_000
-# Frames come every 2 ms and spend 2 ms on the line; a backlog of a second is worked off in 0.1 s.
+# Frames come every 2 ms and take 2 ms on the line; a backlog of one second is processed in 0.1 s.
 FRESH_NS, LONGEST_CATCH_UP_NS = 10_000_000, 10_000_000_000
 
 
-class SomeRig(Protocol):
-    """What the seat needs of a rig; `hardware.rig.Rig` is one, a recording another."""
+class RigLike(Protocol):
+    """Interface of a rig: `hardware.rig.Rig`, or a recorded one."""
 
     calibration: Calibration
     fusion: Fusion
@@ -49,7 +49,7 @@ class SomeRig(Protocol):
 
     @property
     def phase(self) -> Phase:
-        """Where the connection stands."""
+        """State of the connection."""
 
     @property
     def states(self) -> list[GimbalState]:
@@ -71,13 +71,13 @@ class SomeRig(Protocol):
         """Wait until it is ready."""
 
     def renew(self, base: BaseMap | None = None) -> None:
-        """Forget every estimate."""
+        """Restart all estimates."""
 
     def poll(self) -> list[SensorFrame]:
         """Frames that have arrived."""
 
     def listen(self) -> bool:
-        """Hear what must be dated between two polls; whether to call again soon."""
+        """Receive what must be time-stamped between two polls; return whether to call again."""
 
     def send(self, command: GimbalCommand, turntable: float = 0.0) -> object:
         """Send a command."""
@@ -86,43 +86,42 @@ class SomeRig(Protocol):
         """Send pulse widths [s]."""
 
     def name(self, serial: int) -> None:
-        """Give a board without a serial number one."""
+        """Assign a serial number to a board without one."""
 
     def neutral(self) -> None:
         """Send the servos to neutral and leave them armed."""
 
     def close(self) -> None:
-        """Neutral, disarmed, line closed."""
+        """Send the servos to neutral, disarm, close the line."""
 
 
 class RigGimbal:
-    """Polls a rig once a tick without blocking and lets the plant's joints follow it.
+    """Polls a rig once a tick without blocking and lets the joints of the plant follow it.
 
-    While nothing comes from the rig, the joints hold the last angle for as long as its own timeout
-    lets the servos stand, and then go to neutral as the servos do (but where somebody else steers);
-    `GimbalState.healthy` is false meanwhile, and the run goes on.
+    While no frames arrive, the joints hold the last angle until the timeout of the rig and then go
+    to neutral as its servos do (except with `watch`); `GimbalState.healthy` is false meanwhile.
 
     Parameters
     ----------
     rig : not connected yet
-    plant : of a model whose gimbal is `follow`; None leaves the joints to somebody else
-    clock : the rig's clock [ns]
-    wait : lets time pass on it [ns]; in lockstep this is what moves the simulated device
-    lockstep : the device lives on the plant's time
+    plant : of a model whose gimbal is `follow`; None moves no joints
+    clock : clock of the rig [ns]
+    wait : lets time pass on it [ns]; in lockstep this advances the simulated device
+    lockstep : the device runs on the plant's time
     watch : send nothing; the rig must not be armed then
-    live : its estimates need time to settle; those of a recording have had it
+    live : estimates need time to settle; false for a recording
 
     Attributes
     ----------
     rig, wait : as given
-    readings : what the latest poll brought
+    readings : of the latest poll
     turntable : pulse width for the third servo, 0 for neutral [s]
-    base : map of the base it stands on, where that turns
+    base : map of the turntable the rig stands on; None on a fixed bench
     """
 
     def __init__(
         self,
-        rig: SomeRig,
+        rig: RigLike,
         plant: Plant | None,
         *,
         clock: Callable[[], int],
@@ -142,7 +141,7 @@ class RigGimbal:
         self._origin = 0
         self._started = self._caught_up = False
         self._fresh_ns = 0
-        self._heard = False
+        self._received = False
         self._next_command = 0
         self._ready = False
         self._lost_ns = 0
@@ -162,7 +161,7 @@ class RigGimbal:
         self.settle()
 
     def settle(self) -> None:
-        """Begin every estimate anew and let it settle; blocks.
+        """Restart all estimates and wait until they have settled; blocks.
 
         Raises
         ------
@@ -174,17 +173,17 @@ class RigGimbal:
             self._clock() - began < SETTLE_NS or self.rig.statistics.frames == before
         ):
             if self._clock() - began > LONGEST_SETTLE_NS:
-                raise RigError("the rig answers but sends no readings; is its cable sound?")
+                raise RigError("the rig answers but sends no readings; check its cable")
             self.rig.poll()
             self.wait(_STEP_NS)
         self._ready = True
 
     def catch_up(self) -> None:
-        """Take in what has come while the run was being set up; its states count, no row does."""
+        """Process the frames that arrived while the run was set up; they are not recorded."""
         end = self._clock() + LONGEST_CATCH_UP_NS
         self.rig.poll()
         while self._live and not self._lockstep and not self._fresh() and self._clock() < end:
-            self.wait(_STEP_NS)  # a terminal hands out what it has kept piece by piece
+            self.wait(_STEP_NS)  # a terminal returns a backlog in pieces
             self.rig.poll()
         self._stale = self.rig.fusion.state(0)
         memory = {"session": self.rig.session, "fusion": self.rig.fusion.snapshot()}
@@ -192,32 +191,32 @@ class RigGimbal:
         self._caught_up = True
 
     def _fresh(self) -> bool:
-        if self.rig.phase is not Phase.READY:  # nothing comes that could be caught up with
+        if self.rig.phase is not Phase.READY:  # no frames arrive
             return True
         states = self.rig.states
         return bool(states) and self._clock() - states[-1].time_ns < FRESH_NS
 
     def listen(self) -> bool:
-        """Hear the answer to a PING when it comes; whether one is awaited."""
+        """Receive the answer to a PING; return whether one is awaited."""
         return self.rig.listen()
 
     def now_ns(self) -> int:
-        """Experiment time on the rig's clock [ns]."""
+        """Experiment time on the clock of the rig [ns]."""
         return self._clock() - self._origin
 
     def send(self, command: GimbalCommand) -> None:
-        """Pass a command on, at most every 2 ms."""
+        """Send a command, at most every 2 ms."""
         if self._watch or command.time_ns < self._next_command:
             return
         self._next_command = command.time_ns + COMMAND_NS
         self.rig.send(command, self.turntable)
 
-    def asked(self, frame: SensorFrame) -> Pair:
-        """Gimbal angle that the pulses in force ask for [rad]."""
+    def pulse_angle(self, frame: SensorFrame) -> Pair:
+        """Gimbal angle of the pulse widths in a frame [rad]."""
         return self.rig.calibration.angles(frame.pulse[:2])
 
     def poll(self) -> GimbalState:
-        """The latest estimate, in experiment time; frames and states are in `readings`."""
+        """Return the latest estimate, in experiment time; frames and states are in `readings`."""
         if not self._started:
             if not self._caught_up:
                 self.catch_up()
@@ -226,7 +225,7 @@ class RigGimbal:
         if self._lockstep and self._plant is not None:
             while (behind := self._plant.time_ns - self.now_ns()) > 0:
                 self.wait(min(behind, _STEP_NS))
-                self.rig.listen()  # a PONG dated a tick late would turn the device's clock
+                self.rig.listen()  # a PONG stamped a tick late would falsify the clock estimate
         frames = self.rig.poll()
         self._read(frames)
         state = self.readings.states[-1] if self.readings.states else self._stale
@@ -247,7 +246,7 @@ class RigGimbal:
         return state
 
     def close(self) -> None:
-        """Neutral, disarmed, line closed."""
+        """Send the servos to neutral, disarm, close the line."""
         self.rig.close()
 
     def _read(self, frames: list[SensorFrame]) -> None:
@@ -258,11 +257,11 @@ class RigGimbal:
         r.snapshot, self._snapshot = self._snapshot, None
         self._follow_connection()
         newest = r.states[-1] if r.states else self._stale
-        if r.states and not self._heard:
-            self._heard = True
+        if r.states and not self._received:
+            self._received = True
             if note := rig.fusion.monitor.note:
                 r.events.append(MonitoringLimited(note))
-        known = self._ready and self._heard and newest.sigma != (0.0, 0.0)
+        known = self._ready and self._received and newest.sigma != (0.0, 0.0)
         r.age_ns = self.now_ns() - newest.time_ns if known else None
         statistics = rig.statistics
         r.round_trip_ns = statistics.round_trip_ns if known and r.frames else None

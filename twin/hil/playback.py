@@ -1,12 +1,11 @@
-"""A recording in the gimbal seat: the joints follow what was measured then."""
+"""A recording in the gimbal seat: the joints follow the recorded measurements."""
 
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.recording import Recording
-from analysis.recording import reader as recordings
+from analysis.recording import Recording, reader
 from hardware.events import HealthChanged
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from twin.errors import TwinError
@@ -29,46 +28,48 @@ WIDTHS = {
 }
 
 
-class Tape:
-    """Plays the readings of a recorded run at the pace of the plant.
+class Playback:
+    """Gives the readings of a recorded run at the plant's time, in gimbal and controller seat.
 
     Parameters
     ----------
-    path : recording of any run with a rig in it
+    path : recording of a run with a rig
     plant : of a model whose gimbal is `follow`
 
     Attributes
     ----------
     duration_ns : until the last reading [ns]
-    readings : what the latest poll brought
+    readings : of the latest poll
 
     Raises
     ------
-    AnalysisError : no sound recording
+    AnalysisError : not a valid recording
     TwinError : a recording without measured angles
     """
 
     def __init__(self, path: Path, plant: Plant) -> None:
-        tape = recordings.read(path)
-        if "gimbal/measured" not in tape.series:
-            held = ", ".join(tape.series) or "nothing"
-            raise TwinError(f"{path} holds no measured angles to mirror; it holds {held}")
+        recording = reader.read(path)
+        if "gimbal/measured" not in recording.series:
+            names = ", ".join(recording.series) or "nothing"
+            raise TwinError(f"{path}: has no measured angles to mirror; it has {names}")
         self._plant = plant
-        self._times = tape["gimbal/measured"].time_ns
-        self._states, self._frames = _states(tape), recorded_frames(tape, self._times)
-        self._health = [(round(e.time * 1e9), e.text) for e in tape.health]
-        self._command = _series(tape, "gimbal/command", 2)
-        self._command_time = tape.series["gimbal/command"].time_ns if self._command.size else None
+        self._times = recording["gimbal/measured"].time_ns
+        self._states, self._frames = _states(recording), recorded_frames(recording, self._times)
+        self._health = [(round(e.time * 1e9), e.text) for e in recording.health]
+        self._command = _series(recording, "gimbal/command", 2)
+        self._command_time = (
+            recording.series["gimbal/command"].time_ns if self._command.size else None
+        )
         self._next, self._begun = 0, False
         self._last = GimbalState(0, (0.0, 0.0), healthy=False)
         self.readings = Readings()
         self.duration_ns = int(self._times[-1]) if len(self._times) else 0
 
     def send(self, command: GimbalCommand) -> None:
-        """Do nothing; what was commanded then is on the tape."""
+        """Do nothing: commands are recorded ones."""
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
-        """Angle commanded then [rad]; the tape sits in the controller's seat too."""
+        """Return the recorded command at `time` [rad]."""
         if self._command_time is None:
             return 0.0, 0.0
         k = int(np.searchsorted(self._command_time, round(time * 1e9), side="right")) - 1
@@ -76,7 +77,7 @@ class Tape:
         return x, y
 
     def poll(self) -> GimbalState:
-        """The readings up to the plant's time."""
+        """Take the readings up to the plant's time."""
         now = self._plant.time_ns
         end = int(np.searchsorted(self._times, now, side="right"))
         r = self.readings
@@ -95,34 +96,36 @@ class Tape:
         return self._last
 
 
-def _series(tape: Recording, name: str, width: int) -> Array:
+def _series(recording: Recording, name: str, width: int) -> Array:
     """Values (m, width) of a signal, (0, width) where it was not recorded."""
-    found = tape.series.get(name)
-    return np.empty((0, width)) if found is None else np.asarray(found.values)
+    series = recording.series.get(name)
+    return np.empty((0, width)) if series is None else np.asarray(series.values)
 
 
-def _beside(tape: Recording, name: str, width: int, times: Stamps) -> Array:
-    """A signal at some stamps [ns]: the value last before each, else NaN."""
+def _beside(recording: Recording, name: str, width: int, times: Stamps) -> Array:
+    """A signal at time stamps [ns]: the last value before each, NaN without one."""
     out = np.full((len(times), width), np.nan)
-    found = tape.series.get(name)
-    if found is None or found.values.shape[1] != width or not len(found.time):
+    series = recording.series.get(name)
+    if series is None or series.values.shape[1] != width or not len(series.time):
         return out
-    at = np.searchsorted(found.time_ns, times, side="right") - 1
-    out[at >= 0] = found.values[at[at >= 0]]
+    at = np.searchsorted(series.time_ns, times, side="right") - 1
+    out[at >= 0] = series.values[at[at >= 0]]
     return out
 
 
-def _states(tape: Recording) -> list[GimbalState]:
-    times = tape["gimbal/measured"].time_ns
-    angle = np.asarray(tape["gimbal/measured"].values)
-    rate, sigma = (_beside(tape, n, 2, times) for n in ("gimbal/rate/measured", "gimbal/sigma"))
+def _states(recording: Recording) -> list[GimbalState]:
+    times = recording["gimbal/measured"].time_ns
+    angle = np.asarray(recording["gimbal/measured"].values)
+    rate, sigma = (
+        _beside(recording, n, 2, times) for n in ("gimbal/rate/measured", "gimbal/sigma")
+    )
     rows = zip(times.tolist(), angle.tolist(), rate.tolist(), sigma.tolist(), strict=True)
     return [GimbalState(t, _two(a), _two(r), _two(s)) for t, a, r, s in rows]
 
 
-def recorded_frames(tape: Recording, times: Stamps) -> list[SensorFrame]:
-    """The readings of a recorded run at these stamps [ns]; NaN what was not recorded."""
-    columns = [_beside(tape, name, width, times).tolist() for name, width in WIDTHS.items()]
+def recorded_frames(recording: Recording, times: Stamps) -> list[SensorFrame]:
+    """Frames of a recorded run at time stamps [ns]; NaN where something was not recorded."""
+    columns = [_beside(recording, name, width, times).tolist() for name, width in WIDTHS.items()]
     frames = []
     for time, pot, g, a, bg, ba, pulse, sw, joy, dev, flags in zip(
         times.tolist(), *columns, strict=True

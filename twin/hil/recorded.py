@@ -1,4 +1,4 @@
-"""A recorded rig: the frames of a run again, fused again, at the ticks that took them then."""
+"""A recorded rig: the frames of a run, fused again at the ticks that took them."""
 
 import json
 
@@ -32,71 +32,71 @@ NEEDED = (
     "link/lost",
     "link/crc_errors",
 )
-OF_A_TURNTABLE = ("sensors/base_gyro", "sensors/base_accelerometer")
+TURNTABLE_SIGNALS = ("sensors/base_gyro", "sensors/base_accelerometer")
 LARGEST_READING = 1e6  # rad/s, m/s² and fractions of a supply stay far below
-LONGEST_MEMORY = 100_000  # characters; an estimator remembers some three thousand
+LONGEST_MEMORY = 100_000  # characters; the state of an estimator takes about 3000
 
 
-def base_of(tape: Recording) -> BaseMap:
-    """Map of the turning base that a recorded rig stood on.
+def base_of(recording: Recording) -> BaseMap:
+    """Map of the turntable of a recorded rig.
 
     Raises
     ------
-    TwinError, HardwareError : there is none, or it is no such map
+    TwinError, HardwareError : it is missing or invalid
     """
-    values = tape.properties.get("base")
+    values = recording.properties.get("base")
     names = BaseMap.__dataclass_fields__
     if not isinstance(values, dict) or set(values) != set(names):
-        raise TwinError("the recording has no map of the base IMU that its controller saw")
+        raise TwinError("the recording has no map of its base IMU, which a replay needs")
     kinds = {"gyro_bias": tuple[float, float, float]}
     return BaseMap(**{n: typed(f"base.{n}", values[n], kinds.get(n, float)) for n in names})
 
 
-def calibration_of(tape: Recording, *, given: bool) -> Calibration | None:
-    """The calibration that a recorded run was given, as its recording keeps it; None without one.
+def calibration_of(recording: Recording, *, given: bool) -> Calibration | None:
+    """The calibration of a recorded run, from its recording; None without one.
 
     Parameters
     ----------
-    given : whether the run's configuration names one
+    given : whether the configuration of the run names one
 
     Raises
     ------
-    TwinError, HardwareError : it is missing, or no sound calibration
+    TwinError, HardwareError : it is missing or invalid
     """
     if not given:
         return None
-    files = tape.properties.get("files")
+    files = recording.properties.get("files")
     kept = files.get("calibration") if isinstance(files, dict) else None
     text = kept.get("text") if isinstance(kept, dict) else None
     if not isinstance(text, str):
-        raise TwinError("the recording does not hold the calibration that its run was given")
+        raise TwinError("the recording has no copy of the calibration of its run")
     return parsed(text, "the recording's calibration")
 
 
-class _Held:
-    """A signal recorded where it changed."""
+class _StepSignal:
+    """A piecewise constant signal, recorded where it changed."""
 
     def __init__(self, series: TimeSeries) -> None:
         self._times, self._values = series.time_ns, series.values[:, 0].tolist()
 
     def at(self, time_ns: int) -> float:
-        """The value in force at a time [ns]; the first one before it, 0 without any."""
+        """Value at a time [ns]: the last one before it, else the first; 0 without values."""
         k = int(np.searchsorted(self._times, time_ns, side="right")) - 1
         return float(self._values[max(k, 0)]) if self._values else 0.0
 
 
 class RecordedRig:
-    """Stands in for `hardware.rig.Rig`; whatever is sent to it goes nowhere.
+    """Takes the place of `hardware.rig.Rig`; ignores what is sent.
 
-    The estimator begins with what it remembered when the recorded run began and takes the same
-    frames in the same order, so its states are those of then to the last bit.
+    The estimator starts from its recorded state and takes the same frames in the same order, so its
+    estimates equal those of the recorded run bit for bit.
 
     Parameters
     ----------
-    tape : recording of a run with a rig
-    calibration : that the run had
-    plant : whose time is the experiment's
-    turns : whether it stood on a turntable, whose readings must be there then
+    recording : recording of a run with a rig
+    calibration : of that run
+    plant : its time is the experiment time
+    turntable : whether the rig stood on a turntable, whose readings are then required
 
     Raises
     ------
@@ -104,61 +104,68 @@ class RecordedRig:
     """
 
     def __init__(
-        self, tape: Recording, calibration: Calibration, plant: Plant, *, turns: bool = False
+        self,
+        recording: Recording,
+        calibration: Calibration,
+        plant: Plant,
+        *,
+        turntable: bool = False,
     ) -> None:
-        _check(tape, turns=turns)
+        _check(recording, turntable=turntable)
         self.calibration = calibration
         self.fusion = Fusion(calibration)
         self.states: list[GimbalState] = []
         self.hello: Hello | None = None
         self.gyro_delay = 0.0
         self.reason, self.started = "recorded", ""
-        self._memory, self.session = _memory(tape.estimator)
+        self._memory, self.session = _memory(recording.estimator)
         self._plant = plant
-        self._frames = recorded_frames(tape, tape["sensors/potentiometer"].time_ns)
-        self._taken = np.rint(tape["sensors/taken"].values[:, 0] * 1e9).astype(np.int64)
+        self._frames = recorded_frames(recording, recording["sensors/potentiometer"].time_ns)
+        self._taken = np.rint(recording["sensors/taken"].values[:, 0] * 1e9).astype(np.int64)
         self._session, self._delay = (
-            _Held(tape[f"sensors/{n}"]) for n in ("session", "gyro_delay")
+            _StepSignal(recording[f"sensors/{n}"]) for n in ("session", "gyro_delay")
         )
-        self._link = tuple(_Held(tape[f"link/{n}"]) for n in ("connected", "lost", "crc_errors"))
+        self._link = tuple(
+            _StepSignal(recording[f"link/{n}"]) for n in ("connected", "lost", "crc_errors")
+        )
         self._next, self._begun = 0, False
 
-    def _then(self, what: int) -> float:
+    def _recorded(self, what: int) -> float:
         return self._link[what].at(self._plant.time_ns)
 
     @property
     def phase(self) -> Phase:
-        """Whether the rig was connected then."""
-        return Phase.READY if self._then(0) > 0.0 else Phase.AWAY
+        """Recorded state of the connection."""
+        return Phase.READY if self._recorded(0) > 0.0 else Phase.AWAY
 
     @property
     def statistics(self) -> RigStatistics:
-        """Losses as they were."""
-        lost, damaged = round(self._then(1)), round(self._then(2))
+        """Recorded losses."""
+        lost, damaged = round(self._recorded(1)), round(self._recorded(2))
         return RigStatistics(1, lost, damaged, 0, 0, 0, 0, (), 0, 0, 0, 0.0)
 
     @property
     def health(self) -> str:
-        """Health as the estimator tells it again."""
-        told = self.fusion.monitor.describe()
-        return told if self.phase is Phase.READY else f"rig {self.phase}"
+        """Health given by the estimator."""
+        health = self.fusion.monitor.describe()
+        return health if self.phase is Phase.READY else f"rig {self.phase}"
 
     @property
     def turntable_limits(self) -> Pair:
-        """As every device has them at first [s]."""
+        """Default limits of a device [s]."""
         return PULSES
 
     def connect(self) -> None:
-        """Do nothing; it is there."""
+        """Do nothing."""
 
     def renew(self, base: BaseMap | None = None) -> None:
-        """Take up what the estimator remembered when the run began."""
+        """Restore the recorded state of the estimator."""
         self.fusion = Fusion(self.calibration, base=base)
         self.fusion.restore(self._memory)
 
     def poll(self) -> list[SensorFrame]:
-        """Return the frames that the present tick took then, fused anew."""
-        if not self._begun:  # what came before the run is in the memory
+        """Return the frames that this tick took in the recorded run, fused again."""
+        if not self._begun:  # frames before the run are in the recorded state
             self._begun = True
             self.states = []
             return []
@@ -180,14 +187,14 @@ class RecordedRig:
             return self.fusion.update(self._frames[k])
         except (ArithmeticError, ValueError) as error:
             at = self._frames[k].time_ns * 1e-9
-            raise TwinError(f"the recorded reading at {at:.3f} s is none: {error}") from None
+            raise TwinError(f"the recorded reading at {at:.3f} s is invalid: {error}") from None
 
     def listen(self) -> bool:
-        """Nothing more is to be heard."""
+        """Do nothing."""
         return False
 
     def send(self, command: GimbalCommand, turntable: float = 0.0) -> None:
-        """Do nothing; what was sent then is on the tape."""
+        """Do nothing."""
 
     def send_pulses(self, x: float, y: float, turntable: float = 0.0) -> None:
         """Do nothing."""
@@ -202,35 +209,38 @@ class RecordedRig:
         """Do nothing."""
 
 
-def _check(tape: Recording, *, turns: bool) -> None:
-    """Refuse a recording that lacks what a replay takes from it."""
-    needed = (*NEEDED, *OF_A_TURNTABLE) if turns else NEEDED
-    missing = [n for n in needed if n not in tape.series or not len(tape[n].time)]
-    if missing or not tape.estimator:
-        lacks = ", ".join(missing) or "the estimator's memory"
-        raise TwinError(f"the recording has no {lacks}: its rig's readings cannot be repeated")
+def _check(recording: Recording, *, turntable: bool) -> None:
+    """Refuse a recording that lacks what a replay needs."""
+    needed = (*NEEDED, *TURNTABLE_SIGNALS) if turntable else NEEDED
+    missing = [n for n in needed if n not in recording.series or not len(recording[n].time)]
+    if missing or not recording.estimator:
+        lacks = ", ".join(missing) or "state of the estimator"
+        raise TwinError(f"the recording has no {lacks}: the readings of its rig cannot be replayed")
     readings = [n for n in needed if n.startswith("sensors/")]
-    lengths = {len(tape[n].time) for n in readings if n not in RARE}
+    lengths = {len(recording[n].time) for n in readings if n not in RARE}
     if len(lengths) > 1:
-        raise TwinError("the recording's readings have lost some of their columns")
+        raise TwinError("the recording's sensor signals have different lengths")
     for name in readings:
         largest = 1e9 if name == "sensors/device_time" else LARGEST_READING
-        if not (np.abs(tape[name].values) < largest).all():  # NaN neither
-            raise TwinError(f"the recording's {name} holds numbers that no device sends")
-    if (np.diff(tape["sensors/taken"].values[:, 0]) < 0.0).any():
-        raise TwinError("the recording's sensors/taken run backwards")
+        if not (np.abs(recording[name].values) < largest).all():  # also refuses NaN
+            raise TwinError(f"the recording's {name} has impossible values")
+    if (np.diff(recording["sensors/taken"].values[:, 0]) < 0.0).any():
+        raise TwinError("the recording's sensors/taken must not decrease")
 
 
 def _memory(text: str) -> tuple[dict[str, object], int]:
-    """What the estimator remembered, and the session it was in."""
+    """Recorded state of the estimator, and its session."""
     if len(text) > LONGEST_MEMORY:
-        raise TwinError(f"the estimator's memory is of {len(text)} characters; something is wrong")
+        raise TwinError(
+            f"the recorded state of the estimator has {len(text)} characters; must be at most"
+            f" {LONGEST_MEMORY}"
+        )
     try:
-        found = json.loads(text)
+        memory = json.loads(text)
     except (ValueError, RecursionError):
-        found = None
-    fusion = found.get("fusion") if isinstance(found, dict) else None
-    session = found.get("session") if isinstance(found, dict) else None
+        memory = None
+    fusion = memory.get("fusion") if isinstance(memory, dict) else None
+    session = memory.get("session") if isinstance(memory, dict) else None
     if not isinstance(fusion, dict) or not isinstance(session, int):
-        raise HardwareError("the estimator's memory is not what a rig's estimator remembers")
+        raise HardwareError("the recorded state of the estimator is invalid")
     return fusion, session

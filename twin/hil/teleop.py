@@ -1,4 +1,4 @@
-"""Controllers of a mirror: nobody, the rig's joystick, or the keyboard."""
+"""Controllers of a mirror: none, the joystick of the rig, or the keyboard."""
 
 import os
 import sys
@@ -13,43 +13,43 @@ from twin.control.attitude import LARGEST_COMMAND
 from twin.errors import TwinError
 from twin.loop.readings import Readings
 
-DEAD_ZONE = 0.03  # of the joystick; its springs do not find the middle exactly
+DEAD_ZONE = 0.03  # of the joystick, whose springs do not return it exactly to the middle
 KEY_STEP = radians(0.5)
 ARROWS = {"A": (0, 1), "B": (0, -1), "C": (1, 1), "D": (1, -1)}  # ESC [ A: axis, direction
 
 
 class Watch:
-    """Commands nothing; shows what the pulses in force ask for.
+    """Sends no commands; gives the angle of the pulses in force, for the recording.
 
     Parameters
     ----------
     readings : of the seat
-    asked : gimbal angle that the pulses of a frame ask for [rad]
+    pulse_angle : gimbal angle of the pulses of a frame [rad]
     """
 
-    def __init__(self, readings: Readings, asked: Callable[[SensorFrame], Pair]) -> None:
-        self._readings, self._asked = readings, asked
+    def __init__(self, readings: Readings, pulse_angle: Callable[[SensorFrame], Pair]) -> None:
+        self._readings, self._pulse_angle = readings, pulse_angle
         self._pulse: Pair | None = None
         self._angle: Pair = (0.0, 0.0)
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
-        """Angle asked for by whoever steers [rad]."""
+        """Return the angle of the pulses in force [rad]."""
         frames = self._readings.frames
         if frames and frames[-1].pulse[:2] != self._pulse:
             self._pulse = frames[-1].pulse[:2]
-            self._angle = self._asked(frames[-1])
+            self._angle = self._pulse_angle(frames[-1])
         return self._angle
 
 
 class Stick:
-    """The rig's joystick, ±8° at its ends."""
+    """The joystick of the rig: ±8° at its ends."""
 
     def __init__(self, readings: Readings) -> None:
         self._readings = readings
         self._angle: Pair = (0.0, 0.0)
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
-        """Angle the stick points to [rad]."""
+        """Return the angle of the joystick [rad]."""
         if self._readings.frames:
             x, y = self._readings.frames[-1].joystick
             self._angle = _stick(x), _stick(y)
@@ -62,7 +62,7 @@ def _stick(deflection: float) -> float:
 
 
 def _standard_input() -> int:
-    """Descriptor of standard input; −1 where it was closed or exchanged for something else."""
+    """Descriptor of standard input; −1 where it was closed or replaced."""
     try:
         return sys.stdin.fileno()
     except (AttributeError, OSError, ValueError):
@@ -72,15 +72,15 @@ def _standard_input() -> int:
 class Keys:
     """Arrow keys: up and down turn x, right and left turn y, by half a degree; space is zero.
 
-    A context manager: the terminal passes every key on at once meanwhile. `q` sets `ended`.
+    A context manager that puts the terminal into unbuffered mode. `q` sets `ended`.
 
     Parameters
     ----------
-    terminal : file descriptor; standard input without it
+    terminal : file descriptor; standard input if omitted
 
     Raises
     ------
-    TwinError : no terminal there, or a system without POSIX terminals
+    TwinError : not a terminal, or a system without POSIX terminals
     """
 
     def __init__(self, terminal: int | None = None) -> None:
@@ -89,11 +89,13 @@ class Keys:
         self._angle = [0.0, 0.0]
         self._rest = ""
         if self._fd < 0 or not os.isatty(self._fd):
-            raise TwinError("--steer keys needs a terminal to read arrow keys from")
+            raise TwinError("--steer keys: standard input must be a terminal")
         try:
             import termios
         except ImportError:
-            raise TwinError("--steer keys needs a POSIX terminal; --steer joystick works") from None
+            raise TwinError(
+                "--steer keys: needs a POSIX terminal; give --steer joystick instead"
+            ) from None
         self._termios = termios
 
     def __enter__(self) -> Self:
@@ -115,7 +117,7 @@ class Keys:
             self._termios.tcsetattr(self._fd, self._termios.TCSADRAIN, self._before)
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
-        """Angle reached so far [rad]."""
+        """Return the angle set by the keys [rad]."""
         with suppress(OSError):
             self._press(os.read(self._fd, 64).decode("ascii", "ignore"))
         return self._angle[0], self._angle[1]
@@ -125,7 +127,7 @@ class Keys:
         self._rest = ""
         while text:
             if text in ("\x1b", "\x1b["):
-                self._rest = text  # the rest of an arrow is still on its way
+                self._rest = text  # the rest of an arrow key has not arrived
                 return
             if text.startswith("\x1b["):
                 axis, way = ARROWS.get(text[2], (0, 0))

@@ -1,8 +1,8 @@
-"""The vehicle's rotation played by a turntable, and the attitude that the base's IMU makes of it.
+"""A turntable that reproduces the vehicle's rotation, and the attitude measured by its IMU.
 
-One servo turns the base of the rig by what the simulated vehicle turns about its launch's x axis.
-Of that turn the controller sees only what gyro and accelerometer on the base say; what the vehicle
-does about its other axes nobody plays, and the controller sees it as it is simulated.
+One servo turns the base of the rig by the simulated rotation about the x axis of the launch. For
+that rotation the controller gets the estimate from gyro and accelerometer on the base; for the
+other axes it gets the simulated values.
 """
 
 import math
@@ -25,46 +25,46 @@ Array = NDArray[np.float64]
 
 SWING_S = 200e-6  # s of pulse either way, 19° of a hobby servo
 STOPS = (0.0, SWING_S, -SWING_S, 0.0)
-HOLD_NS, LOOK_NS = 800_000_000, 300_000_000  # at a stop, and how long of it is looked at
+HOLD_NS, SAMPLE_NS = 800_000_000, 300_000_000  # at a stop, and the last part of it that counts
 NEUTRAL_S = constants.PULSE_NEUTRAL * constants.TICK
-FROZEN = 25  # equal gyro readings in a row: its noise moves the last digit every time
-ASTRAY, ASTRAY_S = math.radians(10.0), 0.3  # from where it was sent, for how long
-LEAST_TURN = 0.4  # of what the pulses ask of a usual servo
-FEWEST = 20  # frames to a look
+FROZEN = 25  # equal gyro readings in a row; noise changes the last digit of a working one
+OFF_TARGET, OFF_TARGET_S = math.radians(10.0), 0.3  # from the commanded angle, and for how long
+LEAST_TURN = 0.4  # of the rotation that the pulses command of a nominal servo
+FEWEST = 20  # frames of a sample
 
 
-def find_base(seat: RigGimbal) -> BaseMap:
-    """Turn the base to three places and see what its IMU and its servo make of it; blocks for 3 s.
+def measure_base(seat: RigGimbal) -> BaseMap:
+    """Turn the base to three angles and fit the map of its servo and its IMU; blocks for 3 s.
 
     Raises
     ------
-    HardwareError : the base does not turn, or its IMU shows nonsense; says what to look at
+    HardwareError : no readings, or the base does not turn; says what to check
     """
-    looks, turned = [], []
+    samples, turned = [], []
     before: list[SensorFrame] = []
     for stop in STOPS:
         frames = _held(seat, NEUTRAL_S + stop)
-        look = [f for f in frames if f.time_ns > frames[-1].time_ns - LOOK_NS] if frames else []
-        if len(look) < FEWEST:
-            raise HardwareError("the rig sends no readings while its turntable is found")
-        looks.append(look)
+        sample = [f for f in frames if f.time_ns > frames[-1].time_ns - SAMPLE_NS] if frames else []
+        if len(sample) < FEWEST:
+            raise HardwareError("the rig sends no readings while its turntable is measured")
+        samples.append(sample)
         turned.append(before + frames)
-        before = look
-    seen = np.array([np.mean([tilt(f.base_accelerometer) for f in look]) for look in looks])
-    still = np.array([f.base_gyro for look in looks for f in look]).mean(axis=0)
+        before = sample
+    tilts = np.array([np.mean([tilt(f.base_accelerometer) for f in sample]) for sample in samples])
+    still = np.array([f.base_gyro for sample in samples for f in sample]).mean(axis=0)
     usual = BaseMap().travel
-    if np.ptp(seen) < LEAST_TURN * 2 * SWING_S * usual:
+    if np.ptp(tilts) < LEAST_TURN * 2 * SWING_S * usual:
         raise HardwareError(
-            f"the base turned {math.degrees(float(np.ptp(seen))):.1f}° where its servo was asked"
-            f" for {math.degrees(2 * SWING_S * usual):.0f}°: is the turntable's servo on its pin"
-            " and powered, and the base IMU at 0x69 on the base?"
+            f"the base turned {math.degrees(float(np.ptp(tilts))):.1f}° of the"
+            f" {math.degrees(2 * SWING_S * usual):.0f}° commanded; check pin and power of the"
+            " turntable servo, and that the base IMU at 0x69 is mounted on the base"
         )
     by_gyro = np.array([_turn(frames, float(still[0])) for frames in turned[1:]])
-    by_gravity = np.diff(seen)
+    by_gravity = np.diff(tilts)
     ratio = float(by_gravity @ by_gyro / (by_gyro @ by_gyro))
-    # Both scales are good to 3 % (product specification 6.1, 6.2): the truth is taken halfway.
+    # Both scales are accurate to 3 % (product specification 6.1, 6.2): their mean is taken as true.
     tilt_scale = 0.5 * (1.0 + 1.0 / ratio)
-    slope, zero = np.polyfit(np.array(STOPS), seen, 1)
+    slope, zero = np.polyfit(np.array(STOPS), tilts, 1)
     a, b, c = still.tolist()
     return BaseMap(
         tilt=float(zero),
@@ -77,7 +77,7 @@ def find_base(seat: RigGimbal) -> BaseMap:
 
 
 def _held(seat: RigGimbal, pulse: float) -> list[SensorFrame]:
-    """Frames while the base is sent to a pulse width and the gimbal to its zero."""
+    """Frames while the base is held at a pulse width and the gimbal at zero."""
     frames: list[SensorFrame] = []
     begin = seat.now_ns()
     while (now := seat.now_ns()) - begin < HOLD_NS:
@@ -88,12 +88,12 @@ def _held(seat: RigGimbal, pulse: float) -> list[SensorFrame]:
 
 
 def _turn(frames: Sequence[SensorFrame], bias: float) -> float:
-    """Turn about x by the gyro from the middle of the first look to that of the last [rad]."""
+    """Rotation about x by the gyro from the first sample to the last, mean of each [rad]."""
     time = np.array([f.device_us for f in frames]) * 1e-6
     rate = np.array([f.base_gyro[0] for f in frames]) - bias
     turned = np.concatenate([[0.0], np.cumsum(np.diff(time) * 0.5 * (rate[1:] + rate[:-1]))])
-    look = LOOK_NS * 1e-9
-    first, last = time <= time[0] + look, time >= time[-1] - look
+    sample = SAMPLE_NS * 1e-9
+    first, last = time <= time[0] + sample, time >= time[-1] - sample
     return float(turned[last].mean() - turned[first].mean())
 
 
@@ -122,25 +122,23 @@ class Turntable:
 
     Parameters
     ----------
-    plant : of the vehicle whose rotation is played
+    plant : of the vehicle whose rotation is reproduced
     seat : the rig
     base : map of its base
-    lead : added to the turn asked for per rate [s] and per acceleration [s²], for what the servo
-        is late by
+    lead : feed-forward per rate [s] and per acceleration [s²], for the lag of the servo
     period : between two updates [s]
 
     Attributes
     ----------
-    attitude, rate : of the vehicle as far as the controller can know, (4,) wxyz and (3,) in body
-        axes [rad/s]
-    simulated, measured, sigma : (1,) turn about the launch's x axis of the vehicle, of the base as
-        its IMU tells it, and the standard deviation of the latter [rad]
+    attitude, rate : of the vehicle as estimated, (4,) wxyz and (3,) in body axes [rad/s]
+    simulated, measured, sigma : (1,) rotation about the launch's x axis of the vehicle, that of the
+        base by its IMU, and the standard deviation of the latter [rad]
     signals : these three, by their names in `analysis.schema`
-    reach : turn that the servo's pulses reach either way [rad]
-    fault : what is wrong with base or servo, in words; None while all is well
+    reach : largest rotation of the servo either way [rad]
+    fault : of base or servo, in one line; None without one
     events : since the last update
-    counting : whether the difference counts in `rms`; a vehicle that nothing steers any more turns
-        further than any servo
+    counting : whether the difference counts in `rms`; without thrust the vehicle turns further
+        than the servo reaches
     """
 
     def __init__(
@@ -170,67 +168,67 @@ class Turntable:
         self.counting = True
         self._beyond = self._stopped = False
         self._last_turn = self._unwound = 0.0
-        self._deaf = self._astray = 0.0  # s
+        self._silent = self._off_target = 0.0  # s
         self._reading: Triple | None = None
         self._equal = 0
 
     @property
     def rms(self) -> float:
-        """Of the difference between measured and simulated turn so far [rad]."""
+        """Rms difference between measured and simulated rotation so far [rad]."""
         return math.sqrt(self._square / self._count) if self._count else math.nan
 
     def update(self) -> None:
-        """Take in the frames of this tick, tell the servo where to go, renew what is seen."""
+        """Process the frames of this tick, command the servo, update the estimate."""
         self.events.clear()
-        self._deaf += self._period
+        self._silent += self._period
         for frame in self._seat.readings.frames:
             self._filter.update(frame)
-            self._listen(frame)
+            self._check_imu(frame)
         attitude, rate = self._plant.attitude.tolist(), self._plant.rate.tolist()
         turn, speed = _twist(self._launch, attitude, rate)
         acceleration = (speed - self._speed) / self._period
         self._speed = speed
-        # a vehicle that turns over goes on from 180°; its base must not jump to the other stop
+        # past 180° the angle continues, since the base must not jump to the other stop
         self._unwound += math.remainder(turn - self._last_turn, 2.0 * math.pi)
         self._last_turn = turn
-        self._play(self._unwound + self._lead[0] * speed + self._lead[1] * acceleration)
+        self._drive(self._unwound + self._lead[0] * speed + self._lead[1] * acceleration)
         seen = self._filter
         off, faster = seen.angle - turn, seen.rate - speed
         self.simulated[0], self.measured[0], self.sigma[0] = turn, seen.angle, seen.sigma
         if self.counting:
             self._square += off * off
             self._count += 1
-        self._see(attitude, rate, off, faster)
-        self._follow()
+        self._estimate(attitude, rate, off, faster)
+        self._check_base()
 
     def stop(self) -> None:
-        """Send the base to neutral and play no more."""
+        """Send the base to neutral and keep it there."""
         self._stopped = True
         self._seat.turntable = 0.0
 
-    def _listen(self, frame: SensorFrame) -> None:
+    def _check_imu(self, frame: SensorFrame) -> None:
         if not frame.flags & Flags.BASE_IMU:
             return
-        self._deaf = 0.0
+        self._silent = 0.0
         self._equal = self._equal + 1 if frame.base_gyro == self._reading else 0
         self._reading = frame.base_gyro
 
-    def _follow(self) -> None:
-        """Whether the base is where it was sent, and its IMU says anything."""
+    def _check_base(self) -> None:
+        """Check that the base follows its command and that its IMU works."""
         sent = min(max(self._unwound, -self.reach), self.reach)
-        astray = not self._stopped and abs(float(self.measured[0]) - sent) > ASTRAY
-        self._astray = self._astray + self._period if astray else 0.0
-        if self._deaf > SILENT_S:
+        astray = not self._stopped and abs(float(self.measured[0]) - sent) > OFF_TARGET
+        self._off_target = self._off_target + self._period if astray else 0.0
+        if self._silent > SILENT_S:
             self.fault = f"no reading of the base IMU for {SILENT_S:g} s"
         elif self._equal >= FROZEN:
             self.fault = "base IMU frozen"
-        elif self._astray > ASTRAY_S:
-            told = math.degrees(float(self.measured[0]))
-            self.fault = f"the base stands at {told:.0f}°, sent to {math.degrees(sent):.0f}°"
+        elif self._off_target > OFF_TARGET_S:
+            angle = math.degrees(float(self.measured[0]))
+            self.fault = f"the base is at {angle:.0f}°, commanded to {math.degrees(sent):.0f}°"
         else:
             self.fault = None
 
-    def _play(self, turn: float) -> None:
+    def _drive(self, turn: float) -> None:
         if self._stopped:
             return
         beyond = abs(turn) > self.reach
@@ -239,8 +237,8 @@ class Turntable:
         self._beyond = beyond
         self._seat.turntable = self._base.pulse(min(max(turn, -self.reach), self.reach))
 
-    def _see(self, q: list[float], rate: list[float], off: float, faster: float) -> None:
-        """Attitude q turned further by `off` about the launch's x axis, and its rate."""
+    def _estimate(self, q: list[float], rate: list[float], off: float, faster: float) -> None:
+        """Attitude q rotated by `off` about the launch's x axis, and its rate."""
         u, v, w = self._axis
         half = 0.5 * off
         c, s = math.cos(half), math.sin(half)
@@ -277,7 +275,7 @@ def _twist(launch: list[float], q: list[float], rate: list[float]) -> tuple[floa
     p, r, t = rate
     dw, dx = -0.5 * (x * p + y * r + z * t), 0.5 * (w * p + y * t - z * r)
     square = w * w + x * x
-    if square < 1e-12:  # the nose has been turned over about another axis: no twist to tell
+    if square < 1e-12:  # turned by 180° about another axis: the twist is undefined
         return 0.0, 0.0
     turn = 2.0 * math.atan2(x, w)
     if turn > math.pi:

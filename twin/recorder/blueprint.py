@@ -1,4 +1,4 @@
-"""How a recording looks when a person opens it: only views whose signals were recorded."""
+"""Blueprint of a recording: views of the signals that were recorded."""
 
 from collections.abc import Sequence
 
@@ -11,14 +11,14 @@ from twin.recorder.poses import FOCUS_RADII, SIMULATED_COLOR, VEHICLE, Poses, fo
 from twin.recorder.scene import BodyMesh
 
 SKY = (24, 30, 40)
-# The eye looks along this direction from 1.5 times the focus's radius, where Rerun itself puts it.
+# Viewing direction, from 1.5 times the radius of the focus, which is also Rerun's default.
 LOOK = (0.55, 0.75, -0.25)
 
 COMMAND = (150, 150, 150)
 MEASURED = (255, 140, 30)
 X, Y, Z, W = (230, 80, 80), (90, 190, 90), (80, 130, 240), (180, 120, 220)
 
-# One colour for one meaning: what was asked, what the model did, what was measured.
+# One colour per meaning: commanded, simulated, measured.
 _MEANING = {
     "gimbal/command": COMMAND,
     "gimbal/simulated": SIMULATED_COLOR,
@@ -35,7 +35,7 @@ _MEANING = {
 _BY_COMPONENT = {"x": X, "y": Y, "z": Z, "w": W}
 _CYCLE = (X, Y, Z, W, (200, 180, 60), (80, 190, 200))
 
-# Overlays drawn once per axis: title, unit, signals.
+# Overlays, one plot per axis: title, signals.
 _PER_AXIS = (
     (
         "Gimbal",
@@ -100,7 +100,7 @@ def style(name: str) -> rr.SeriesLines:
 def build(names: Sequence[str], poses: Poses | None, *, live: bool = False) -> rrb.Blueprint:
     """Return the blueprint for the recorded signals and, if there is one, the 3D scene.
 
-    Opens at the start and paused; with `live` it follows the newest data instead.
+    It opens paused at the start; with `live` it follows the newest data.
     """
     recorded = set(names)
     plots = {title: _plot(title, members) for title, members in _present(_GROUPS, recorded)}
@@ -123,7 +123,7 @@ def build(names: Sequence[str], poses: Poses | None, *, live: bool = False) -> r
         if views := [plots[title] for title in titles if title in plots]:
             tabs.append(rrb.Vertical(*views, name=tab))
     body = _left(poses)
-    if tabs:  # some signals have no plot, and a run may record those alone
+    if tabs:  # a run may record signals without plots only
         body = rrb.Horizontal(body, rrb.Tabs(*tabs, active_tab=0), column_shares=[1, 1])
     return rrb.Blueprint(
         body,
@@ -150,8 +150,8 @@ def _left(poses: Poses | None) -> rrb.View | rrb.Container:
 def _present(
     table: Sequence[tuple[str, tuple[str, ...]]], recorded: set[str]
 ) -> list[tuple[str, list[str]]]:
-    found = ((title, [m for m in members if m in recorded]) for title, members in table)
-    return [(title, members) for title, members in found if members]
+    present = ((title, [m for m in members if m in recorded]) for title, members in table)
+    return [(title, members) for title, members in present if members]
 
 
 def _plot(title: str, members: Sequence[str]) -> rrb.TimeSeriesView:

@@ -1,4 +1,4 @@
-"""Arrays to Rerun's column format; the one place where quaternions are xyzw."""
+"""Arrays in Rerun's column format; the only module with xyzw quaternions."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""A recorder whose writing is done by a process of its own, out of a real-time loop's way."""
+"""A recorder that writes in a separate process, so that it does not delay a real-time loop."""
 
 import json
 import os
@@ -16,17 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.recorder import ring
+from twin.recorder.checks import RecorderError, checked, json_text
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, places
-from twin.recorder.stream import RecorderError, checked
 
 CAPACITY = 16_384  # entries: 20 s of a flight with a rig that sends 500 frames a second
-PATIENCE_S = 90.0  # for a slow disk to take the rest
+WRITER_TIMEOUT_S = 90.0  # a slow disk takes long to write the rest
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a recorder is made with, see `Recorder`, and the ring that its rows come through."""
+    """Arguments of `Recorder`, and the ring that its rows come through."""
 
     path: Path
     signals: tuple[str, ...]
@@ -38,21 +38,17 @@ class Settings:
     ring: ring.Shape
 
     def write(self, pipe: IO[bytes]) -> None:
-        """Write them as one line of JSON, and the compiled model behind it.
+        """Write them as one line of JSON, followed by the compiled model.
 
         Raises
         ------
-        RecorderError : the properties are not JSON
-        OSError : nobody reads
+        RecorderError : the properties are not JSON values
+        OSError : the reader is gone
         """
         model = b"" if self.model is None else _binary(self.model)
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         values |= {"path": str(self.path), "ring": asdict(self.ring), "model": len(model)}
-        try:
-            line = json.dumps(values, allow_nan=False)
-        except (TypeError, ValueError) as error:
-            raise RecorderError(f"properties of a run must be JSON: {error}") from None
-        pipe.write(line.encode() + b"\n" + model)
+        pipe.write(json_text(values).encode() + b"\n" + model)
 
     @classmethod
     def read(cls, pipe: IO[bytes]) -> Self:
@@ -72,7 +68,7 @@ class Settings:
 
 
 def _binary(model: mujoco.MjModel) -> bytes:
-    """A compiled model as MuJoCo saves it; the same library reads it back."""
+    """A compiled model in MuJoCo's binary format, for the same version of MuJoCo."""
     buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()
@@ -81,20 +77,20 @@ def _binary(model: mujoco.MjModel) -> bytes:
 class DetachedRecorder(Sink):
     """As `Recorder`, but a commit only copies a row into shared memory.
 
-    Writing a second of a flight takes 20 ms and more, and a thread for it would hold the
-    interpreter lock meanwhile. The process also outlives the run: when that is killed, it writes
-    what it was given to the last row and closes the file. It has a session of its own, so that
-    signals to the run's process group do not reach it.
+    Writing one second of a flight takes 20 ms or more, and a thread would hold the interpreter lock
+    meanwhile. The process also outlives the run: when the run is killed, it writes all rows it was
+    given and closes the file. It has a separate session, so that signals to the process group of
+    the run do not reach it.
 
     Parameters
     ----------
     path, signals, properties, model, pose_period_ns, drain_ns, serve : as for `Recorder`
-    capacity : rows and poses that may wait for a slow disk; more are lost, and the recording and
-        `close` say how many
+    capacity : rows and poses that may wait for a slow disk; further ones are lost, and counted by
+        the recording and by `close`
 
     Raises
     ------
-    RecorderError : as `Recorder`, before anything has run
+    RecorderError : as `Recorder`
     """
 
     def __init__(
@@ -123,7 +119,7 @@ class DetachedRecorder(Sink):
         try:
             shape = ring.make(capacity, max(width, nq))
         except OSError as error:
-            raise RecorderError(f"no memory to record through: {error}") from None
+            raise RecorderError(f"no shared memory for the recorder: {error}") from None
         try:
             self._ring = ring.Ring(shape)
             self._start(
@@ -133,7 +129,7 @@ class DetachedRecorder(Sink):
                 )
             )  # fmt: skip
         finally:
-            with suppress(OSError):  # both have it open; Windows keeps it until they are done
+            with suppress(OSError):  # both processes have it open; Windows refuses
                 Path(shape.path).unlink()
 
     def _start(self, settings: Settings) -> None:
@@ -147,7 +143,7 @@ class DetachedRecorder(Sink):
         )
         assert self._process.stdin is not None
         try:
-            with suppress(BrokenPipeError):  # the answer says why
+            with suppress(BrokenPipeError):  # the answer has the reason
                 settings.write(self._process.stdin)
                 self._process.stdin.flush()
             self._answered()
@@ -156,7 +152,7 @@ class DetachedRecorder(Sink):
             raise
 
     def _answered(self) -> None:
-        if self._failed is not None:  # it has ended, and has said why
+        if self._failed is not None:  # it has ended, and has given the reason
             raise self._failed
         assert self._process.stdout is not None
         line = self._read(self._process.stdout)
@@ -171,15 +167,15 @@ class DetachedRecorder(Sink):
             raise self._failed
 
     def _read(self, pipe: IO[bytes]) -> bytes:
-        """One line; nothing if none comes for longer than the slowest disk takes."""
-        found: list[bytes] = []
-        reader = threading.Thread(target=lambda: found.append(pipe.readline()), daemon=True)
+        """One line; empty if none comes within the time limit."""
+        lines: list[bytes] = []
+        reader = threading.Thread(target=lambda: lines.append(pipe.readline()), daemon=True)
         reader.start()
-        reader.join(PATIENCE_S)
-        if not found:
+        reader.join(WRITER_TIMEOUT_S)
+        if not lines:
             self._process.kill()
             reader.join()
-        return found[0] if found else b""
+        return lines[0] if lines else b""
 
     def commit(self, time_ns: int, wall_ns: int) -> None:
         """Take `row` as the state at `time_ns` of the experiment and `wall_ns` since 1970 [ns]."""
@@ -187,7 +183,7 @@ class DetachedRecorder(Sink):
         self._last_ns = time_ns
 
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
-        """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
+        """Take the body poses of `data` at `time_ns` [ns] if due."""
         if time_ns < self._due or not self._poses:
             return
         self._due = time_ns - time_ns % self._period + self._period
@@ -195,36 +191,35 @@ class DetachedRecorder(Sink):
 
     def text(self, entity: str, time_ns: int, text: str, level: str) -> None:
         """Add a line to an entity of texts."""
-        self._tell(entity=entity, time_ns=int(time_ns), text=text, level=level)
+        self._send(entity=entity, time_ns=int(time_ns), text=text, level=level)
 
     def timing(self, verdict: Mapping[str, object]) -> None:
         """Add the verdict on the run's timing to its properties."""
-        self._tell(timing=dict(verdict))
+        self._send(timing=dict(verdict))
 
     def flush(self) -> Path:
-        """Write all that was taken so far; where it stands until the recording is complete.
+        """Write everything taken so far; return the file of the incomplete recording.
 
         Raises
         ------
         RecorderError : it could not be written
         """
-        self._tell(flush=True)
+        self._send(flush=True)
         self._answered()
         return self.path.with_name(self.path.name + ".partial")
 
-    def _tell(self, **message: object) -> None:
+    def _send(self, **message: object) -> None:
         assert self._process.stdin is not None
-        with suppress(OSError, ValueError):  # it has ended; `close` says so
+        with suppress(OSError, ValueError):  # it has ended; `close` reports it
             self._process.stdin.write(json.dumps(message).encode() + b"\n")
             self._process.stdin.flush()
 
     def close(self) -> None:
-        """Have the rest written and the file named; a second call does nothing.
+        """Have the rest written and the file renamed to `path`; a second call does nothing.
 
         Raises
         ------
-        RecorderError
-            if not all could be written; the file then keeps its name `<path>.partial`.
+        RecorderError : not everything could be written; the file is then `<path>.partial`
         """
         if not self._open:
             return
@@ -232,7 +227,7 @@ class DetachedRecorder(Sink):
         lost = self._ring.lost
         if lost:
             self.event(self._last_ns, f"{lost} rows lost: the disk was too slow", "ERROR")
-        self._tell(end=True)
+        self._send(end=True)
         try:
             self._answered()
         finally:
@@ -246,7 +241,7 @@ class DetachedRecorder(Sink):
             with suppress(OSError):
                 pipe.close()
         try:
-            self._process.wait(PATIENCE_S)
+            self._process.wait(WRITER_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

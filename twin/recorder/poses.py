@@ -13,12 +13,16 @@ Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 VEHICLE = "vehicle"
-GIMBAL = ("gimbal_holder", "gimbal_motor", "gimbal_ring")  # the close-up follows the first drawn
+GIMBAL = (
+    "gimbal_holder",
+    "gimbal_motor",
+    "gimbal_ring",
+)  # the close-up follows the first
 FOCUS = "focus"
-FOCUS_RADII = 2.7  # of the body; then it fills half the height of the view
+FOCUS_RADII = 2.7  # of the body, which then fills half the height of the view
 NOZZLE = "gimbal_nozzle"
 TRAIL_EVERY = 5  # poses to a piece of trail
-PATH_POINTS = 2048  # kept of the whole path; halved when full, so memory stays flat
+PATH_POINTS = 2048  # of the whole path; every second one is dropped when full
 METRES_PER_NEWTON = 0.02  # length of the thrust arrow
 
 # Rerun takes a negative radius in points of the screen.
@@ -29,19 +33,19 @@ THRUST_COLOR = (255, 210, 60)
 
 
 class Poses:
-    """A ring of body poses of one model, and what is drawn from it.
+    """Body poses of one model, and the trail, path and thrust arrow of the scene.
 
     Parameters
     ----------
-    model : compiled model whose bodies are drawn
+    model : compiled model of the scene
     period_ns : experiment time between two poses [ns]
-    capacity : poses kept before `full` turns true
+    capacity : poses kept until `full` becomes true
     """
 
     def __init__(self, model: mujoco.MjModel, period_ns: int, capacity: int = 1024) -> None:
-        drawn = bodies(model)
-        self.fixed = [b for b in drawn if not b.moves]
-        self.moving = [b for b in drawn if b.moves]
+        visible = bodies(model)
+        self.fixed = [b for b in visible if not b.moves]
+        self.moving = [b for b in visible if b.moves]
         names = [b.name for b in self.moving]
         wanted = (VEHICLE, next((name for name in GIMBAL if name in names), ""))
         self.focus = {k: b for k, b in enumerate(self.moving) if b.name in wanted}
@@ -63,7 +67,7 @@ class Poses:
         self._path_n, self._path_every, self._path_seen = 0, 1, 0
 
     def add(self, time_ns: int, data: mujoco.MjData) -> None:
-        """Keep the poses of `data` if the next ones are due, else return at once."""
+        """Keep the poses of `data` if due."""
         if time_ns < self._due or self.full:
             return
         self._due = time_ns - time_ns % self._period + self._period
@@ -78,7 +82,7 @@ class Poses:
         self.full = self._n == len(self._time)
 
     def start(self, stream: rr.RecordingStream) -> None:
-        """Write what does not change: meshes, colours, poses of what never moves."""
+        """Write static data: meshes, colours, poses of fixed bodies."""
         stream.log(schema.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, data)
@@ -98,21 +102,21 @@ class Poses:
 
     @property
     def times(self) -> Stamps:
-        """Experiment times of the poses kept and not yet drained (n,) [ns]."""
+        """Experiment times of the poses kept (n,) [ns]."""
         return self._time[: self._n]
 
     def drain(self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats) -> None:
-        """Send the kept poses and forget them.
+        """Send the kept poses and discard them.
 
         Parameters
         ----------
-        stream : where to
+        stream : recording
         wall : time since 1970 of each pose (n,) [ns]
         thrust : thrust at each pose (n,) [N]
         """
         n = self._n
         time = self.times
-        # copies, since Rerun may keep what it is given
+        # copies, since Rerun may keep references
         position, attitude, jet = (
             a[:n].copy() for a in (self._position, self._attitude, self._jet)
         )
@@ -170,9 +174,9 @@ class Poses:
 def focus_path(body: str) -> str:
     """Entity that a 3D view tracks in place of the body itself.
 
-    When Rerun starts to track, it backs off to 1.5 times the radius of the tracked entity's
-    bounding box, or keeps the blueprint's distance, whichever the loading order brings about. An
-    entity of its own, without rotation and of chosen size, makes both the same.
+    When Rerun starts to track, the distance is either 1.5 times the radius of the tracked entity's
+    bounding box or that of the blueprint, depending on the loading order. A separate entity without
+    rotation and of suitable size makes both equal.
     """
     return f"{schema.WORLD}/{FOCUS}/{body}"
 
@@ -184,7 +188,7 @@ def _invisible(radius: float) -> rr.Mesh3D:
 
 
 def _middles(position: Floats, attitude: Floats, centre: Floats) -> Floats:
-    """Place of a body-fixed point (3,) [m] in the world for poses (n, 3), (n, 4) wxyz."""
+    """World position of a body-fixed point (3,) [m] for poses (n, 3), (n, 4) wxyz."""
     w, u = attitude[:, :1], attitude[:, 1:]
     across = np.cross(u, centre)
     return np.asarray(position + centre + 2.0 * (w * across + np.cross(u, across)))

@@ -1,4 +1,4 @@
-"""A rig's readings into the recorder: one row a sensor frame at its own stamp, and its link."""
+"""Recording of a rig: one row per sensor frame at its time stamp, and link statistics."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,14 @@ from twin.recorder import Sink
 
 
 class RigRows:
-    """Writes what a rig said since the last tick.
+    """Writes the frames and events of a rig since the last tick.
 
-    A frame's row carries the time at which the device took it, not the tick that found it: the
-    difference is the sensors' age, which would else go into every delay identified from the file.
+    The row of a frame has the time at which the device sampled it, not the time of the tick: their
+    difference is the age of the reading, which would otherwise add to every identified delay.
 
     Parameters
     ----------
-    readings : of the seat, renewed by its poll
+    readings : of the gimbal seat
     """
 
     signals = (*FRAME, *RARE, *TICK)
@@ -31,7 +31,7 @@ class RigRows:
         self._latest: list[tuple[float, ...]] = [()] * len(RARE)
 
     def bind(self, recorder: Sink) -> None:
-        """Find the places in the recorder's row; the frame's signals lie side by side in it."""
+        """Make views of the recorder's row; the signals of a frame are contiguous in it."""
         at = recorder.slices
         self._recorder = recorder
         self._frame: NDArray[np.float64] = recorder.row[at[FRAME[0]].start : at[FRAME[-1]].stop]
@@ -39,7 +39,7 @@ class RigRows:
         self._tick: NDArray[np.float64] = recorder.row[at[TICK[0]].start : at[TICK[-1]].stop]
 
     def write(self, time_ns: int, wall_origin_ns: int) -> None:
-        """Commit a row a frame, then leave the link's state in the row of this tick."""
+        """Commit one row per frame, then put the link statistics into the row of this tick."""
         recorder, r = self._recorder, self._readings
         if r.snapshot is not None:
             recorder.estimator(time_ns, r.snapshot)
@@ -47,9 +47,9 @@ class RigRows:
             recorder.row[:] = np.nan
             taken = time_ns * 1e-9
             for frame, state in zip(r.frames, r.states, strict=True):
-                # Every frame that moved the estimate has its row, or a replay could not repeat it:
-                # the first ones, sampled before time zero, are put just behind it. Later on a
-                # better estimate of the device's clock may move a stamp back by microseconds.
+                # A replay needs every frame that the estimate used: those sampled before time zero
+                # are put just after it. Later, a better estimate of the device clock may move a
+                # stamp back by microseconds.
                 at = max(frame.time_ns, self._last_ns + 1)
                 self._last_ns = at
                 self._frame[:] = (*_values(frame, state), taken)
@@ -61,7 +61,7 @@ class RigRows:
         self._tick[:] = np.nan
         if r.age_ns is not None:
             self._tick[0] = r.age_ns * 1e-9
-        # every round trip counts once, and a count only where it changes
+        # a round trip is recorded once, a count where it changes
         if r.round_trip_ns is not None and r.round_trips != self._trips:
             self._trips = r.round_trips
             self._tick[1] = r.round_trip_ns * 1e-9

@@ -1,4 +1,4 @@
-"""Rows in memory that two processes share: one appends, the other takes away, nobody waits."""
+"""A ring of rows in memory shared by two processes: one appends, one takes; neither waits."""
 
 import os
 import tempfile
@@ -15,7 +15,7 @@ _HEAD, _TAIL = 0, 8  # words of the counters, a cache line apart
 
 
 class Kind(IntEnum):
-    """What an entry holds."""
+    """Kind of an entry."""
 
     ROW = 0
     POSE = 1
@@ -23,13 +23,13 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True)
 class Shape:
-    """How two processes find the same ring.
+    """Description of a ring, for both processes.
 
     Attributes
     ----------
-    path : file behind it
+    path : its file
     capacity : entries
-    width : values to an entry
+    width : values of an entry
     """
 
     path: str
@@ -43,11 +43,11 @@ class Shape:
 
 
 def make(capacity: int, width: int) -> Shape:
-    """A new ring's file, every page of it touched; whoever makes it deletes it.
+    """Create the file of a ring and write every page of it; the caller deletes it.
 
     Raises
     ------
-    OSError : no memory or disk for it
+    OSError : no memory or disk space
     """
     folder = SHARED if os.access(SHARED, os.W_OK) else None
     handle, path = tempfile.mkstemp(prefix="tvc-twin-", dir=folder)
@@ -64,8 +64,8 @@ def make(capacity: int, width: int) -> Shape:
 class Ring:
     """One end of a ring; a process uses either `put` or `take`.
 
-    An entry is written before it is counted. A processor may show another one the count first, so
-    that the taker leaves what has been counted for one more look (`settled`).
+    An entry is written before it is counted, but another processor may see the count first.
+    Therefore the taker leaves newly counted entries for its next call (`settled`).
     """
 
     def __init__(self, shape: Shape) -> None:
@@ -81,7 +81,7 @@ class Ring:
         self.lost = 0
 
     def put(self, kind: Kind, time_ns: int, wall_ns: int, values: NDArray[np.float64]) -> None:
-        """Append an entry; one that finds no room is counted in `lost`."""
+        """Append an entry; without room it is counted in `lost`."""
         n = self._count
         if n - self._counters[_TAIL] >= self._capacity:
             self.lost += 1
@@ -98,16 +98,16 @@ class Ring:
 
         Parameters
         ----------
-        settled : leave those that were counted since the last call; False takes all
+        settled : leave entries counted since the last call; False takes all
         """
         head = int(self._counters[_HEAD])
         until = self._settled if settled else head
         self._settled = head
-        found = []
+        entries = []
         while self._count < until:
             k = self._count % self._capacity
             time_ns, wall_ns, kind = self._stamps[k].tolist()
-            found.append((Kind(kind), time_ns, wall_ns, self._values[k].copy()))
+            entries.append((Kind(kind), time_ns, wall_ns, self._values[k].copy()))
             self._count += 1
         self._counters[_TAIL] = self._count
-        return found
+        return entries

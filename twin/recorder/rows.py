@@ -1,4 +1,4 @@
-"""One row a tick: every signal that the parts of a run offer, into the recorder's row."""
+"""One row a tick: all signals that the parts of a run offer."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ class Source(Protocol):
 
 @runtime_checkable
 class Derived(Protocol):
-    """A source that computes some of its signals only when they are asked for."""
+    """A source that computes some of its signals on request."""
 
     def derive(self, time_ns: int) -> None:
         """Compute them from the present state, at `time_ns` of the experiment [ns]."""
@@ -83,7 +83,7 @@ class Rows:
         """Pair the address of every value with its place in the row, so that a tick only copies.
 
         Sources and row stay in place for the whole run: MuJoCo's arrays and the recorder's row by
-        their design, the others by the contract of `Source`.
+        design, the others by the contract of `Source`.
         """
         self._recorder = recorder
         pairs = [

@@ -1,4 +1,4 @@
-"""The 3D scene of a recording: which bodies are drawn, their meshes, and where they start."""
+"""The 3D scene of a recording: its visible bodies and their meshes."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ Part = tuple[shapes.Triangles, NDArray[np.uint8]]  # a shape and its RGBA per ve
 
 @dataclass(frozen=True, slots=True)
 class BodyMesh:
-    """What is drawn for one body, in its frame, baked into one mesh.
+    """All visible geoms of one body as one mesh in the body frame.
 
     Attributes
     ----------
@@ -46,13 +46,13 @@ class BodyMesh:
 
 
 def bodies(model: mujoco.MjModel) -> list[BodyMesh]:
-    """Return every body that has something to draw; the world's own geoms are `ground`."""
-    drawn = []
+    """Return all bodies with visible geoms; those of the world are `ground`."""
+    visible = []
     for body in range(model.nbody):
         parts = [part for geom in _visible(model, body) for part in _parts(model, geom)]
         if parts:
-            drawn.append(_baked(model, body, parts))
-    return drawn
+            visible.append(_baked(model, body, parts))
+    return visible
 
 
 def _visible(model: mujoco.MjModel, body: int) -> list[int]:
@@ -90,7 +90,7 @@ def _rgba(model: mujoco.MjModel, geom: int) -> NDArray[np.uint8]:
 
 
 def _of_material(model: mujoco.MjModel, material: int) -> shapes.Floats:
-    """RGBA of a material; of a textured one the mean, since textures are not drawn."""
+    """RGBA of a material; of a textured one the mean, since textures are not recorded."""
     rgba = np.array(model.mat_rgba[material], dtype=np.float64)
     texture = int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
     if texture >= 0:

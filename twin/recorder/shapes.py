@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
 
-SEGMENTS = 32  # around; a 54 mm tube is then round to 0.13 mm
-PLANE_HALF_EXTENT = 1500.0  # drawn for an infinite plane [m]: past the range of any flight here
+SEGMENTS = 32  # of a circle; a 54 mm tube then deviates by 0.13 mm
+PLANE_HALF_EXTENT = 1500.0  # m; of an infinite plane: exceeds the range of the shipped vehicles
 GRID_SPACING, GRID_WIDTH = 50.0, 0.4  # [m]
 
 
@@ -53,14 +53,14 @@ def box(half: Floats) -> Triangles:
 
 
 def plane(half: Floats) -> Triangles:
-    """Rectangle in z = 0 of half extents (2,) [m]; zero stands for infinite."""
+    """Rectangle in z = 0 of half extents (2,) [m]; zero means infinite."""
     x, y = (h if h > 0.0 else PLANE_HALF_EXTENT for h in half[:2])
     corners = np.array([[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]], dtype=np.float64)
     return flat(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
 
 
 def grid() -> Triangles:
-    """Stripes every 50 m just above an infinite plane, as a sense of scale."""
+    """Stripes every 50 m just above an infinite plane, to show the scale."""
     end, half = PLANE_HALF_EXTENT, 0.5 * GRID_WIDTH
     places = np.arange(-end + 0.5 * GRID_SPACING, end, GRID_SPACING)  # none through the ramp
     stripes = [
@@ -109,7 +109,7 @@ def cylinder(radius: float, half: float) -> Triangles:
 
 
 def of_geom(model: mujoco.MjModel, geom: int) -> Triangles | None:
-    """Triangles of one geom in its own frame; None for a shape that is not drawn."""
+    """Triangles of one geom in its own frame; None for an unsupported shape."""
     size = np.array(model.geom_size[geom])
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     match kind:

@@ -1,4 +1,4 @@
-"""What a run needs of a recorder, in whichever process it writes."""
+"""Interface of a recorder, whether it writes in this process or in another."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from analysis import schema
 
 POSE_PERIOD_NS = 20_000_000  # between two poses of the 3D scene: 50 frames a second
-DRAIN_NS = 1_000_000_000
+DRAIN_NS = 1_000_000_000  # between two writes
 
 
 class Sink(ABC):
     """Takes rows: fill `row` through `slices`, then `commit`; views of `row` stay valid.
 
-    A context manager: its end completes the recording.
+    A context manager whose end completes the recording.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Sink(ABC):
 
     @abstractmethod
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
-        """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
+        """Take the body poses of `data` at `time_ns` [ns] if due."""
 
     @abstractmethod
     def text(self, entity: str, time_ns: int, text: str, level: str) -> None:
@@ -48,7 +48,7 @@ class Sink(ABC):
 
     @abstractmethod
     def flush(self) -> Path:
-        """Write all that was taken so far; where it stands until the recording is complete.
+        """Write everything taken so far; return the file of the incomplete recording.
 
         Raises
         ------
@@ -57,11 +57,11 @@ class Sink(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Write the rest and give the file its name; a second call does nothing.
+        """Write the rest and rename the file to `path`; a second call does nothing.
 
         Raises
         ------
-        TwinError : not all could be written; the file then keeps its name `<path>.partial`
+        TwinError : not everything could be written; the file then keeps the name `<path>.partial`
         """
 
     @property
@@ -74,15 +74,15 @@ class Sink(ABC):
         self.text(schema.EVENTS, time_ns, text, level)
 
     def health(self, time_ns: int, text: str) -> None:
-        """Add the state of the gimbal's sensors, in words, from `time_ns` [ns] on."""
+        """Add the health of connection and sensors from `time_ns` [ns] on."""
         self.text(schema.HEALTH, time_ns, text, "INFO")
 
     def estimator(self, time_ns: int, memory: str) -> None:
-        """Add what the rig's estimator remembers at `time_ns` [ns], as JSON, for a replay."""
+        """Add the state of the rig's estimator at `time_ns` [ns], as JSON, for a replay."""
         self.text(schema.ESTIMATOR, time_ns, memory, "INFO")
 
     def __enter__(self) -> Self:
-        """Open since it was made."""
+        """Return itself; it is open from its construction."""
         return self
 
     def __exit__(
@@ -91,7 +91,7 @@ class Sink(ABC):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Write the rest, and say why the run ended where an error ended it."""
+        """Write the rest; record the error that ended the run, if any."""
         interrupted = isinstance(error, KeyboardInterrupt)
         reached = self.reached_ns
         if reached is not None and error is not None and not interrupted:
@@ -103,12 +103,12 @@ class Sink(ABC):
 
 
 def one_line(error: BaseException) -> str:
-    """What went wrong, without line breaks."""
+    """Text of an error without line breaks."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def places(signals: Sequence[schema.Signal]) -> dict[str, slice]:
-    """Where each signal's components stand in a row, side by side in the order given."""
+    """Slices of the signals in a row, in the order given."""
     ends = np.cumsum([len(s.components) for s in signals]).tolist()
     return {
         s.name: slice(end - len(s.components), end) for s, end in zip(signals, ends, strict=True)

@@ -1,13 +1,9 @@
-"""The recorder: preallocated rows in, columns into one file once a simulated second."""
+"""The recorder: takes preallocated rows and writes columns to one file at intervals."""
 
 import ctypes
 import hashlib
-import json
-import os
-import socket
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import IO
 
 import mujoco
 import numpy as np
@@ -16,48 +12,42 @@ from numpy.typing import NDArray
 
 from analysis import schema
 from analysis.recording import rrd
-from analysis.recording.lock import claim
-from twin.errors import TwinError
 from twin.recorder import blueprint, columns
+from twin.recorder.checks import RecorderError, checked, claimed, json_text, refuse_taken
 from twin.recorder.poses import Poses
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
 from twin.viewer.opening import LOOPBACK
 
 THRUST = "vehicle/thrust"
-FLUSH_SECONDS = 60.0  # a slow disk needs a few; Rerun itself waits without end
+FLUSH_SECONDS = 60.0  # a slow disk needs a few; without it Rerun waits for ever
 
 
 Stamps = NDArray[np.int64]
 
 
-class RecorderError(TwinError):
-    """A recording that cannot be written, told in one line."""
-
-
 class Recorder(Sink):
     """Writes a run into one Rerun file: `<path>.partial` while it runs, `<path>` once closed.
 
-    Fill `row` through `slices`, then `commit`. The row stays in place, so views of it may be kept;
-    a value left alone keeps its last content, NaN at first.
+    Fill `row` through `slices`, then `commit`. The row stays in place, so views of it stay valid;
+    values that are not written keep their last content, NaN at first.
 
     Parameters
     ----------
     path : file to write, ending in `.rrd`
     signals : names of `analysis.schema.SIGNALS` to record
-    properties : what describes the run; anything `json` can write. Equal properties give equal
-        recording ids, so a run on the wall clock should carry its date.
-    model : model whose bodies are drawn; None leaves the 3D scene out
-    pose_period_ns : experiment time between two drawn poses [ns]
-    capacity : rows kept at most before they are written
-    drain_ns : experiment time between two writes [ns]; what a killed process loses at most.
-        Shorter costs size: every write of a signal takes about 1.5 kB besides its values.
-    serve : port on the loopback interface where a viewer may watch, besides the file
+    properties : JSON values that describe the run. Equal properties give equal recording ids, so a
+        run on the wall clock should have its date.
+    model : model of the 3D scene; None records none
+    pose_period_ns : experiment time between two poses of the scene [ns]
+    capacity : largest number of rows before they are written
+    drain_ns : experiment time between two writes [ns], which a killed process loses at most; each
+        write of a signal takes about 1.5 kB besides its values
+    serve : port on the loopback interface for a live viewer, besides the file
 
     Raises
     ------
-    RecorderError
-        if a signal is unknown, the properties are not JSON, the file cannot be written, or the
-        port is taken; nothing has run then.
+    RecorderError : a signal is unknown, the properties are not JSON values, the file cannot be
+        written, or the port is in use
     """
 
     def __init__(
@@ -75,10 +65,10 @@ class Recorder(Sink):
         self.path = Path(path)
         self._partial = self.path.with_name(self.path.name + ".partial")
         self._signals = checked(signals)
-        text = _json(properties)
+        text = json_text(properties)
         if serve is not None:
-            _free(serve)
-        self._mark = _claim(self.path, self._partial)
+            refuse_taken(serve)
+        self._mark = claimed(self.path, self._partial)
         self._layout(capacity, drain_ns)
         self._poses = None if model is None else Poses(model, pose_period_ns)
         self._texts: list[tuple[str, int, str, str]] = []
@@ -102,7 +92,7 @@ class Recorder(Sink):
 
     def _start(self, text: str, serve: int | None) -> rr.RecordingStream:
         digest = hashlib.sha256(text.encode()).hexdigest()[:32]
-        # Rerun's own properties carry the time of day, which would spoil the comparison of runs.
+        # Rerun's own properties have the time of day, by which equal runs would differ.
         stream = rr.RecordingStream(
             schema.APPLICATION, recording_id=digest, send_properties=False, default_enabled=True
         )
@@ -123,7 +113,7 @@ class Recorder(Sink):
         if self._poses:
             self._poses.start(stream)
         try:
-            # what is static comes first, so a file cut off anywhere still has it
+            # static data comes first, so that a truncated file has it
             stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
             _abandon(stream)
@@ -134,7 +124,7 @@ class Recorder(Sink):
     def commit(self, time_ns: int, wall_ns: int) -> None:
         """Take `row` as the state at `time_ns` of the experiment and `wall_ns` since 1970 [ns].
 
-        Allocates nothing but once a simulated second, when the rows are written.
+        Allocates nothing, except when rows are written.
         """
         n = self._n
         self._block[n] = self.row
@@ -147,7 +137,7 @@ class Recorder(Sink):
             self.drain()
 
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
-        """Take the body poses of `data` at `time_ns` [ns] if due; returns at once otherwise."""
+        """Take the body poses of `data` at `time_ns` [ns] if due."""
         if self._poses is None:
             return
         if self._poses.full:
@@ -165,10 +155,10 @@ class Recorder(Sink):
         ------
         RecorderError : it is not JSON
         """
-        self._stream.send_property(schema.TIMING, rr.AnyValues(json=_json(verdict)))
+        self._stream.send_property(schema.TIMING, rr.AnyValues(json=json_text(verdict)))
 
     def flush(self) -> Path:
-        """Write all that was taken so far; where it stands until the recording is complete.
+        """Write everything taken so far; return the file of the incomplete recording.
 
         Raises
         ------
@@ -182,7 +172,7 @@ class Recorder(Sink):
         return self._partial
 
     def drain(self) -> None:
-        """Write what is kept; called by `commit` in time, so seldom of use elsewhere."""
+        """Write the rows, poses and texts kept; `commit` calls it when due."""
         n = self._n
         time, wall = self._time[:n], self._wall[:n]
         self._send_poses(time, wall)
@@ -200,8 +190,8 @@ class Recorder(Sink):
         when = columns.times(time, wall)
         for signal in self._signals:
             values, stamps = stored[:, self.slices[signal.name]], when
-            # Rows without any measurement are left out: NaN never compares equal to itself, and
-            # two equal runs must.
+            # Rows without any value are left out: NaN does not compare equal to itself, but equal
+            # runs must.
             if (missing := np.isnan(values).all(axis=1)).any():
                 there = ~missing
                 values, stamps = values[there], columns.times(time[there], wall[there])
@@ -215,24 +205,23 @@ class Recorder(Sink):
         thrust = np.zeros(len(at))
         if THRUST in self.slices and self._n:
             known = self._block[: self._n, self.slices[THRUST].start]
-            rows = np.isfinite(known)  # a sensor frame's row knows nothing of the vehicle
+            rows = np.isfinite(known)  # rows of sensor frames have no vehicle signals
             if rows.any():
                 thrust = np.interp(at, time[rows], known[rows])
         self._poses.drain(self._stream, self._wall_at(at, time, wall), thrust)
 
     def _wall_at(self, at: Stamps, time: Stamps, wall: Stamps) -> Stamps:
-        """Time since 1970 of the rows nearest after `at` (k,); the last known one without rows."""
+        """Time since 1970 of the first rows from `at` on (k,); the last known one without rows."""
         if not len(time):
             return np.full(len(at), self._last_wall)
         return wall[np.minimum(np.searchsorted(time, at), len(time) - 1)]
 
     def close(self) -> None:
-        """Write the rest and give the file its name; a second call does nothing.
+        """Write the rest and rename the file to `path`; a second call does nothing.
 
         Raises
         ------
-        RecorderError
-            if not all could be written; the file then keeps its name `<path>.partial`.
+        RecorderError : not everything could be written; the file is then `<path>.partial`
         """
         if not self._open:
             return
@@ -251,7 +240,7 @@ class Recorder(Sink):
         except RuntimeError as error:
             _abandon(self._stream)
             raise self._unfinished(one_line(error)) from None
-        self._stream.disconnect()  # writes the footer, and keeps quiet if that fails
+        self._stream.disconnect()  # writes the footer; reports no failure
         try:
             if not rrd.complete(self._partial):
                 raise self._unfinished("its end is missing")
@@ -277,65 +266,11 @@ class Recorder(Sink):
         return int(self._time[self._n - 1]) if self._n else self._reached
 
 
-def checked(names: Sequence[str]) -> list[schema.Signal]:
-    """The signals of these names, each once.
-
-    Raises
-    ------
-    RecorderError : there is no such signal, or none was given
-    """
-    try:
-        found = [schema.signal(name) for name in dict.fromkeys(names)]
-    except schema.AnalysisError as error:
-        raise RecorderError(str(error)) from None
-    if not found:
-        raise RecorderError("a recording needs at least one signal")
-    return found
-
-
-def _json(properties: Mapping[str, object]) -> str:
-    try:
-        return json.dumps(dict(properties), sort_keys=True, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise RecorderError(f"properties of a run must be JSON: {error}") from None
-
-
-def _claim(path: Path, partial: Path) -> IO[bytes]:
-    """Fail before anything runs if the file cannot be written; mark it as being written."""
-    if path.suffix != ".rrd":
-        raise RecorderError(f"a recording's name ends in .rrd, not '{path.name}'")
-    if path.is_dir():
-        raise RecorderError(f"cannot record to {path}: it is a folder")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        mark = claim(partial)
-        if os.name != "posix":  # an open file could not be renamed there
-            mark.close()
-    except BlockingIOError:
-        raise RecorderError(
-            f"{path} is being written by another run; give this one --out"
-        ) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise RecorderError(f"cannot record to {path}: {reason}") from None
-    return mark
-
-
-def _free(port: int) -> None:
-    """Fail early if the port is taken: Rerun would only log it, and then lose the file's end."""
-    try:
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind((LOOPBACK, port))
-    except (OSError, OverflowError) as error:
-        raise RecorderError(f"cannot serve a viewer on port {port}: {error}") from None
-
-
 def _abandon(stream: rr.RecordingStream) -> None:
-    """Let go of a stream whose file cannot be written, without ever waiting for it again.
+    """Abandon a stream whose file cannot be written.
 
-    Rerun 0.41 waits without end for its dead writer when such a stream is disconnected, deleted
-    or cleaned up at exit, so it is kept from all three.
+    Rerun 0.41 waits for ever when such a stream is disconnected, deleted or cleaned up at exit, so
+    it is kept alive and unregistered.
     """
     for held in (stream, stream.to_native()):
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))

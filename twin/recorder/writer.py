@@ -1,8 +1,8 @@
-"""The process that writes what a `DetachedRecorder` is given: `python -m twin.recorder.writer`.
+"""The process that writes for a `DetachedRecorder`: `python -m twin.recorder.writer`.
 
-Standard input brings the settings, then a line of JSON for every text, a verdict on timing, or a
-request to flush; its end, or a line that says so, is the end of the run. Standard output answers in
-JSON: when the file is open, when it is flushed, and when it is closed.
+Standard input has the settings, then a line of JSON for every text, a verdict on timing, a request
+to flush, or the end of the run, which is also the end of input. Standard output has an answer in
+JSON when the file is open, flushed and closed.
 """
 
 import json
@@ -16,16 +16,17 @@ from typing import IO, Any
 
 import mujoco
 
+from twin.recorder.checks import RecorderError
 from twin.recorder.detached import Settings
 from twin.recorder.ring import Kind, Ring
-from twin.recorder.stream import Recorder, RecorderError
+from twin.recorder.stream import Recorder
 
 PERIOD_S = 0.02
-KILLED = "the run's process ended without a word; was it killed?"
+KILLED = "the process of the run ended unexpectedly, perhaps killed"
 
 
 class Writer:
-    """Passes rows from the ring and texts from a queue on to a recorder."""
+    """Passes rows from the ring and texts from a queue to a recorder."""
 
     def __init__(self, settings: Settings, recorder: Recorder) -> None:
         self._recorder = recorder
@@ -38,21 +39,21 @@ class Writer:
         self.orderly = False
 
     def listen(self, lines: IO[bytes]) -> None:
-        """Take texts in until the run ends."""
+        """Read messages until the run ends."""
         try:
             for line in lines:
-                told = json.loads(line)
-                if told.get("end"):
+                message = json.loads(line)
+                if message.get("end"):
                     self.orderly = True
                     break
-                self._texts.put(told)
-        except ValueError:  # a line torn off: whoever was telling is gone
+                self._texts.put(message)
+        except ValueError:  # an incomplete line: the process of the run is gone
             pass
         finally:
             self.ended.set()
 
     def run(self) -> None:
-        """Write until the run has ended, and then the rest."""
+        """Write until the run has ended, then write the rest."""
         while not self.ended.wait(PERIOD_S):
             self._pass_on(settled=True)
         self._pass_on(settled=False)
@@ -63,13 +64,13 @@ class Writer:
         recorder = self._recorder
         flush = False
         while not self._texts.empty() and not flush:
-            told = self._texts.get()
-            flush = "flush" in told
-            if "timing" in told:
-                recorder.timing(told["timing"])
+            message = self._texts.get()
+            flush = "flush" in message
+            if "timing" in message:
+                recorder.timing(message["timing"])
             elif not flush:
-                recorder.text(**told)
-        # a request to flush came through the pipe behind every row that it is about
+                recorder.text(**message)
+        # every row that a request to flush concerns was in the ring before it
         for kind, time_ns, wall_ns, values in self._ring.take(settled=settled and not flush):
             if kind is Kind.ROW:
                 recorder.row[:] = values[: recorder.row.size]
@@ -86,11 +87,12 @@ class Writer:
 
 def main() -> None:
     """Serve one recording."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the run ends us, whatever ends the run
+    # the process of the run handles the signal and ends this one
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     lines = sys.stdin.buffer
     try:
         settings = Settings.read(lines)
-    except ValueError:  # the run ended before it had told anything
+    except ValueError:  # the run ended before it sent its settings
         return
     try:
         recorder = Recorder(
@@ -112,11 +114,11 @@ def main() -> None:
         failed = str(error)
     _answer(failed)
     if failed is not None:
-        os._exit(1)  # the listening thread waits in a read that an orderly end would wait for
+        os._exit(1)  # an orderly exit would wait for the reading thread
 
 
 def _answer(error: str | None) -> None:
-    with suppress(OSError):  # the run's process is gone; the file is what matters
+    with suppress(OSError):  # the process of the run is gone
         os.write(1, json.dumps({"error": error}).encode() + b"\n")
 
 

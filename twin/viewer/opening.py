@@ -1,4 +1,4 @@
-"""Rerun's own program: repair a recording, open it on the screen, serve it to a browser."""
+"""Rerun's program: repair a recording, open it on the screen, serve it to a browser."""
 
 import contextlib
 import importlib.util
@@ -17,34 +17,34 @@ from twin.errors import TwinError
 
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 30.0
-PATIENCE_S = 5.0  # a killed run's file is complete after 0.2 s; one in flight is opened as it is
+WRITER_WAIT_S = 5.0  # the file of a killed run is complete after 0.2 s; else the run is still on
 EMPTY_BYTES = 1000  # Rerun writes 100 to 400 for a recording without content
 
 
 class ViewerError(TwinError):
-    """A recording that cannot be shown, told in one line."""
+    """A recording that cannot be shown, as one line."""
 
 
 def binary() -> Path:
-    """Return Rerun's own program; the `rerun` on the path is a wrapper that outlives its parent."""
-    found = importlib.util.find_spec("rerun_cli")
-    if found is None or found.origin is None:
-        raise ViewerError("Rerun's viewer is not installed: pip install 'rerun-sdk'")
-    return Path(found.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
+    """Return Rerun's program itself; `rerun` on the path is a wrapper that outlives its parent."""
+    package = importlib.util.find_spec("rerun_cli")
+    if package is None or package.origin is None:
+        raise ViewerError("Rerun's viewer is not installed; install the package rerun-sdk")
+    return Path(package.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
 
 
-def sound(path: Path) -> bool:
-    """Tell whether a recording is complete, its footer included."""
+def complete(path: Path) -> bool:
+    """Whether a recording is complete, including its footer."""
     if path.stat().st_size < EMPTY_BYTES:
         return False
     return _rerun("rrd", "verify", str(path)).returncode == 0
 
 
 def _let_finish(path: Path) -> Path:
-    """Where a killed run's file is once the process that writes it has had time to complete it."""
+    """The file of a killed run, after its writer has had time to complete it."""
     if path.suffix != ".partial":
         return path
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + WRITER_WAIT_S
     while held(path) and time.monotonic() < deadline:
         time.sleep(0.05)
     whole = path.with_suffix("")
@@ -52,12 +52,11 @@ def _let_finish(path: Path) -> Path:
 
 
 def repaired(path: Path) -> Path:
-    """Return `path` if it is complete, else a fresh file beside it with all that can be saved.
+    """Return `path` if it is complete, else a new file beside it with what can be recovered.
 
     Raises
     ------
-    ViewerError
-        if the file is missing, is no recording, or nothing can be saved.
+    ViewerError : the file is missing, is not a recording, or nothing can be recovered
     """
     path = _let_finish(path)
     try:
@@ -67,7 +66,7 @@ def repaired(path: Path) -> Path:
         raise ViewerError(f"cannot open {path}: {error.strerror or error}") from None
     if start != MAGIC:
         raise ViewerError(f"{path}: not a Rerun recording (.rrd)")
-    if path.suffix == ".rrd" and sound(path):
+    if path.suffix == ".rrd" and complete(path):
         return path
     stem = path.name.removesuffix(".partial").removesuffix(".rrd")
     fresh = path.with_name(f"{stem}.repaired.rrd")
@@ -75,24 +74,23 @@ def repaired(path: Path) -> Path:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".repair-") as folder:
             part = Path(folder) / fresh.name
             done = _rerun("rrd", "optimize", "--continue-on-error", str(path), "-o", str(part))
-            if done.returncode != 0 or not part.is_file() or not sound(part):
-                raise ViewerError(f"{path}: nothing in it can be saved")
+            if done.returncode != 0 or not part.is_file() or not complete(part):
+                raise ViewerError(f"{path}: nothing can be recovered")
             part.replace(fresh)
     except OSError as error:
         reason = error.strerror or error
-        raise ViewerError(f"{path} lacks its end; cannot write {fresh}: {reason}") from None
+        raise ViewerError(f"{path}: incomplete, and {fresh} cannot be written: {reason}") from None
     return fresh
 
 
 def view(path: Path, *, web: bool = False, port: int = 0) -> int:
-    """Open a recording on the screen, or with `web` serve it to browsers of this machine alone.
+    """Open a recording on the screen, or with `web` serve it to browsers on this machine.
 
-    Repairs a recording that was cut off first. Returns the viewer's exit code.
+    Repairs an incomplete recording first. Returns the exit code of the viewer.
 
     Raises
     ------
-    ViewerError
-        if the recording cannot be opened.
+    ViewerError : the recording cannot be opened
     """
     if web and port:
         _check_free(port)
@@ -100,7 +98,7 @@ def view(path: Path, *, web: bool = False, port: int = 0) -> int:
     if not web:
         return subprocess.call([str(binary()), "--bind", LOOPBACK, "--port", "auto", str(path)])
     with serve_web(path, port) as url:
-        print(f"{url}\n(only on this machine; Ctrl-C ends it)", file=sys.stderr)
+        print(f"{url}\n(on this machine only; end with Ctrl-C)", file=sys.stderr)
         with contextlib.suppress(KeyboardInterrupt):
             while True:
                 time.sleep(3600.0)
@@ -114,12 +112,11 @@ def serve_web(path: Path, port: int = 0) -> Iterator[str]:
     Parameters
     ----------
     path : recording
-    port : of the page; 0 takes a free one
+    port : of the page; 0 for a free one
 
     Raises
     ------
-    ViewerError
-        if the port is none, or taken, or the viewer does not start.
+    ViewerError : the port is invalid or in use, or the viewer does not start
     """
     if port:
         _check_free(port)
@@ -131,10 +128,10 @@ def serve_web(path: Path, port: int = 0) -> Iterator[str]:
 
 @contextlib.contextmanager
 def running(options: Sequence[str], port: int) -> Iterator[subprocess.Popen[bytes]]:
-    """Run Rerun's program until the end of the block, from when it listens on `port`.
+    """Run Rerun's program for the length of the block, which begins when it listens on `port`.
 
-    It starts with empty settings: a picture must not depend on who took it, and Rerun sends
-    no usage data before its second session.
+    It starts with empty settings: pictures must not depend on the user's, and Rerun sends no usage
+    data before its second session.
     """
     with tempfile.TemporaryDirectory(prefix="twin-viewer-") as home:
         environment = {**os.environ, **dict.fromkeys(_SETTINGS, home)}
@@ -157,16 +154,16 @@ _SETTINGS = ("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME", "XDG_STATE_HO
 
 
 def free_port() -> int:
-    """Return a port that was free on the loopback interface a moment ago."""
+    """Return a free port of the loopback interface."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
 
 
 def _check_free(port: int) -> None:
-    """Fail early: Rerun would end with a code that says nothing of the port."""
+    """Refuse an invalid port or one in use, which Rerun would not report."""
     if not 1 <= port <= 65535:
-        raise ViewerError(f"port {port}: must be 1 to 65535, or 0 for any that is free")
+        raise ViewerError(f"--port {port}: must be 1 to 65535, or 0 for a free one")
     try:
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -38,12 +38,12 @@ def comparison(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section |
 
 def _left_out(found: Sequence[Comparison]) -> list[str]:
     """Sentences on what was not compared, and which axes count for no fit."""
-    told = [
+    notes = [
         f"{c.other}, {axis}: {why}, so its fit counts for nothing."
         for c in found
         for axis, why in c.uncounted.items()
     ]
-    return told + [
+    return notes + [
         f"{number(100.0 * a.left_out, 3)} % of the readings of {c.reference}, {a.axis}, lie in "
         f"holes of {c.other} and are not compared."
         for c in found

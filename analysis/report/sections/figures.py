@@ -16,9 +16,9 @@ Key = tuple[str, str, str]  # axis, figure, amplitude
 
 def figures(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """Value ± half of its 95 % interval, number of repeats, amplitude; disagreement is marked."""
-    told = [_by_key(n) for n in numbers.runs]
+    tables = [_by_key(n) for n in numbers.runs]
     marked = [{(axis, name, _at(a)) for axis, name, a in n.disagree} for n in numbers.runs]
-    found = dict.fromkeys(key for by in told for key in by)
+    found = dict.fromkeys(key for by in tables for key in by)
     axes = list(dict.fromkeys(a.axis for n in numbers.runs for a in n.figures))
     order = list(dict.fromkeys(split(name)[0] for _, name, _ in found))
     keys = sorted(
@@ -31,7 +31,7 @@ def figures(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | No
     for key in keys:
         axis, name, amplitude = key
         words, direction = split(name)
-        cells = [_cell(by.get(key), key in off) for by, off in zip(told, marked, strict=True)]
+        cells = [_cell(by.get(key), key in off) for by, off in zip(tables, marked, strict=True)]
         rows.append((axis, *map(_whole, (words, direction, amplitude)), *cells))
     head = ("axis", "figure", "direction", "at", *(r.name for r in runs))
     caption = "Value ± half of the 95 % interval; n is the number of repeats or averages. "
@@ -67,7 +67,7 @@ def _nothing(numbers: ReportNumbers) -> Section | None:
 
 def _notes(numbers: ReportNumbers) -> Table:
     return Table(
-        ("what could not be told, or is to be doubted",),
+        ("not determined, or uncertain",),
         tuple((Cell(n, "warn"),) for n in numbers.notes),
     )
 

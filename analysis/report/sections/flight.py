@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.array import Array
 from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section, thinned
-
-Array = NDArray[np.float64]
 
 
 def flight(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001

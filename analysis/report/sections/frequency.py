@@ -25,9 +25,9 @@ def frequency(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | 
             Panel("phase", "phase [°]", 1, column),
             Panel("coherence", "coherence", 2, column),
         ]
-        for k, told in enumerate(numbers.runs):
-            if name in told.responses:
-                lines += _lines(told.label, f"run{k}", told.responses[name], first)
+        for k, entry in enumerate(numbers.runs):
+            if name in entry.responses:
+                lines += _lines(entry.label, f"run{k}", entry.responses[name], first)
     averages = {r.averages for n in numbers.runs for r in n.responses.values()}
     plot = Plot(
         "frequency",

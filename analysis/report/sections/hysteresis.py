@@ -1,4 +1,4 @@
-"""What is left of the angle when the command is taken away, by approach direction."""
+"""Angle minus command over the command, by approach direction."""
 
 from collections.abc import Sequence
 
@@ -7,51 +7,45 @@ import numpy as np
 from analysis.recording.measurements import Measurement
 from analysis.report.figures import at_rest, in_motion
 from analysis.report.numbers import ReportNumbers
-from analysis.report.parts import Line, Panel, Plot, Section, Style
+from analysis.report.parts import Line, Plot, Section, Style
+from analysis.report.sections.panels import axis_panels
 
 SIDES: tuple[tuple[float, Style], ...] = ((1.0, "dots"), (-1.0, "rings"))
 MOST = 1500  # points of one sweep
 
 
 def hysteresis(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
-    """Error over command: dots approached from below, rings from above; loops of slow sweeps."""
-    panels: list[Panel] = []
-    lines: list[Line] = []
-    for name in [a.component for a in runs[0].axes]:
-        drawn = [line for k, run in enumerate(runs) for line in _run(run, numbers, k, name)]
-        if not drawn:
-            continue
-        panel = len(panels)
-        panels.append(Panel(f"axis {name}", "angle − command [°]", 0, panel))
-        lines += [Line(d.name, d.x, d.y, d.role, panel, d.style) for d in drawn]
+    """Dots approached from below, rings from above, loops of slow sweeps; None without any."""
+    panels, lines = axis_panels(
+        runs, lambda k, axis: _lines(axis, numbers, k), "angle − command [°]"
+    )
     if not panels:
         return None
     plot = Plot(
         "hysteresis",
-        "Dots were approached from below, rings from above; lines are slow sweeps and hold the "
-        "gimbal's lag beside its play. A tilt of the cloud is a gain that is not one.",
+        "Settled angle minus command: dots were approached from below, rings from above. Lines are "
+        "slow sweeps and contain the lag of the gimbal as well as its backlash. A slope is a gain "
+        "that differs from one.",
         "command [°]",
-        tuple(panels),
-        tuple(lines),
+        panels,
+        lines,
         panel_height=290,
     )
     return Section("hysteresis", "Hysteresis and linearity", (), (plot,))
 
 
-def _run(run: Measurement, numbers: ReportNumbers, k: int, name: str) -> list[Line]:
-    axis = run.axis(name)
-    kind = {f.axis: f.kind for f in numbers.runs[k].figures}.get(name)
-    if axis is None or kind not in ("steps", "staircase", "ramps"):
-        return []
-    role = f"run{k}"
+def _lines(axis: Measurement, numbers: ReportNumbers, k: int) -> list[Line]:
+    kind, role = numbers.runs[k].kind(axis.component), f"run{k}"
     if kind == "ramps":
         u, y, _ = in_motion(axis)
         every = max(1, len(u) // MOST)
-        return [Line(run.name, np.degrees(u)[::every], np.degrees(y - u)[::every], role)]
+        return [Line(axis.name, np.degrees(u)[::every], np.degrees(y - u)[::every], role)]
+    if kind not in ("steps", "staircase"):
+        return []
     u, y, way = at_rest(axis)
     u, error = np.degrees(u), np.degrees(y - u)
     return [
-        Line(run.name, u[way == sign], error[way == sign], role, 0, style)
+        Line(axis.name, u[way == sign], error[way == sign], role, 0, style)
         for sign, style in SIDES
         if (way == sign).any()
     ]

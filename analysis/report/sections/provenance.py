@@ -41,24 +41,24 @@ def _word(run: Measurement) -> str:
 
 def _text(runs: Sequence[Measurement]) -> tuple[str, ...]:
     reference = runs[0]
-    told = [f"The first run, {reference.name}, is the reference."] if len(runs) > 1 else []
-    told += [
+    texts = [f"The first run, {reference.name}, is the reference."] if len(runs) > 1 else []
+    texts += [
         f"{run.name} was shifted by {number(run.shift * 1e3)} ms, so that its first command falls "
         f"on that of {reference.name}."
         for run in runs
         if run.shift
     ]
-    return (" ".join(told),) if told else ()
+    return (" ".join(texts),) if texts else ()
 
 
 def settings(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
     """Everything the recordings carry about themselves, one column a run, folded on the screen."""
-    told = [dict(_leaves(run.recording.properties)) for run in runs]
-    names = list(dict.fromkeys(name for by in told for name in by))
+    texts = [dict(_leaves(run.recording.properties)) for run in runs]
+    names = list(dict.fromkeys(name for by in texts for name in by))
     if not names:
         return None
     rows: list[tuple[Cell | str, ...]] = [
-        (name, *(Cell(_short(by[name]) if name in by else "–") for by in told)) for name in names
+        (name, *(Cell(_short(by[name]) if name in by else "–") for by in texts)) for name in names
     ]
     head = ("setting", *(r.name for r in runs))
     table = Table(head, tuple(rows[:MOST_SETTINGS]), folded="Every setting of every run")

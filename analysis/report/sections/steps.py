@@ -1,21 +1,18 @@
-"""Step responses laid over each other: every repeat, and their mean with its interval."""
+"""Step responses overlaid: every repeat, and their mean with its interval."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.recording.measurements import Measurement
 from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
 from analysis.response import Step
+from analysis.response.figure import ALIKE, student
 
-Array = NDArray[np.float64]
-
-ALIKE = 0.05  # of the amplitude: steps that close are repeats
-SHOWN = 6.0  # times the slowest arrival
+SHOWN = 6.0  # times the slowest rise
 MOST_REPEATS = 12  # drawn one by one; the mean is of all
 
 
@@ -23,31 +20,30 @@ def steps(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None
     """One panel per axis and direction, time from the command, angle from where the step began."""
     panels: list[Panel] = []
     lines: list[Line] = []
-    names = [a.component for a in runs[0].axes]
-    for name in names:
+    for row, first in enumerate(runs[0].axes):
         for column, way in enumerate((1.0, -1.0)):
             drawn = [
-                (k, run, _largest(_steps(run, numbers, k, name), way)) for k, run in enumerate(runs)
+                (k, found)
+                for k, run in enumerate(runs)
+                if (found := _largest(_steps(run, numbers, k, first.component), way))
             ]
-            drawn = [(k, run, found) for k, run, found in drawn if found]
             if not drawn:
                 continue
-            size = math.degrees(drawn[0][2][0].command_after - drawn[0][2][0].command_before)
-            title = f"{name}, {'up' if way > 0 else 'down'} by {abs(size):.3g}°"
-            row = names.index(name)
+            size = math.degrees(drawn[0][1][0].command_after - drawn[0][1][0].command_before)
+            title = f"{first.component}, {'up' if way > 0 else 'down'} by {abs(size):.3g}°"
             panels.append(Panel(title, "angle from start [°]", row, column))
             index = len(panels) - 1
-            shortest = min(float(s.time[-1]) for _, _, found in drawn for s in found)
+            shortest = min(float(s.time[-1]) for _, found in drawn for s in found)
             lines.append(_command(size, shortest, index))
-            for k, run, found in drawn:
-                lines += _run(run.name, f"run{k}", found, index, shortest)
+            for k, found in drawn:
+                lines += _lines(runs[k].name, f"run{k}", found, index, shortest)
     if not panels:
         return None
     plot = Plot(
         "steps",
-        "Every repeat (thin), their mean (thick) and its 95 % interval (band; Student, as wide as "
-        "the repeats differ: those of a simulation differ only in where backlash and friction "
-        "left the gimbal before). Time counts from the command.",
+        "Every repeat (thin), their mean (thick) and its 95 % interval (band, Student's t over the "
+        "repeats; repeats of a simulation differ only by the state in which backlash and friction "
+        "left the gimbal). Time counts from the command.",
         "time from command [s]",
         tuple(panels),
         tuple(lines),
@@ -57,22 +53,21 @@ def steps(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None
 
 
 def _shown(lines: Sequence[Line]) -> tuple[float, float] | None:
-    """From just before the command until well after the slowest mean has come nine tenths."""
-    arrivals, ends = [], []
+    """From just before the command until well after the slowest mean has risen to 90 %."""
+    rises, ends = [], []
     for line in lines:
         if line.style == "line" and line.role != "command":
             last = line.y[-1]
             there = np.flatnonzero(line.y / last >= 0.9) if last else np.array([], int)
-            arrivals.append(float(line.x[there[0]]) if len(there) else float(line.x[-1]))
+            rises.append(float(line.x[there[0]]) if len(there) else float(line.x[-1]))
             ends.append(float(line.x[-1]))
-    until = min(max(ends), SHOWN * max(arrivals))
+    until = min(max(ends), SHOWN * max(rises))
     return (-0.04 * until, until) if until > 0.0 else None
 
 
 def _steps(run: Measurement, numbers: ReportNumbers, k: int, name: str) -> tuple[Step, ...]:
     axis = run.axis(name)
-    kinds = {f.axis: f.kind for f in numbers.runs[k].figures}
-    if axis is None or kinds.get(name) not in ("steps", "staircase"):
+    if axis is None or numbers.runs[k].kind(name) not in ("steps", "staircase"):
         return ()
     return steps_of(axis)
 
@@ -87,27 +82,23 @@ def _largest(found: Sequence[Step], way: float) -> list[Step]:
 
 
 def _command(size: float, until: float, panel: int) -> Line:
-    early = -0.05 * until
-    return Line(
-        "command", np.array([early, 0.0, 0.0, until]), np.array([0.0, 0.0, size, size]),
-        "command", panel,
-    )  # fmt: skip
+    time = np.array([-0.05 * until, 0.0, 0.0, until])
+    return Line("command", time, np.array([0.0, 0.0, size, size]), "command", panel)
 
 
-def _run(label: str, role: str, found: Sequence[Step], panel: int, until: float) -> list[Line]:
+def _lines(label: str, role: str, found: Sequence[Step], panel: int, until: float) -> list[Line]:
     curves = [(s.time, np.degrees(s.response - float(s.before.mean()))) for s in found]
     period = float(np.median(np.diff(found[0].time)))
     grid = np.arange(0.0, until, max(period, until / 600))
     each = np.array([np.interp(grid, t, y, left=math.nan) for t, y in curves])
-    lines = [
-        Line(label, t[t <= until], y[t <= until], role, panel, "thin")
-        for t, y in curves[:MOST_REPEATS]
-        if len(curves) > 1
-    ]
     mean = np.array(each.mean(axis=0))
     if len(curves) < 2:
         return [Line(label, grid, mean, role, panel)]
-    from scipy.stats import t as student
-
-    half = student.ppf(0.975, len(curves) - 1) * each.std(axis=0, ddof=1) / math.sqrt(len(curves))
-    return [*lines, Line(label, grid, mean, role, panel, "line", mean - half, mean + half)]
+    half = student(len(curves) - 1) * each.std(axis=0, ddof=1) / math.sqrt(len(curves))
+    return [
+        *(
+            Line(label, t[t <= until], y[t <= until], role, panel, "thin")
+            for t, y in curves[:MOST_REPEATS]
+        ),
+        Line(label, grid, mean, role, panel, "line", mean - half, mean + half),
+    ]

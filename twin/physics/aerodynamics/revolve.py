@@ -1,8 +1,8 @@
-"""The round body that a mesh of facets stands for.
+"""The body of revolution that a mesh approximates.
 
 A mesh of a nose lies inside the surface it was sampled from: its slices are polygons inscribed in
-circles, its outline is made of chords, and the hemisphere of ten levels that MuJoCo offers is 0.3 %
-too narrow. Its vertices, though, lie on the surface, so a body of revolution can be had back.
+circles and its outline consists of chords; MuJoCo's hemisphere of ten levels is 0.3 % too narrow.
+Its vertices lie on the surface, so the body of revolution can be reconstructed.
 """
 
 from collections.abc import Callable
@@ -14,18 +14,18 @@ Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 SEGMENTS = 512  # of a circle: mean width of the polygon within (π/512)²/6 = 6e-6
-_FEWEST_LEVELS = 8  # a cone, prism or plate has two to four, and its edges are meant
-_MOST_LEVELS = 400  # of a drawn profile; a mesh without levels has one for every vertex
-_FEWEST_POINTS = 4  # on a level in the mean: what a circle is told by
-_FINER = 8  # levels put between two of the mesh
-_SAME = 2e-6  # m; one level, since MuJoCo keeps vertices in single precision
-_ROUND = 1e-4  # of the largest radius: how far a vertex may lie off the circle of its level
-_NARROWER = 0.03  # of the largest width: how far facets may lie inside; eight sides are 0.026
-_WIDER = 1e-3  # of the same: facets lie inside what they stand for, but for rounding
+_FEWEST_LEVELS = 8  # a cone, prism or plate has two to four, with true edges
+_MOST_LEVELS = 400  # of a profile; a mesh without levels has one for every vertex
+_FEWEST_POINTS = 4  # of a level in the mean, by which a circle is recognised
+_FINER = 8  # levels inserted for each level of the mesh
+_SAME = 2e-6  # m; tolerance of a level, since MuJoCo stores vertices in single precision
+_ROUND = 1e-4  # of the largest radius: tolerance of a vertex from the circle of its level
+_NARROWER = 0.03  # of the largest width: tolerance of facets inside; an octagon has 0.026
+_WIDER = 1e-3  # of the same, outside: rounding
 
 
 def levels(vertices: Array) -> Array:
-    """Stations (k,) [m] at which vertices (n, 3) [m] lie, ascending, near ones taken for one."""
+    """Stations (k,) [m] at which vertices (n, 3) [m] lie, ascending, with near ones merged."""
     stations = np.unique(vertices[:, 2])
     return np.asarray(stations[np.concatenate([[True], np.diff(stations) > _SAME])])
 
@@ -33,8 +33,8 @@ def levels(vertices: Array) -> Array:
 def profile(vertices: Array) -> tuple[Array, Array] | None:
     """Stations and radii (k,) [m] of a body of revolution about an axis along z, or None.
 
-    On every level all vertices (n, 3) [m] lie on one circle about the axis, but that a disc may
-    close the ends. Bodies of fewer than eight levels are taken for what they are: polyhedra.
+    On every level all vertices (n, 3) [m] lie on one circle about the axis; discs may close the
+    ends. Bodies of fewer than eight levels count as polyhedra.
     """
     stations = levels(vertices)
     if not _FEWEST_LEVELS <= stations.size <= min(_MOST_LEVELS, len(vertices) / _FEWEST_POINTS):
@@ -54,18 +54,18 @@ def _axis(vertices: Array) -> Array:
 
 
 def refined(vertices: Array, faces: Faces, width: Callable[[Array], Array]) -> tuple[Array, Faces]:
-    """Vertices (n, 3) [m] and faces (m, 3) of the body of revolution that a mesh stands for.
+    """Vertices (n, 3) [m] and faces (m, 3) of the body of revolution that a mesh approximates.
 
-    The square of the radius goes through the mesh's levels as a cubic spline, which is exact for
-    spheres, ellipsoids and paraboloids. A mesh of another body, or with edges that the spline
-    cannot follow, comes back as it is: `width` gives its own mean width [m] at stations (…,) [m].
+    The square of the radius is interpolated by a cubic spline, which is exact for spheres,
+    ellipsoids and paraboloids. A mesh of another body, or with edges that the spline cannot follow,
+    is returned unchanged; `width` gives its mean width [m] at stations (…,) [m].
     """
     from scipy.interpolate import CubicSpline
 
-    found = profile(vertices)
-    if found is None:
+    outline = profile(vertices)
+    if outline is None:
         return vertices, faces
-    stations, radii = found
+    stations, radii = outline
     square = CubicSpline(stations, radii * radii)
     middle = (stations[1:] + stations[:-1]) / 2
     gap = (2 * np.sqrt(np.maximum(square(middle), 0.0)) - width(middle)) / (2 * radii.max())

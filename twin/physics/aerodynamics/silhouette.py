@@ -19,14 +19,14 @@ Width = Callable[[Array], Array]
 NODES = 40  # stations of a vehicle: 1e-4 of the integral of magnitudes wherever the flow turns
 _FEW_LEVELS = 4  # a prism or plate, whose every level of vertices is a kink; a round mesh has more
 _LEAST = 4  # stations of a panel; a fin taper needs them
-_SHORTEST_PANEL = 1e-2  # m; closer edges are one edge
-_THIN = 1e-7  # m; a tip, and what of it qhull cannot tell from a point
-_NEAR = 3e-3  # m; how far from an edge its trace is looked for
+_SHORTEST_PANEL = 1e-2  # m; closer edges are merged
+_THIN = 1e-7  # m; tolerance of a point or line, which has no hull
+_NEAR = 3e-3  # m; distance from an edge at which its effect is evaluated
 _STRAIGHT = 1e-6  # of the largest width; the end of a fin leaves 1e-2, a nose on its tube 2e-4
 
 
 def silhouette(vertices: Array, faces: NDArray[np.int64]) -> Width:
-    """Width b(z) [m] of a mesh's shadow, averaged over the roll angle it is looked at from.
+    """Width b(z) [m] of a mesh's shadow, averaged over the roll angle.
 
     The mean width of a slice is the perimeter of its convex hull over π (Cauchy's theorem), so
     fins count alike at every roll angle. Axis z; `vertices` (n, 3) [m], `faces` (m, 3).
@@ -88,7 +88,7 @@ def strip_table(model: mujoco.MjModel, nodes: int = NODES) -> tuple[Array, Array
     """Stations (nodes,) [m] and areas (nodes,) [m²] of the body `vehicle` and all it carries.
 
     Joints stand at their zero; geometry that may touch (collision) or lies in a hidden group (3 and
-    up, inner parts) is passed over.
+    up, inner parts) is ignored.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def strip_table(model: mujoco.MjModel, nodes: int = NODES) -> tuple[Array, Array
     edges = _edges(extents, width)
     lengths = np.diff(edges)
     if nodes < _LEAST * lengths.size:
-        raise TwinError(f"{nodes} stations are too few; {lengths.size} panels need {_LEAST} each")
+        raise TwinError(f"{nodes} stations are too few: {lengths.size} panels need {_LEAST} each")
     counts = np.full(lengths.size, _LEAST)
     for _ in range(nodes - int(counts.sum())):
         counts[np.argmax(lengths / counts)] += 1
@@ -164,7 +164,7 @@ def _geometry(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64], Array]:
     """Vertices and faces in the vehicle's frame, and where the outer parts end or kink."""
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "vehicle")
     if body < 0:
-        raise TwinError("the model has no body 'vehicle' whose silhouette could be taken")
+        raise TwinError("the model has no body 'vehicle'")
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     rotation, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
@@ -188,7 +188,7 @@ def _geometry(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64], Array]:
             levels = np.unique(points[:, 2].round(6))
             ends.append(levels if levels.size <= _FEW_LEVELS else levels[[0, -1]])
     if not vertices:
-        raise TwinError("the body 'vehicle' has no geometry to take a silhouette from")
+        raise TwinError("the body 'vehicle' has no geometry for a silhouette")
     return np.vstack(vertices), np.vstack(faces), np.concatenate(ends)
 
 

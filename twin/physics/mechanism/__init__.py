@@ -1,4 +1,4 @@
-"""The gimbal's mechanism: how it can move, where its servos put it, what its servos are like."""
+"""The gimbal mechanism: mobility, kinematics and servo parameters."""
 
 from twin.physics.mechanism.frame import check_frame
 from twin.physics.mechanism.kinematics import Kinematics, Workspace

@@ -1,4 +1,4 @@
-"""Whether a gimbal's axes and nozzle lie where the controller takes them to be."""
+"""Check axes, pivot and nozzle of a gimbal against the controller's conventions."""
 
 import mujoco
 import numpy as np
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from hardware.frames import AXES
 from twin.physics.mechanism.names import MechanismError, find, prefix
 
-ALONG = 0.99  # cosine of 8°: what a printed part may be off, not another axis
+ALONG = 0.99  # cosine of 8°: tolerance of a printed part
 OFF = 1e-3  # m, of an axis from the pivot
 BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 
@@ -21,7 +21,7 @@ def check_frame(model: mujoco.MjModel) -> None:
 
     Raises
     ------
-    MechanismError : what points or lies elsewhere, and where it must
+    MechanismError : an axis, the pivot or the nozzle is elsewhere; says where it must be
     """
     before = prefix(model)
     data = mujoco.MjData(model)
@@ -56,8 +56,8 @@ def check_frame(model: mujoco.MjModel) -> None:
 
 def _frame(model: mujoco.MjModel, before: str) -> int:
     for name in ("vehicle", f"{before}mount"):
-        if (found := find(model, BODY, name)) >= 0:
-            return found
+        if (body := find(model, BODY, name)) >= 0:
+            return body
     return int(model.body_parentid[model.jnt_bodyid[model.joint(f"{before}x").id]])
 
 

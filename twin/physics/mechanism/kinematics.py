@@ -2,8 +2,8 @@
 
 The pushrod's length closes each loop: with `p` the ball on the holder and `h(α)` the ball on the
 horn, `|p - h(α)|² = L²`. For a given gimbal pose that is `A cos α + B sin α = C`; the other way
-it is two equations in the two gimbal angles, solved by Newton. MuJoCo's constraint solver has no
-part in it, so the two can be held against each other.
+it is two equations in the two gimbal angles, solved by Newton's method. MuJoCo's constraint solver
+is not used, so that each can verify the other.
 """
 
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ from twin.physics.mechanism.names import MechanismError, find, prefix, require
 
 Array = NDArray[np.float64]
 SITE, JOINT = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_JOINT
-ASSEMBLED = 1e-6  # m; a home pose whose rods do not fit is a mistake in the file
+ASSEMBLED = 1e-6  # m; largest gap of a rod at the home pose
 
 
 @dataclass(frozen=True)
 class Workspace:
-    """Where the gimbal can go between its stops.
+    """Servo angles for the range of the gimbal.
 
     Attributes
     ----------
     gimbal : grid of gimbal angles, (n, n, 2) [rad]
-    servo : servo angles that lead there, NaN where a rod cannot reach, (n, n, 2) [rad]
+    servo : servo angles for them, NaN where a rod cannot reach, (n, n, 2) [rad]
     ratio : ∂gimbal/∂servo, rows gimbal, columns servo, (n, n, 2, 2)
     """
 
@@ -55,11 +55,16 @@ class Kinematics:
 
     Attributes
     ----------
-    direct : the servos sit on the gimbal axes, so their angles are the gimbal's
+    direct : whether the servos are on the gimbal axes, so that their angles are equal
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Read the home pose of a compiled model; raises MechanismError where names are missing."""
+        """Read the geometry of a compiled model at its home pose.
+
+        Raises
+        ------
+        MechanismError : a name is missing, or the rods do not fit
+        """
         self._prefix = prefix(model)
         self._range = np.array([model.joint(f"{self._prefix}{a}").range for a in AXES])
         self.direct = _is_direct(model, self._prefix)
@@ -116,7 +121,7 @@ class Kinematics:
         return gimbal.reshape(servo.shape)
 
     def servo_from_gimbal_fast(self, x: float, y: float) -> tuple[float, float]:
-        """`servo_from_gimbal` for one pair within a control tick; the nearest a rod can reach."""
+        """`servo_from_gimbal` for one pair in a control tick, clipped to the reach of the rods."""
         if self.direct:
             return x, y
         pair: tuple[float, float] = loops.servo_pair(self._geometry, x, y)
@@ -135,7 +140,7 @@ class Kinematics:
         return Workspace(gimbal, self.servo_from_gimbal(gimbal), ratio)
 
     def closure(self, data: mujoco.MjData) -> Array:
-        """Distance between each rod's end and the ball it sits on, (2,) [m]; zeros without rods."""
+        """Distance between the end of each rod and its ball, (2,) [m]; zeros without rods."""
         if self.direct:
             return np.zeros(2)
         return np.array(
@@ -184,7 +189,7 @@ def _loop(model: mujoco.MjModel, data: mujoco.MjData, before: str, axis: str) ->
 
 
 def _branch(geometry: Array) -> float:
-    """Which of the two horn angles that fit is home: the sign that keeps it at zero."""
+    """Sign that selects, of the two horn angles that fit, the one that is zero at home."""
     holder, anchor, ball, w = geometry[2], geometry[3], geometry[4], geometry[7]
     arm = ball - anchor
     across = np.cross(w, arm - (arm @ w) * w)

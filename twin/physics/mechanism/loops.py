@@ -1,4 +1,4 @@
-"""The loop equations of the two pushrods, compiled, so that a control tick may ask them.
+"""The loop equations of the two pushrods, compiled for use in a control tick.
 
 A loop is a row of `SIZE` numbers: anchor of x, anchor of y, ball on the holder, anchor of the
 servo, ball on the horn, axes of x, y and servo (3 each, home pose, frame of the mount), length of
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 SIZE = 26
 LENGTH, BRANCH = 24, 25
-ITERATIONS, SOLVED = 20, 1e-13  # Newton halves nothing near home: 5 iterations are usual
+ITERATIONS, SOLVED = 20, 1e-13  # rad; 5 iterations are usual
 
 
 def pack(geometry: Array, length: float) -> Array:
@@ -46,7 +46,7 @@ def _ball(g: Array, x: float, y: float) -> Vector:
 
 @njit()
 def _servo(g: Array, x: float, y: float) -> tuple[float, float]:
-    """Servo angle and how far the cosine it needs lies beyond one."""
+    """Servo angle, and the excess over 1 of its cosine (≤ 0 within reach)."""
     px, py, pz = _ball(g, x, y)
     dx, dy, dz = px - g[9], py - g[10], pz - g[11]
     ax, ay, az = g[12] - g[9], g[13] - g[10], g[14] - g[11]
@@ -64,7 +64,7 @@ def _servo(g: Array, x: float, y: float) -> tuple[float, float]:
 
 @njit()
 def servo_pair(loops: Array, x: float, y: float) -> tuple[float, float]:
-    """Servo angles (x, y) [rad] for gimbal angles, clipped to what the rods can reach."""
+    """Servo angles (x, y) [rad] for gimbal angles, clipped to the reach of the rods."""
     return _servo(loops[0], x, y)[0], _servo(loops[1], x, y)[0]
 
 
@@ -118,7 +118,7 @@ def _gimbal(loops: Array, servo_x: float, servo_y: float) -> tuple[float, float]
 
 @njit()
 def gimbal_angles(loops: Array, servo: Array) -> Array:
-    """Gimbal angles (n, 2) for servo angles (n, 2) [rad], NaN where Newton finds no pose."""
+    """Gimbal angles (n, 2) for servo angles (n, 2) [rad], NaN where Newton does not converge."""
     out = np.empty_like(servo)
     for n in range(len(servo)):
         out[n, 0], out[n, 1] = _gimbal(loops, servo[n, 0], servo[n, 1])

@@ -1,4 +1,4 @@
-"""How many ways a mechanism can move, counted from its bodies and joints."""
+"""Mobility of a mechanism, counted from its bodies and joints."""
 
 from dataclasses import dataclass
 
@@ -23,12 +23,12 @@ class Mobility:
 
     Attributes
     ----------
-    count : ways to move that change where the motor points
-    total : `6 (bodies - 1 - joints) + Σ freedoms`, idle ones included
-    bodies : links that can move against each other, the frame among them
+    count : degrees of freedom without the idle ones
+    total : `6 (bodies - 1 - joints) + Σ freedoms`, with idle ones
+    bodies : links that can move against each other, including the frame
     joints : joints and loop closures between them
-    freedoms : sum of the freedoms each joint leaves
-    idle : freedoms that move no other body, by name
+    freedoms : sum of the degrees of freedom of the joints
+    idle : degrees of freedom that move no other body, by name
     """
 
     count: int

@@ -1,4 +1,4 @@
-"""Where a model keeps its gimbal: the prefix its names carry, and a message when one is missing."""
+"""Names of the gimbal in a model: their prefix, and a message for a missing one."""
 
 import mujoco
 
@@ -9,7 +9,7 @@ PREFIXES = ("gimbal_", "")  # attached to a scene, or mechanism.xml by itself
 
 
 class MechanismError(TwinError):
-    """A model whose gimbal lacks a name or cannot move as a gimbal does."""
+    """A model whose gimbal lacks a name or is not a gimbal of two axes."""
 
 
 def prefix(model: mujoco.MjModel) -> str:
@@ -42,8 +42,8 @@ def require(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
     """
     index = find(model, kind, name)
     if index < 0:
-        word = str(kind.name).removeprefix("mjOBJ_").lower()
+        element = str(kind.name).removeprefix("mjOBJ_").lower()
         raise MechanismError(
-            f"the mechanism lacks {word} {name!r}; docs/mechanism.md lists the names"
+            f"the mechanism lacks {element} {name!r}; docs/mechanism.md lists the names"
         )
     return index

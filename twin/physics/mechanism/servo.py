@@ -1,4 +1,4 @@
-"""The servos' named parameters, written into the actuators and joints that MuJoCo steps."""
+"""Named servo parameters of a model, written into its actuators and joints."""
 
 import mujoco
 import numpy as np
@@ -8,11 +8,11 @@ from hardware.frames import AXES
 from twin.physics.mechanism.names import MechanismError, find, prefix
 
 Array = NDArray[np.float64]
-# where MuJoCo keeps a dcmotor's parameters (XMLreference, actuator/dcmotor; read back by test)
+# indices of a dcmotor's parameters (XMLreference, actuator/dcmotor; checked by a test)
 RESISTANCE, CONSTANT, GAIN, DAMPING, VOLTAGE = 0, 1, 4, 6, 7  # actuator_gainprm
 SLEW = 7  # actuator_dynprm
-UNLIMITED = 1e9  # rad/s; a slew limit that is off, since zero would take its state away
-# kg m² and N m s: a thirtieth of the rotor; the limit is as stiff as this inertia lets it be
+UNLIMITED = 1e9  # rad/s; no slew limit: zero would remove the activation
+# kg m², a thirtieth of the rotor, and N m s; this inertia bounds the stiffness of the limit
 PLAY_ARMATURE, PLAY_DAMPING = 2e-6, 1e-4
 
 
@@ -20,11 +20,11 @@ def apply_servo(model: mujoco.MjModel) -> None:
     """Write the numerics `servo_*` of a compiled model into its servos.
 
     A numeric with one value serves both axes, with two `[x, y]` each its own. Models without these
-    numerics, or with servos that are no `dcmotor`, keep what their file says.
+    numerics, or with servos other than `dcmotor`, keep the values of their file.
 
     Raises
     ------
-    MechanismError : a value that no servo can have
+    MechanismError : an impossible value
     """
     before = prefix(model)
     for index, axis in enumerate(AXES):
@@ -39,7 +39,7 @@ def apply_servo(model: mujoco.MjModel) -> None:
             (GAIN, "gain"),
         ):
             gain[slot] = _value(model, f"{before}servo_{name}", index, gain[slot], positive=True)
-        # K²/R cancels the back-EMF compensation of MuJoCo's controller, which a 9 g servo has not
+        # K²/R cancels the back-EMF compensation of MuJoCo's controller, which a 9 g servo lacks
         emf = gain[CONSTANT] ** 2 / gain[RESISTANCE]
         gain[DAMPING] = emf + _value(model, f"{before}servo_rate_gain", index, 0.0)
         if model.actuator_actnum[servo] > 0:
@@ -51,7 +51,7 @@ def apply_servo(model: mujoco.MjModel) -> None:
 
 
 def insert_backlash(spec: mujoco.MjSpec, backlash: float | None = None) -> None:
-    """Put a hinge with play between each servo shaft and its horn; nothing where it is zero.
+    """Insert a backlash joint between each servo shaft and its horn; none where it is zero.
 
     The joint `play_x` lies in the horn's body behind `servo_x`, limited to ± half the backlash, so
     that a horn's angle is the sum of the two.
@@ -64,14 +64,14 @@ def insert_backlash(spec: mujoco.MjSpec, backlash: float | None = None) -> None:
 
     Raises
     ------
-    MechanismError : negative, or not finite; servos without a shaft of their own
+    MechanismError : negative, or not finite; servos without a separate shaft
     """
     joints = {joint.name: joint for joint in spec.joints}
     before = "gimbal_" if "gimbal_x" in joints else ""
     widths = _numeric(spec, f"{before}backlash") if backlash is None else [backlash]
     for width in widths:
         if not (np.isfinite(width) and width >= 0):
-            raise MechanismError(f"backlash {width}: give an angle of at least zero [rad]")
+            raise MechanismError(f"backlash {width}: must be 0 or greater [rad]")
     for index, axis in enumerate(AXES):
         width = widths[min(index, len(widths) - 1)]
         shaft = joints.get(f"{before}servo_{axis}")
@@ -79,8 +79,8 @@ def insert_backlash(spec: mujoco.MjSpec, backlash: float | None = None) -> None:
             continue
         if shaft is None:
             raise MechanismError(
-                f"backlash {width:g} rad: there is no joint '{before}servo_{axis}' to put play"
-                " behind; a servo on the gimbal axis itself has none, so leave it at 0"
+                f"backlash {width:g} rad: no joint '{before}servo_{axis}' for it; a servo on the"
+                " gimbal axis must have 0"
             )
         shaft.parent.add_joint(
             name=f"{before}play_{axis}",
@@ -108,7 +108,7 @@ def _numeric(spec: mujoco.MjSpec, name: str) -> list[float]:
 def _value(
     model: mujoco.MjModel, name: str, index: int, fallback: float, positive: bool = False
 ) -> float:
-    """One axis' value of a numeric, or `fallback` where the model has none of that name."""
+    """Value of a numeric for one axis, or `fallback` where the model has none of that name."""
     numeric = find(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
     if numeric < 0:
         return float(fallback)

@@ -35,7 +35,7 @@ class Grain:
     def of(cls, motor: Motor, burn: Burn | None = None) -> "Grain":
         """Grain that gives a motor its propellant mass at the usual density.
 
-        A `.eng` file does not say how the grain burns: unless told, it is an end burner if that
+        A `.eng` file does not say how the grain burns: unless given, it is an end burner if that
         means a face that moves no faster than 15 mm/s.
         """
         radius = max(motor.diameter / 2 - LINER, 0.25 * motor.diameter)

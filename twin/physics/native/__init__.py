@@ -26,7 +26,7 @@ _previous: tuple[object, object] = (None, None)
 def installed() -> Iterator[None]:
     """Install the callbacks for a block; blocks may nest and overlap on several threads.
 
-    The outermost one puts back on leaving what was installed before it.
+    The outermost one restores the previous callbacks.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def _enter() -> None:
     with _lock:
         if _depth == 0:
             _previous = (mujoco.get_mjcb_passive(), mujoco.get_mjcb_act_dyn())
-            _set(None, None)  # nobody's Python callback may run while `verify` compiles its model
+            _set(None, None)  # no callback may run while `verify` compiles its model
             try:
                 _set(*_compiled())
             except BaseException:
@@ -54,7 +54,7 @@ def _enter() -> None:
 
 
 def _compiled() -> tuple[object, object]:
-    """Both callbacks, compiled or from numba's cache; imported late, since that takes a while."""
+    """Both callbacks, compiled or from numba's cache; imported late, since that takes long."""
     verify()
     from twin.physics.native.actuator import act_dyn
     from twin.physics.native.forces import passive

@@ -4,12 +4,12 @@ Each axis is one actuator with user activation dynamics. The activations hold th
 exact zero-order-hold equivalent, the shift register of past commands included; returning
 `act_dot = (next − now)/dt` makes MuJoCo's Euler update of them exact. The force is the torque that
 gives the joints the acceleration of the transfer function's output (inverse dynamics with MuJoCo's
-own inertia matrix), with a weak feedback on what contacts, stops and friction still disturb. It is
-a joint torque, so its reaction on the vehicle comes by itself.
+inertia matrix), with weak feedback against contacts, stops and friction. It is a joint torque, so
+its reaction acts on the vehicle.
 
 RK4 evaluates four stages per step. The first activation counts them: its rates are chosen so that
 stages see 0, 1, 2, 3, and the step leaves 0. Stages 1 to 3 return the rates of stage 0, which makes
-RK4's weighted mean of them exact too. docs/control.md derives all this.
+RK4's weighted mean of them exact too. docs/control.md has the derivation.
 """
 
 from typing import Final
@@ -82,12 +82,11 @@ def attach(spec: mujoco.MjSpec, model: TransferFunctionModel, dt: float) -> None
     """
     if set(model.inputs) != set(AXES) or set(model.outputs) != set(AXES):
         raise TwinError(
-            f"the identified model goes from {list(model.inputs)} to {list(model.outputs)};"
-            " a gimbal goes from ['x', 'y'] to ['x', 'y'] (identify it with --both to take one axis"
-            " for both)"
+            f"the identified model has inputs {list(model.inputs)}, outputs {list(model.outputs)};"
+            " both must be ['x', 'y'] (twin identify --both uses one axis for both)"
         )
     if not model.stable:
-        raise TwinError("the identified model is unstable: a pole has no negative real part")
+        raise TwinError("the identified model is unstable: all poles must have negative real parts")
     for axis in AXES:
         data, states = packed(model, axis, dt)
         _add(spec, axis, [MARK, dt, FEEDBACK, *data], REGISTERS + states)
@@ -170,7 +169,7 @@ def _act(m: int, d: int, index: int) -> None:
     rates = floats(d, _ACT_DOT, size(m, _NA))[adr : adr + num]
     dt = p[1]
     if p[0] != MARK or abs(number(m, TIMESTEP) - dt) > 1e-12:
-        rates[:] = np.nan  # matrices of another step: nothing true could come of it
+        rates[:] = np.nan  # matrices for another step: the result would be wrong
         act[num - 1] = np.nan
         return
     moving = (num - _KEPT) // 2
@@ -189,7 +188,7 @@ def _act(m: int, d: int, index: int) -> None:
         rates[k] = act[stored + k - 1]
     for k in range(moving, num):
         rates[k] = 0.0
-    # weights of RK4 1, 2, 2, 1 and what its stages add: 2, 4, 3 count up, the last brings back
+    # with RK4's weights 1, 2, 2, 1: rates 2, 4, 3 count the stages, the last one resets the count
     if not smooth:
         rates[PHASE] = -act[PHASE] / dt
     elif stage == 0:

@@ -9,10 +9,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def jit(function: F) -> F:
-    """`numba.njit` that keeps the function's type for whoever calls it.
+    """`numba.njit` that keeps the type of the function.
 
-    A division by zero gives inf or NaN as in NumPy: a callback cannot raise, and what it leaves
-    undone on an exception would pass for a flight without forces. Not cached on disk: only the
-    callbacks are, with all they call.
+    A division by zero gives inf or NaN as in NumPy: a callback cannot raise, and an exception would
+    leave forces out without notice. Not cached on disk: only the callbacks are, with all they
+    call.
     """
     return cast(F, numba.njit(error_model="numpy")(function))

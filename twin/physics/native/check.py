@@ -1,7 +1,7 @@
-"""Which values of the numerics the compiled forces can work with.
+"""Validity of the numerics that the compiled forces read.
 
-A callback cannot raise, so every value that would make it divide by zero, read past a table or
-bend physics is refused here, before a flight.
+A callback cannot raise, so values that would make it divide by zero, read past a table or give
+wrong forces are refused here, before a flight.
 """
 
 from typing import Final
@@ -42,19 +42,19 @@ PAIRS: Final = (
     ("air_fin_slope", "air_fin_z"),
     ("motor_time", "motor_thrust"),
 )
-IMPULSE_TOLERANCE: Final = 0.01  # figures in motor files are rounded to about that
+IMPULSE_TOLERANCE: Final = 0.01  # rounding of motor files
 
 _UNIT: Final = {numeric.name: numeric.unit for numeric in ALL}
 
 
 def check(model: mujoco.MjModel) -> None:
-    """Refuse numerics that the compiled forces cannot work with.
+    """Refuse invalid numerics.
 
-    A model without thrust is one without a motor: its other motor figures are not looked at.
+    A model without thrust has no motor: its other motor numerics are not checked.
 
     Raises
     ------
-    TwinError : the first such numeric, its value and what would be right
+    TwinError : the first invalid numeric, its value and the valid range
     """
     values: dict[str, Array] = {
         n.name: model.numeric(n.name).data for n in ALL if n in NUMERICS or _carries(model, n)
@@ -74,7 +74,7 @@ def check(model: mujoco.MjModel) -> None:
         if values[one].size != values[other].size:
             raise TwinError(
                 f"{one} has {values[one].size} values and {other} {values[other].size};"
-                " they need as many"
+                " they must have the same number"
             )
     _check_motor(values)
 
@@ -105,11 +105,16 @@ def _check_motor(values: dict[str, Array]) -> None:
     _demand("motor_loaded_mass", loaded, loaded > propellant[0], heavier)
     impulse = float(np.trapezoid(thrust, time))
     near = np.abs(stated - impulse) <= IMPULSE_TOLERANCE * impulse
-    _demand("motor_impulse", stated, near, f"the thrust curve has {impulse:.6g} N s; write that")
+    _demand(
+        "motor_impulse",
+        stated,
+        near,
+        f"must be the integral of the thrust curve, {impulse:.6g} N s",
+    )
 
 
 def _check_curve(time: Array, thrust: Array) -> None:
-    """The rules of `motor.curve`, and beyond the last time a padding that repeats it."""
+    """As in `motor.curve`, with padding that repeats the last time."""
     start = np.arange(time.size) > 0
     _demand("motor_time", time, start | (time == 0), "the curve must start at 0 s")
     last = int(np.argmax(time))

@@ -1,8 +1,8 @@
-"""Where in a model the compiled forces find their numerics, bodies and sites.
+"""Index of the numerics, bodies and sites of a model, for the compiled forces.
 
-The index of a model is a numeric of its own, `native_index`: a mark, three ids, then start and
-size of every numeric of `native.names` in `numeric_data`. `bind` writes it; a model that was never
-bound is searched by name at every call instead, which is right but slower.
+The index of a model is the numeric `native_index`: a mark, three ids, then start and
+size of every numeric of `native.names` in `numeric_data`. `bind` writes it; a model that was not
+bound is searched by name at every call, which is slower.
 """
 
 from typing import Final
@@ -20,7 +20,7 @@ from twin.physics.native.layout import MODEL, characters, constant, floats, inte
 from twin.physics.native.names import ALL, BODIES, INDEX, NUMERICS, SITES
 from twin.physics.native.ramp import launch_pose
 
-MARK: Final = 20260101.0 + len(ALL)  # tells a bound model from zeros and from older indices
+MARK: Final = 20260101.0 + len(ALL)  # of a bound model, unlike older ones
 VEHICLE, PROPELLANT, NOZZLE, FIRST = 1, 2, 3, 4  # slots before the numerics' (start, size) pairs
 LENGTH: Final = FIRST + 2 * len(ALL)
 
@@ -58,7 +58,7 @@ def _find(text: NDArray[np.uint8], starts: NDArray[np.int32], name: int) -> int:
 
 @jit
 def resolve(m: int, index: NDArray[np.float64]) -> None:
-    """Fill an index (LENGTH,) by name; what the model lacks gets -1."""
+    """Fill an index (LENGTH,) by name; -1 for what the model lacks."""
     text = characters(m, _NAMES, size(m, _NAMES_SIZE))
     bodies = integers(m, _BODY_NAMES, size(m, _BODIES))
     sites = integers(m, _SITE_NAMES, size(m, _SITES))
@@ -78,7 +78,7 @@ def resolve(m: int, index: NDArray[np.float64]) -> None:
 
 @jit
 def locate(m: int) -> tuple[bool, NDArray[np.float64]]:
-    """Index of a model and whether it carries one; searched by name unless bound."""
+    """Whether a model has an index, and the index; searched by name unless bound."""
     data = floats(m, _DATA, size(m, _DATA_SIZE))
     starts = integers(m, _ADDRESS, size(m, _NUMERICS))
     sizes = integers(m, _SIZE, size(m, _NUMERICS))
@@ -113,26 +113,25 @@ def entries(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def bind(model: mujoco.MjModel) -> None:
-    """Prepare a compiled vehicle for the compiled forces; again after changing its numerics.
+    """Prepare a compiled vehicle for the compiled forces; call again after changing its numerics.
 
-    Writes `native_index`, draws the gusts of `wind_seed`, and puts the initial pose of the joint
-    `vehicle` (qpos0) on the ramp. Leaves models without `native_index` alone.
+    Writes `native_index`, generates the gusts of `wind_seed`, and sets the initial pose of the
+    joint `vehicle` (qpos0) to the ramp. Models without `native_index` are left unchanged.
 
     Raises
     ------
-    TwinError : names that the forces need are missing or too short, each with its size; a value
-        that is not finite or makes no sense, each named with what would be right
+    TwinError : numerics that the forces need are missing or too short, or have impossible values
     """
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, INDEX) < 0:
         return
     index = model.numeric(INDEX).data
     if index.size < LENGTH:
-        raise TwinError(f"numeric '{INDEX}' has size {index.size}; it needs {LENGTH} or more")
+        raise TwinError(f"numeric '{INDEX}': has size {index.size}; must have {LENGTH} or more")
     found = entries(model)
     _require(found)
     check(model)
     index[:LENGTH] = found
-    _draw_gusts(model)
+    _write_gusts(model)
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "vehicle")
     if joint >= 0:
         start = model.jnt_qposadr[joint]
@@ -146,15 +145,15 @@ def _require(index: NDArray[np.float64]) -> None:
     missing += [f"numeric '{n.name}' (size ≥ {n.size}, {n.unit})" for n, k in pairs if k < 0]
     if missing:
         raise TwinError(
-            f"the model lacks {'; '.join(missing)}; docs/aerodynamics.md lists what each is"
+            f"the model lacks {'; '.join(missing)}; docs/aerodynamics.md describes them"
         )
 
 
-def _draw_gusts(model: mujoco.MjModel) -> None:
+def _write_gusts(model: mujoco.MjModel) -> None:
     modes = model.numeric("wind_modes").data
     seed, length = model.numeric("wind_seed").data[0], model.numeric("wind_length").data[0]
     if not 0 <= seed < 2**53 or seed != int(seed):
-        raise TwinError(f"wind_seed = {seed:g}: a seed is a whole number from 0")
+        raise TwinError(f"wind_seed = {seed:g}: must be a whole number from 0 to 2⁵³")
     if not length > 0:
         raise TwinError(f"wind_length = {length:g} m: must be positive")
     count = modes.size // MODE

@@ -1,4 +1,4 @@
-"""The launch ramp: a rail that holds the vehicle's lugs until they leave its end."""
+"""The launch ramp: a rail that guides the lugs of the vehicle until they leave its end."""
 
 import mujoco
 import numpy as np
@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from twin.errors import TwinError
 
-RELEASE = 0.02  # m; the rail lets go of a lug over this stretch, so that forces have no step
-ASIDE = 0.04  # m; a lug farther than this from the rail's line is losing it, see `_fade`
+RELEASE = 0.02  # m; length over which the force on a lug fades out at the end of the rail
+ASIDE = 0.04  # m; distance from the line of the rail at which the force begins to fade, `_fade`
+BELOW = 0.25  # m; the same below the foot; a heavy vehicle on its stop is above it
 STEEPEST = np.pi / 2 + 1e-5  # rad; 90 degrees, also where they are written with five digits
-BELOW = 0.25  # m; as far below the foot; sagging into its stop, a heavy vehicle stays above
 
 
 @register_jitable
@@ -37,12 +37,12 @@ def guide_force(
     damping: float,
     stop: bool,
 ) -> tuple[float, float, float, float]:
-    """Force of the rail on one lug [N], world frame, and how much it is still on the rail, 0 to 1.
+    """Force of the rail on one lug [N], world frame, and the share of it that remains, 0 to 1.
 
-    `offset` of the lug from the rail's foot [m], its `velocity` [m/s], the rail's `direction`;
-    the lug is on the rail while its travel lies below `length` [m] and it is within centimetres
-    of the rail's line, so that a vehicle which comes down beside the rail passes. A spring and
-    damper hold it to the line; with `stop`, another pushes up from the foot and never pulls.
+    `offset` of the lug from the foot of the rail [m], its `velocity` [m/s], `direction` of the
+    rail. The lug is on the rail while its travel is below `length` [m] and it is within centimetres
+    of the line, so that a vehicle landing beside the rail is not affected. A spring and damper act
+    across the line; with `stop`, another pushes up from the foot and never pulls.
     """
     ux, uy, uz = direction
     travel = offset[0] * ux + offset[1] * uy + offset[2] * uz
@@ -81,7 +81,7 @@ def launch_pose(model: mujoco.MjModel) -> NDArray[np.float64]:
     if not abs(elevation) <= STEEPEST:
         raise TwinError(f"ramp_elevation = {elevation:g} rad: must lie within ±π/2")
     if not 0 <= length < np.inf:
-        raise TwinError(f"ramp_length = {length:g} m: must be 0 (by hand) or positive")
+        raise TwinError(f"ramp_length = {length:g} m: must be 0 (no ramp) or positive")
     foot, lug = model.numeric("ramp_position").data[:3], model.numeric("ramp_lug").data[0]
     position = foot - lug * np.array(rail(elevation, azimuth))
     tilt, turn = (np.pi / 2 - elevation) / 2, azimuth / 2

@@ -2,8 +2,8 @@
 
 A `dcmotor` drives its winding with `v = clip(R/K (kp e - kd ω) + K ω, ±V)`. A servo with a dead
 band of half width b sees `e - clip(e, ±b)` in place of the error e, so the shaft receives the
-difference of the two torques `K/R v` on top. The half width stands in the first user value of the
-actuator (twin.physics.mechanism.apply_servo writes it); zero or none leaves a servo alone.
+difference of the two torques `K/R v` on top. The half width is the first user value of the
+actuator (written by twin.physics.mechanism.apply_servo); a servo with zero or none is unchanged.
 """
 
 from typing import Final
@@ -59,7 +59,7 @@ _CTRL, _ACT, _PASSIVE = DATA["ctrl"], DATA["act"], DATA["qfrc_passive"]
 
 @jit
 def dead_bands(m: int, d: int) -> None:
-    """Add what the dead bands of all servos of a model change to `qfrc_passive`.
+    """Add the effect of the dead bands of all servos of a model to `qfrc_passive`.
 
     Parameters
     ----------
