@@ -158,7 +158,7 @@ def test_commands_that_begin_after_the_samples_need_the_one_before():
         measurement(T, [0.1, -0.1, 0.05], **changes, before=[0.0, 0.0])
 
 
-def test_commands_that_were_only_sampled_leave_the_delay_open_and_the_reader_is_told():
+def test_commands_that_were_only_sampled_leave_the_delay_open_and_a_warning_says_so():
     """Given anywhere within a period of 10 ms before the sample that first shows them, by a
     first-order gimbal (closed form) with a delay of 15 ms. Who logs in the loop that gives them
     says so and gets the narrow interval about the same value.
@@ -194,10 +194,10 @@ def test_records_cannot_be_written_to():
         r.time[0] = 1.0
 
 
-def test_two_step_sizes_may_hide_a_saturation_and_the_reader_is_told():
+def test_two_step_sizes_may_hide_a_saturation_and_a_warning_says_so():
     u = np.repeat([0.0, 0.1, 0.0, 0.1, 0.0, 0.1], 70)[:400]
     model = identify([measurement(T, u, angle=noisy(first_order(u=u), 3e-4))], 1)
-    assert any("saturation cannot be told" in w for w in model.warnings)
+    assert any("cannot distinguish saturation" in w for w in model.warnings)
 
 
 def test_a_recording_of_the_twin_becomes_a_record():

@@ -183,7 +183,7 @@ def test_a_turntable_that_does_not_turn_is_told():
     with native.installed():
         seat = opened(RigOptions("emulator", scene="bench"), None)  # nothing on the third pin
         seat.start()
-        with pytest.raises(HardwareError, match="servo on its pin") as caught:
+        with pytest.raises(HardwareError, match="pin and power of the turntable servo") as caught:
             measure_base(seat)
         seat.close()
     assert "\n" not in str(caught.value)
