@@ -252,7 +252,9 @@ def test_a_cut_recording_where_nothing_may_be_written_is_refused_in_one_line(
     broken = tmp_path / "cut.rrd"
     broken.write_bytes(flight.read_bytes()[:-5000])
     monkeypatch.setattr(opening.tempfile, "TemporaryDirectory", refuse)
-    with pytest.raises(viewer.ViewerError, match=r"cut\.repaired\.rrd cannot be written: Permission"):
+    with pytest.raises(
+        viewer.ViewerError, match=r"cut\.repaired\.rrd cannot be written: Permission"
+    ):
         viewer.repaired(broken)
 
 
