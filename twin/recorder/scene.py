@@ -84,7 +84,7 @@ def _rgba(model: mujoco.MjModel, geom: int) -> NDArray[np.uint8]:
     material = int(model.geom_matid[geom])
     own = np.array(model.geom_rgba[geom])
     # The compiler leaves the default grey on a geom that takes its colour from a material.
-    is_default = np.allclose(own, [0.5, 0.5, 0.5, 1.0])
+    is_default = own.tolist() == [0.5, 0.5, 0.5, 1.0]
     rgba = _of_material(model, material) if material >= 0 and is_default else own
     return np.asarray(np.clip(np.round(np.array(rgba) * 255.0), 0, 255), dtype=np.uint8)
 

@@ -63,11 +63,16 @@ def grid() -> Triangles:
     """Stripes every 50 m just above an infinite plane, to show the scale."""
     end, half = PLANE_HALF_EXTENT, 0.5 * GRID_WIDTH
     places = np.arange(-end + 0.5 * GRID_SPACING, end, GRID_SPACING)  # none through the ramp
-    stripes = [
-        plane(np.array([half, end])).moved(np.eye(3), np.array([x, 0, 0.02])) for x in places
-    ]
+    stripe = plane(np.array([half, end]))
+    shifts = np.column_stack([places, np.zeros_like(places), np.full_like(places, 0.02)])
+    n = len(stripe.vertices)
+    stripes = Triangles(
+        (stripe.vertices + shifts[:, None]).reshape(-1, 3),
+        np.tile(stripe.normals, (len(places), 1)),
+        (stripe.faces + n * np.arange(len(places), dtype=np.int32)[:, None, None]).reshape(-1, 3),
+    )
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    return merged(stripes + [stripe.moved(quarter, np.zeros(3)) for stripe in stripes])
+    return merged([stripes, stripes.moved(quarter, np.zeros(3))])
 
 
 def merged(parts: Sequence[Triangles]) -> Triangles:
