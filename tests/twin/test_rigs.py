@@ -90,6 +90,7 @@ class TestBenchPlant:
         bench.set_drive(0, Drive.LIMP)
         # nozzle up, the motor's weight exceeds the friction of gear and bearings: outwards
         assert moved(0.5, 0.2, -0.1)[0] < held[0] - radians(0.3)
+        bench.set_drive(0, Drive.NORMAL)  # the model is shared
 
     def test_its_gyro_is_mujocos_own(self, bench_twin):
         bench = BenchPlant(bench_twin)
