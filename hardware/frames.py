@@ -45,7 +45,7 @@ class GimbalState:
     angle : gimbal angle about x and y [rad]
     rate : its time derivative [rad/s]
     sigma : standard deviation of the angle; zero where the state is exact [rad]
-    healthy : false while a sensor that the state depends on has a named fault
+    healthy : false while a sensor or servo of the gimbal has a named fault
     """
 
     time_ns: int
