@@ -16,7 +16,7 @@ Initial = Literal["rest", "free"]
 InputStamps = Literal["exact", "shown", "sampled"]
 
 COMMAND, MEASURED, SIMULATED = "gimbal/command", "gimbal/measured", "gimbal/simulated"
-RATE = "gimbal/rate/measured"
+FOLLOWED, RATE = "gimbal/followed", "gimbal/rate/measured"
 FEWEST_READINGS, FEWEST_COMMANDS = 16, 2  # of an axis that figures are made of
 _MAX_SAMPLES = 20_000_000
 _LARGEST = 1e9  # no gimbal reads more, in any unit: a larger number is a broken file

@@ -95,8 +95,9 @@ class Settings:
         values: dict[str, Any] = {
             k: str(v) if isinstance(v, Path) else v for k, v in asdict(self).items()
         }
-        if pairs := values.get("set"):
-            values["set"] = [f"{name}={value!r}" for name, value in dict(pairs).items()]
+        for field in ("set", "shadow_set"):
+            if pairs := values.get(field):
+                values[field] = [f"{name}={value!r}" for name, value in dict(pairs).items()]
         return values
 
 
