@@ -22,6 +22,7 @@ from twin.plant.compose import MJCF, SCENES, compose, is_description, one_line
 
 Seat = Literal["linkage", "transfer-function", "follow"]
 REFERENCE_GIMBAL = MJCF / "gimbal.json"
+HIDDEN = 4  # geom group that neither MuJoCo's viewer nor a recording shows
 # s; the frame of a hobby servo, above which no gimbal motion is resolved; runs allow less
 LARGEST_MODEL_DT = constants.PWM_PERIOD
 
@@ -156,8 +157,8 @@ def _moved_by(config: ModelConfig) -> TransferFunctionModel:
 def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> None:
     """Take servos and rods out of the mechanism and let a transfer function move the joints.
 
-    Horns stay as fixed masses. Rods, one gram each, are removed: without their loops nothing would
-    guide them.
+    Horns and rods stay as fixed masses, so that a vehicle weighs the same; the rods are hidden,
+    since they no longer end at the holder.
     """
     from twin.physics.native import actuator
 
@@ -171,12 +172,15 @@ def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> N
         if servo.name.startswith("gimbal_"):
             spec.delete(servo)
     for joint in list(spec.joints):
-        if joint.name.startswith("gimbal_servo_"):
+        if joint.name.startswith(("gimbal_servo_", "gimbal_rod_")):
             spec.delete(joint)
     for axis in AXES:
         rod = spec.body(f"gimbal_rod_{axis}")
-        if rod is not None:
-            spec.delete(rod)
+        for geom in () if rod is None else rod.geoms:
+            geom.group = HIDDEN
+        end = spec.site(f"gimbal_rod_{axis}_end")
+        if end is not None:  # a plant with these sites has loops
+            spec.delete(end)
     actuator.attach(spec, motion, spec.option.timestep)
 
 

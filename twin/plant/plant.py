@@ -197,11 +197,11 @@ class Plant:
     def _move(self, n: int) -> None:
         """Take `n` steps with constant propellant mass."""
         self._propellant.update(self.time_ns * 1e-9)
-        began = time.perf_counter()
+        began = time.thread_time()
         self._stepper.step(self.model, self.data, n)
         # mj_step leaves poses at its beginning; those recorded belong to its end
         mujoco.mj_kinematics(self.model, self.data)
-        self.computing_s += time.perf_counter() - began
+        self.computing_s += time.thread_time() - began
         self.steps += n
         if not self._qvel @ self._qvel < LARGEST_SPEED**2:  # also where it is NaN
             self._diverged()
