@@ -15,10 +15,11 @@ from hardware.protocol import constants
 from twin.errors import TwinError
 from twin.physics import motor, native
 from twin.physics.aerodynamics.fit import misfits
-from twin.physics.mechanism.frame import check_frame
+from twin.physics.mechanism import check_frame, check_response
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
 from twin.plant.compose import MJCF, SCENES, compose, is_description, one_line
+from twin.plant.plausible import check_mechanism, check_motor, check_vehicle
 
 Seat = Literal["linkage", "transfer-function", "follow"]
 REFERENCE_GIMBAL = MJCF / "gimbal.json"
@@ -110,12 +111,14 @@ def load(config: ModelConfig) -> TwinModel:
     model = _compiled(spec)
     if config.vehicle or config.mechanism or config.scene not in SCENES:
         _check_meshes(model)
+        _check_meaning(model, seat)
     override.apply(model, {**_seeded(model, config.seed), **config.overrides})
     if seat == "linkage":
         apply_servo(model)
     native.bind(model)
     if seat != "fixed":
         check_frame(model)
+    check_vehicle(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return TwinModel(mj=model, gimbal=seat, sha256=digest(model), notes=notes)
 
@@ -207,6 +210,16 @@ def _check_meshes(model: mujoco.MjModel) -> None:
         check_model(model)
     except MeshError as error:
         raise TwinError(str(error)) from error
+
+
+def _check_meaning(model: mujoco.MjModel, seat: str) -> None:
+    """Refuse a file whose sizes, masses or commands are not what the names promise."""
+    check_motor(model)
+    if seat != "fixed":
+        check_frame(model)
+        check_mechanism(model)
+    if seat == "linkage":
+        check_response(model)
 
 
 def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hardware.frames import AXES, GimbalState, Pair
 from twin.errors import DivergenceError, TwinError
+from twin.physics.mechanism import closure_limit
 from twin.physics.motor import Depletion
 from twin.plant import integrators
 from twin.plant.actuation import Actuation
@@ -106,6 +107,7 @@ class Plant:
         """Signals of the gimbal and, where there is one, of the vehicle."""
         self._rods = Rods(self.model, self.data)
         self.closure = self._rods.closure
+        self._open = closure_limit(self.model) if self.twin.gimbal == "linkage" else math.inf
         self._flow: Flow | None = None
         self.thrust: Array = np.zeros(1)
         signals = {"gimbal/simulated": self.gimbal_angle, "gimbal/rate/simulated": self.gimbal_rate}
@@ -126,8 +128,16 @@ class Plant:
         return signals
 
     def derive(self, time_ns: int) -> None:
-        """Compute the signals beyond the state, at `time_ns` of the experiment [ns]."""
+        """Compute the signals beyond the state, at `time_ns` of the experiment [ns].
+
+        Raises
+        ------
+        DivergenceError : the rods are farther from their balls than `closure_limit`
+        """
         self._rods.derive()
+        x, y = self.closure.tolist()
+        if not (x <= self._open and y <= self._open):
+            self._came_apart(x, y)
         if self._flow is not None:
             self._flow.derive(time_ns)
 
@@ -246,6 +256,14 @@ class Plant:
         raise DivergenceError(
             f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: velocity of joint"
             f" {joint.name!r} is {self.data.qvel[worst]:.3g}; a smaller --dt may help"
+        )
+
+    def _came_apart(self, x: float, y: float) -> None:
+        raise DivergenceError(
+            f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: the rods are"
+            f" {x * 1e3:.3g} mm (x) and {y * 1e3:.3g} mm (y) from their balls, more than the"
+            f" gimbal_closure_limit of {self._open * 1e3:g} mm; stiffer loops or a smaller --dt may"
+            " help"
         )
 
     def _left_stops(self, x: float, y: float) -> None:
