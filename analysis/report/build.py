@@ -47,13 +47,17 @@ def report(
     out = Path(out)
     if out.suffix.lower() not in (".html", ".htm"):
         raise AnalysisError(f"{out}: a report is an .html file")
+    sources = [*(r.name for r in runs), *("" for _ in models)]
     named = labelled(runs, labels)
     whose = [*(None for _ in named), *models.values()]
     answers = [simulated(named[0], name, model) for name, model in models.items()]
     runs = aligned((*named, *answers))
+    numbers = numbers_of(runs, title, whose)
+    entries = (replace(n, source=s) for n, s in zip(numbers.runs, sources, strict=True))
     numbers = replace(
-        numbers_of(runs, title, whose),
+        numbers,
         page=str(out),
+        runs=tuple(entries),
         margins={name: margins(loops, model) for name, model in models.items() if loops},
     )
     sections = [s for compose in SECTIONS if (s := compose(runs, numbers)) is not None]

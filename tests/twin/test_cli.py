@@ -1,5 +1,6 @@
 """The command line: one clear line and exit 2 for a mistake, JSON alone for machines."""
 
+import io
 import json
 import os
 import re
@@ -213,17 +214,15 @@ def test_doctor_names_what_it_looked_at(capsys):
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "cp850"])
-def test_any_encoding_of_the_terminal_shows_the_result(tmp_path, encoding):
+def test_any_encoding_of_the_terminal_shows_the_result(tmp_path, monkeypatch, encoding):
     """`attitude error 1.48°` once ended in a traceback after the flight was flown."""
-    command = [sys.executable, "-m", "twin.cli.main", "fly", "--duration-s", "0.05"]
-    environment = {
-        **os.environ,
-        "PYTHONIOENCODING": encoding,
-        "PYTHONPATH": str(EXAMPLES.parents[1]),
-    }
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert b"rms under power" in done.stdout
+    monkeypatch.chdir(tmp_path)
+    shown = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(shown, encoding))
+    with pytest.raises(SystemExit) as ended:
+        main(["fly", "--duration-s", "0.05"])
+    assert ended.value.code == 0
+    assert b"rms under power" in shown.getvalue()
 
 
 def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
