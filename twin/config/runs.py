@@ -27,6 +27,9 @@ from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
+Speed = Annotated[float, Range(0.0, 50.0, "m/s")]
+# by hand: mean and standard deviation of the speed, standard deviations of attitude and rates
+HAND_SPEED, HAND_ATTITUDE, HAND_RATE = (6.0, 1.0), 5.0, 30.0
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
 OBJECT = "object:"  # how a recording names a controller that was given as a Python object
 
@@ -40,6 +43,15 @@ class Fly(FaultResponse, Run):
     motor: Path | None = None
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
     thrust table of two columns (.csv); the vehicle's own motor if omitted."""
+    launch: Literal["ramp", "hand", "stand"] = "ramp"
+    """Launch from the vehicle's ramp; by hand, with random speed, attitude and rates of `--seed`;
+    or upright from rest on a stand."""
+    hand_speed_m_s: tuple[Speed, Speed] = HAND_SPEED
+    """Mean and standard deviation of the speed along the nose, by hand [m/s]."""
+    hand_attitude_deg: Annotated[float, Range(0.0, 60.0, "°")] = HAND_ATTITUDE
+    """Standard deviation of the attitude about each axis across the nose, by hand [°]."""
+    hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = HAND_RATE
+    """Standard deviation of the angular rate about each axis, by hand [°/s]."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
     point."""
@@ -91,6 +103,11 @@ class Fly(FaultResponse, Run):
             raise TwinError("--scene turntable needs --attitude base-gyro")
         if self.off_axis_deg != (0.0, 0.0) and (self.programme != "point" or self.target):
             raise TwinError("--off-axis-deg needs --programme point, without --target")
+        throw = (self.hand_speed_m_s, self.hand_attitude_deg, self.hand_rate_deg_s)
+        if self.launch != "hand" and throw != (HAND_SPEED, HAND_ATTITUDE, HAND_RATE):
+            raise TwinError(
+                "--hand-speed-m-s, --hand-attitude-deg, --hand-rate-deg-s: need --launch hand"
+            )
         if self.controller is not None and ":" not in self.controller:
             raise TwinError(
                 f"--controller {self.controller}: must be FILE.py:NAME, for example own.py:Loop"

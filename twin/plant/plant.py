@@ -17,6 +17,7 @@ from twin.plant import integrators
 from twin.plant.actuation import Actuation
 from twin.plant.flow import Flow
 from twin.plant.model import TwinModel
+from twin.plant.release import Release
 from twin.plant.rods import Rods
 
 Array = NDArray[np.float64]
@@ -48,6 +49,10 @@ class VehicleState:
 class Plant:
     """Steps one model and gives its state; all consumers see the same instant.
 
+    Parameters
+    ----------
+    release : motion of the vehicle at time zero; at rest if omitted
+
     After `advance`, state, poses and site positions belong to the instant `time_ns`; MuJoCo's
     sensors, forces and centres of mass belong to the beginning of the last step.
 
@@ -63,8 +68,11 @@ class Plant:
 
     renewal_ns = RENEWAL_NS
 
-    def __init__(self, twin: TwinModel, integrator: str = "implicitfast") -> None:
+    def __init__(
+        self, twin: TwinModel, integrator: str = "implicitfast", release: Release | None = None
+    ) -> None:
         self.twin = twin
+        self._release = release
         self.model = twin.mj
         self.data = mujoco.MjData(self.model)
         self.dt_ns: int = round(self.model.opt.timestep * 1e9)
@@ -157,6 +165,8 @@ class Plant:
         """Return to the model's initial state at time zero."""
         self._propellant.update(0.0)
         mujoco.mj_resetData(self.model, self.data)
+        if self._release is not None and self.has_vehicle:
+            self._release.apply(self.attitude, self.velocity, self.rate)
         self._stepper = self._stepper.fresh()
         self.steps = 0
         mujoco.mj_forward(self.model, self.data)
