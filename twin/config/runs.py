@@ -28,6 +28,9 @@ from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
+Speed = Annotated[float, Range(0.0, 50.0, "m/s")]
+# by hand: mean and standard deviation of the speed, standard deviations of attitude and rates
+HAND_SPEED, HAND_ATTITUDE, HAND_RATE = (6.0, 1.0), 5.0, 30.0
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
 MANOEUVRES = ("step", "doublet", "pitch-over")  # programmes with an amplitude and a time
 OBJECT = "object:"  # how a recording names a controller that was given as a Python object
@@ -44,12 +47,24 @@ class Fly(FaultResponse, Run):
             "at_s": ("programme", MANOEUVRES),
             "target_range_m": ("programme", ("point",)),
             "off_axis_deg": ("programme", ("point",)),
+            "hand_speed_m_s": ("launch", ("hand",)),
+            "hand_attitude_deg": ("launch", ("hand",)),
+            "hand_rate_deg_s": ("launch", ("hand",)),
         }
     )
 
     motor: Path | None = None
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
     thrust table of two columns (.csv); the vehicle's own motor if omitted."""
+    launch: Literal["ramp", "hand", "stand"] = "ramp"
+    """Launch from the vehicle's ramp; by hand, with random speed, attitude and rates of `--seed`;
+    or upright from rest on a stand."""
+    hand_speed_m_s: tuple[Speed, Speed] = HAND_SPEED
+    """Mean and standard deviation of the speed along the nose, by hand [m/s]."""
+    hand_attitude_deg: Annotated[float, Range(0.0, 60.0, "°")] = HAND_ATTITUDE
+    """Standard deviation of the attitude about each axis across the nose, by hand [°]."""
+    hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = HAND_RATE
+    """Standard deviation of the angular rate about each axis, by hand [°/s]."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
     point."""
