@@ -177,7 +177,7 @@ class LinkageProblem:
         total = counted.sum(axis=0)
 
         def centred(values: Array) -> Array:
-            return values - np.sum(values, axis=0, where=counted) / total
+            return np.asarray(values - np.sum(values, axis=0, where=counted) / total)
 
         model, reading = centred(model), centred(reading)
         power = np.sum(model**2, axis=0, where=counted)
