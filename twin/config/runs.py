@@ -211,7 +211,9 @@ class Replay(Output, Parameters):
     """Own controller of the recorded flight, FILE.py:NAME; a file named in a recording is never
     executed."""
     force: Flag = False
-    """Replay even if versions of libraries or the model differ from those recorded."""
+    """Replay even if versions of libraries or the model differ from those recorded, with files of
+    this machine that the recording names but does not contain; also replace an existing file that
+    is more than a simulation's recording."""
     out: Path | None = None
     """Recording to write; RECORDING.replay.rrd if omitted."""
 
