@@ -126,6 +126,7 @@ class Rig(Connection):
 
     def configure(self, config: Config) -> None:
         """Change the device's settings and request its HELLO, which shows those in force."""
+        self.settings = config
         self.line.send(config)
         self.line.send(HelloRequest())
 
