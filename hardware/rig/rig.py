@@ -172,6 +172,7 @@ class Rig(Connection):
             round_trip_ns=self.estimate.round_trip_ns,
             shortest_ns=self.estimate.shortest_ns,
             skew=self.estimate.skew,
+            dropped=s.dropped,
         )
 
     def _restart(self) -> None:

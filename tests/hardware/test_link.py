@@ -344,6 +344,27 @@ def test_a_500_hz_stream_arrives_whole(pty):
         assert link.statistics.decoder.lost == 0
 
 
+def test_of_a_flood_only_the_newest_frames_are_processed_and_no_loss_is_counted(server):
+    count = 60_000
+    with Link(_url(server)) as link:
+        peer, _ = server.accept()
+        sender = threading.Thread(
+            target=peer.sendall, args=(b"".join(encode(Ping(k), k & 0xFFFF) for k in range(count)),)
+        )
+        sender.start()
+        newest, polls, processed = 0, 0, 0
+        while newest < count - 1:
+            if frames := link.poll():
+                polls, processed = polls + 1, processed + len(frames)
+                newest = frames[-1].message.host_ns
+        sender.join()
+        peer.close()
+        counted = link.statistics
+    assert counted.dropped > counted.received / 2
+    assert (counted.decoder.lost, counted.decoder.crc_errors) == (0, 0)
+    assert processed <= polls * 1024 // len(encode(Ping(0), 1)) + polls
+
+
 @pytest.mark.realtime
 def test_a_lost_socket_is_closed_without_holding_up_the_loop(server):
     link = Link(_url(server))
