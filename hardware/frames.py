@@ -16,6 +16,12 @@ POTENTIOMETER_NAMES = (
 )
 """Names of `SensorFrame.potentiometer`, in order."""
 
+PAIR_NAMES = ("potentiometers_x", "potentiometers_y")
+"""Names of both potentiometers of an axis together."""
+
+SERVO_NAMES = ("servo_x", "servo_y")
+"""Names of the two servos of the gimbal."""
+
 
 class HardwareError(ValueError):
     """A user's mistake with a rig (port, calibration, fault name); the message is one line."""

@@ -4,17 +4,17 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import radians
 
-from hardware.frames import AXES, POTENTIOMETER_NAMES
+from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, SERVO_NAMES
 
 SENSORS = (
     *POTENTIOMETER_NAMES,
     "gyro",
     "supply",
-    *(f"potentiometers_{axis}" for axis in AXES),
-    *(f"servo_{axis}" for axis in AXES),
+    *PAIR_NAMES,
+    *SERVO_NAMES,
 )
 GYRO, SUPPLY = len(POTENTIOMETER_NAMES), len(POTENTIOMETER_NAMES) + 1
-PAIR, SERVO = SUPPLY + 1, SUPPLY + 1 + len(AXES)  # of x; that of y is the next
+PAIR, SERVO = SUPPLY + 1, SUPPLY + 1 + len(PAIR_NAMES)  # of x; that of y is the next
 
 ODD_SCORE, BAD_SCORE = 0.05, 1.0
 SCORE_TIME = 0.1  # s; evidence fades with it
