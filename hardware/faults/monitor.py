@@ -15,6 +15,7 @@ from typing import Any
 from hardware.faults.actuation import MISREAD, Actuation
 from hardware.faults.axis import DRIFT, FORGOTTEN, LAG, LEAK, MOSTLY, SMOOTHING, STRANDED, Axis
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
+from hardware.faults.gravity import Gravity
 from hardware.faults.memory import filled, number
 from hardware.faults.states import (
     GYRO,
@@ -40,6 +41,10 @@ SETTLING = 1.5  # s; the gyro's bias is not yet known before
 FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit every time
 FROZEN_DELAYS = 5.5  # delays of its low-pass; a healthy one at rest for 600 s stood still for 2.0
 COMMON_DRIFT = radians(0.3)  # of both potentiometers of an axis together, when at rest
+# the same where maps are uncertain: 16° of motion by scales 8 % apart, and how late it shows [s]
+UNCERTAIN_DRIFT, UNCERTAIN_LAG = radians(1.5), 0.02
+DEPARTED = radians(0.25)  # from gravity, 10 σ of its average
+AVERAGED = 0.3  # of an offset that its average has reached
 UNDECIDED = 0.2  # s of disagreement with the gyro that the servo's command does not decide
 DOUBTFUL = 0.5  # s of disagreement in which no sensor can be named, until health reports it
 
@@ -63,6 +68,7 @@ class Monitor:
         self.time = 0.0
         self._tracks = tuple(Track(i) for i in range(len(SENSORS)))
         self._axes = (Axis(), Axis())
+        self._gravity = Gravity()
         self._running = 0.0  # s since `begin`
         self._last_gyro: Triple | None = None
         self._equal = 0
@@ -117,6 +123,7 @@ class Monitor:
             "last_gyro": None if self._last_gyro is None else list(self._last_gyro),
             "tracks": [asdict(track) for track in self._tracks],
             "axes": [asdict(axis) for axis in self._axes],
+            "gravity": asdict(self._gravity),
             "actuation": self.actuation.snapshot(),
         }
 
@@ -131,7 +138,9 @@ class Monitor:
         x, y = (filled(Axis, values) for values in memory["axes"])
         if [track.index for track in tracks] != list(range(len(SENSORS))):
             raise ValueError("tracks of other sensors")
+        gravity = filled(Gravity, memory["gravity"])
         self.actuation.restore(memory["actuation"])
+        self._gravity = gravity
         self._tracks, self._axes = tracks, (x, y)
         self.time, self._running = number(memory["time"]), number(memory["running"])
         self._equal = int(number(memory["equal"]))
@@ -150,6 +159,7 @@ class Monitor:
         for axis in self._axes:
             axis.begin()
         self.actuation.begin()
+        self._gravity.begin()
         return (a, b, c, d)
 
     def inspect(self, reading: Reading, prediction: Prediction) -> Remedy:
@@ -166,6 +176,8 @@ class Monitor:
         use = self._outliers(reading, prediction, rest)
         self._frozen(reading, prediction)
         self.actuation.advance(reading.command, prediction.angle, dt)
+        if reading.fresh:
+            self._gravity.update(reading.angle, reading.force, reading.base_force, dt)
         self._dead_reckon(reading, prediction, rest, use)
         if self._running > SETTLING:
             self._compare(reading, prediction)
@@ -304,9 +316,14 @@ class Monitor:
                 axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
             uncertain = max(p.tolerance[2 * k], p.tolerance[2 * k + 1])
             moving = LAG * abs(p.rate[k]) + uncertain
+            if uncertain > DRIFT:  # offsets part the two, and cancel in their mean
+                common = 0.5 * abs(a + b) - UNCERTAIN_DRIFT - UNCERTAIN_LAG * abs(p.rate[k])
+            else:
+                common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT - moving
             if abs(a - b) > DRIFT + moving:
-                self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
-            elif min(abs(a), abs(b)) > COMMON_DRIFT + moving and a * b > 0 and not self._mute(r, k):
+                if not self._sagging(r):
+                    self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
+            elif common > 0 and not self._mute(r, k):
                 self._part(k, p.angle[k], 0.5 * (a + b), r.dt)
             elif axis.common:
                 axis.common = max(0.0, axis.common - r.dt)
@@ -339,7 +356,11 @@ class Monitor:
         for k, kind in enumerate(actuation.kinds):
             if not kind:
                 continue
-            if kind == MISREAD or self._out[PAIR + k]:
+            # The horn has not slipped if gravity has not moved either.
+            u, v = self._gravity.departed(2 * k), self._gravity.departed(2 * k + 1)
+            offset = abs(actuation.axes[k].mean)
+            drifted = kind.startswith("offset") and 0.5 * abs(u + v) > AVERAGED * offset
+            if drifted or kind == MISREAD or self._out[PAIR + k]:
                 self._accuse(PAIR + k, 1.0, "deviating")
             else:
                 self._accuse(SERVO + k, 1.0, kind)
@@ -348,6 +369,9 @@ class Monitor:
         self, index: int, a: float, b: float, margin: float, dt: float, separable: bool
     ) -> None:
         """Name the one further off; if the maps are too uncertain, doubt the axis."""
+        u, v = (abs(self._gravity.departed(2 * index + n)) for n in (0, 1))
+        if separable and max(u, v) > DEPARTED:  # slow, and the estimate has followed half of it
+            a, b = u, v
         if not separable:
             self._doubt(index, dt)
         elif abs(a) > abs(b) + 0.5 * margin:
@@ -356,6 +380,20 @@ class Monitor:
             self._accuse(2 * index + 1, 0.2, "deviating")
         else:
             self._doubt(index, dt)
+
+    def _sagging(self, r: Reading) -> bool:
+        """Name a supply error that has grown slowly: one factor for all potentiometers."""
+        if any(self._out[:POTENTIOMETERS]):
+            return False
+        apart = [*self._axes[0].distance, *self._axes[1].distance]
+        slope = [f * g for f, g in zip(r.fraction, r.gain, strict=True)]
+        error = sum(s * a for s, a in zip(slope, apart, strict=True)) / sum(s * s for s in slope)
+        shares = [abs(s * error) for s in slope]
+        left = max(abs(a - s * error) for a, s in zip(apart, slope, strict=True))
+        if left > 0.5 * min(shares) or max(shares) < 0.4 * DRIFT:
+            return False
+        self._accuse(SUPPLY, 0.2, "sag")
+        return True
 
     def _doubt(self, index: int, dt: float) -> None:
         if not (self._out[2 * index] or self._out[2 * index + 1]):
