@@ -74,6 +74,7 @@ class Flags(IntFlag):
     HOLDER_IMU = 1 << 5  # this frame has a new reading of 0x68
     BASE_IMU = 1 << 6  # this frame has a new reading of 0x69
     RECEIVE_OVERRUN = 1 << 7  # bytes from the host were lost; set until HELLO_REQUEST
+    PULSE_UNTIMED = 1 << 8  # `pulse` is the one wanted; when it goes into force is not known
 
 
 Pair = tuple[int, int]
