@@ -16,6 +16,7 @@ from hardware.protocol import (
     LAYOUT,
     PROTOCOL,
     Arm,
+    Board,
     Command,
     Config,
     Disarm,
