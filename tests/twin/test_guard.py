@@ -142,14 +142,14 @@ def test_while_the_rig_is_away_the_joints_go_where_its_servos_go(capsys, tmp_pat
     line = f"{FLY} --duration-s 2 --fault link:unplug:0.6@1.5 --on-fault ignore --out {out}"
     command(capsys, *line.split())
     run = read(out)
-    time, link = run["gimbal/simulated"].time, run["link/connected"]  # recorded where it changes
+    time, link = run["gimbal/followed"].time, run["link/connected"]  # recorded where it changes
     away = link.values[np.searchsorted(link.time, time + 1e-9) - 1, 0] == 0.0
-    angle = abs(run["gimbal/simulated"].values).max(axis=1)
+    angle = abs(run["gimbal/followed"].values).max(axis=1)
     begin = time[away][0]
     # 0.1 s until the rig's own timeout, 0.1 s for its servos; then a joint that follows exactly
     assert (angle[away & (time > begin + 0.21)] < radians(0.01)).all()
     assert angle[away & (time < begin + 0.18)].min() > radians(0.05)
-    held = run["gimbal/simulated"].values[away & (time > begin + 0.01) & (time < begin + 0.18)]
+    held = run["gimbal/followed"].values[away & (time > begin + 0.01) & (time < begin + 0.18)]
     assert np.ptp(held, axis=0).max() < radians(0.01)
 
 

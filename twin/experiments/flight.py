@@ -14,6 +14,7 @@ from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.programme import Vector, start_of
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
+from twin.experiments.track import POSITION, Figures, Track
 from twin.loop.loop import Outcome
 from twin.physics.aerodynamics.stability import margins
 from twin.plant.plant import Plant
@@ -44,8 +45,10 @@ class FlightResult(Result):
     target_m : point steered to, east north up from the launch point
     closest_approach_m : to that point
     attitude_error_rms_deg : angle between nose and setpoint while the motor burned
-    physics_steps, physics_s : steps taken, and the time they took
+    physics_steps, physics_s : steps taken, and the processor time they took
+    cpu_s : processor time of the whole command in this process
     wall_s : time of the whole command
+    figures : the flight in the terms of rocketry; `as_dict` has them beside the others
     warnings : MuJoCo's warnings with their counts
     notes : what is worth knowing about the model, one line each
     static_margin : distance of the centre of mass ahead of the centre of pressure at launch and
@@ -69,7 +72,9 @@ class FlightResult(Result):
     loop_closure_max_um: float | None
     physics_steps: int
     physics_s: float
+    cpu_s: float
     wall_s: float
+    figures: Figures
     warnings: dict[str, int]
     notes: tuple[str, ...] = ()
     static_margin: tuple[float, float] | None = None
@@ -85,21 +90,19 @@ class FlightResult(Result):
     def as_dict(self) -> dict[str, object]:
         """JSON values, in SI units unless the name gives another."""
         timing = None if self.timing is None else self.timing.as_dict()
-        return {**asdict(replace(self, timing=None)), "timing": timing}
+        values = asdict(replace(self, timing=None))
+        return {**values, **values.pop("figures"), "timing": timing}
 
     def rows(self) -> Rows:
         """The flight as a table."""
         rows = [
             ("ended", f"{self.ended}, after {self.flight_time_s:.2f} s"),
             ("launch mass", f"{self.mass_kg:.3f} kg"),
-            ("top speed", f"{self.max_speed_m_s:.1f} m/s"),
-            ("height", f"{self.max_height_m:.0f} m"),
         ]
         if self.static_margin is not None:
             full, empty = self.static_margin
             rows.append(("static margin", f"{full:+.2f} at launch, {empty:+.2f} empty [calibres]"))
-        if self.powered_slant_range_m is not None:
-            rows.append(("range at burnout", f"{self.powered_slant_range_m:.0f} m"))
+        rows += self.figures.rows(self.powered_slant_range_m)
         if self.closest_approach_m is not None and self.target_m is not None:
             place = ", ".join(f"{c:.0f}" for c in self.target_m)
             rows.append(("closest approach", f"{self.closest_approach_m:.2f} m to ({place}) m"))
@@ -110,7 +113,7 @@ class FlightResult(Result):
             rows.append(("attitude estimate", error))
         if self.loop_closure_max_um is not None:
             rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
-        rows.append(computing_row(self.wall_s, self.physics_steps, self.physics_s))
+        rows.append(computing_row(self.wall_s, self.cpu_s, self.physics_steps, self.physics_s))
         rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
         rows += [("note", note) for note in self.notes]
         return rows + recording_rows(self.recording)
@@ -122,6 +125,11 @@ def _numeric(model: mujoco.MjModel, name: str) -> Array:
 
 class Flight:
     """Watches a flight tick by tick, decides when it is over, and gives its result.
+
+    Parameters
+    ----------
+    error : (2,) attitude error, as the controller writes it [rad]
+    target : point steered to, in the world [m]
 
     Attributes
     ----------
@@ -137,7 +145,6 @@ class Flight:
         self._ignition_ns = round(float(_numeric(plant.model, "motor_ignition")[0]) * 1e9)
         self._ramp = float(_numeric(plant.model, "ramp_length")[0])
         self._mass = float(plant.model.body_subtreemass[plant.model.body("vehicle").id])
-        self._position: list[Vector] = []
         self._speed = 0.0
         self._errors: list[float] = []
         self._closure = 0.0
@@ -152,7 +159,6 @@ class Flight:
         """Record what the result needs of this tick."""
         plant = self._plant
         x, y, z = plant.position.tolist()
-        self._position.append((x, y, z))
         vx, vy, vz = plant.velocity.tolist()
         speed = vx * vx + vy * vy + vz * vz
         self._speed = max(self._speed, speed)
@@ -193,12 +199,14 @@ class Flight:
             return "never left the ramp"
         return None
 
-    def result(self, recording: Path, outcome: Outcome, wall_s: float) -> FlightResult:
+    def result(
+        self, recording: Path, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
+    ) -> FlightResult:
         """The flight in numbers."""
         plant = self._plant
-        track = np.array(self._position)
+        path = track.ticks[:, POSITION]
         target = None if self._target is None else self._target - self._start
-        closest = None if self._target is None else _closest(track, self._target)
+        closest = None if self._target is None else _closest(path, self._target)
         return FlightResult(
             recording=str(recording),
             ended=outcome.ended,
@@ -206,7 +214,7 @@ class Flight:
             flight_time_s=plant.time_ns * 1e-9,
             max_speed_m_s=math.sqrt(self._speed),
             powered_slant_range_m=self._burnout_range,
-            max_height_m=float((track[:, 2] - self._start[2]).max()),
+            max_height_m=float((path[:, 2] - self._start[2]).max()),
             target_m=None
             if target is None
             else (float(target[0]), float(target[1]), float(target[2])),
@@ -215,7 +223,9 @@ class Flight:
             loop_closure_max_um=self._closure * 1e6 or None,
             physics_steps=plant.steps,
             physics_s=plant.computing_s,
+            cpu_s=cpu_s,
             wall_s=wall_s,
+            figures=track.figures(self.burnout_ns * 1e-9, landed=plant.landed),
             warnings=plant.warnings(),
             notes=plant.twin.notes,
             static_margin=_static_margin(plant.model),

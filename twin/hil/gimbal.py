@@ -153,6 +153,7 @@ class RigGimbal:
         self._snapshot: str | None = None
         self._stale = GimbalState(0, (0.0, 0.0), healthy=False)
         self._follower = plant if plant is not None and plant.follows else None
+        self._followed: Pair | None = None
 
     def start(self) -> None:
         """Connect and let the estimate settle; blocks.
@@ -239,11 +240,19 @@ class RigGimbal:
         if self._plant is not None and not self._watch:
             state = self._neutral_unless_fresh(state, self._plant.time_ns)
         self._stale = state
-        if self._follower is not None:
-            x, y = state.angle
-            t = LARGEST_ANGLE  # an estimate beyond it is wrong, and the plant would diverge
-            self._follower.follow((min(max(x, -t), t), min(max(y, -t), t)))
+        self._move(state)
         return state
+
+    def _move(self, state: GimbalState) -> None:
+        """Let the joints follow an estimate that is new, or has gone to neutral."""
+        new = bool(self.readings.states)
+        if self._follower is None or not (new or state.angle != self._followed):
+            return
+        self._followed = state.angle
+        x, y = state.angle
+        t = LARGEST_ANGLE  # an estimate beyond it is wrong, and the plant would diverge
+        angle = (min(max(x, -t), t), min(max(y, -t), t))
+        self._follower.follow(angle, state.rate if new else (0.0, 0.0))
 
     def _neutral_unless_fresh(self, state: GimbalState, now_ns: int) -> GimbalState:
         if self.readings.states:

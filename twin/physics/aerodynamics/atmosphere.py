@@ -20,8 +20,29 @@ _EXPONENT: Final = GRAVITY / (LAPSE * GAS_CONSTANT) - 1.0
 _TROPOPAUSE_RATIO: Final = 1.0 - LAPSE * TROPOPAUSE / SEA_LEVEL_TEMPERATURE
 _TROPOPAUSE_DENSITY: Final = SEA_LEVEL_DENSITY * _TROPOPAUSE_RATIO**_EXPONENT
 _SCALE_HEIGHT: Final = GAS_CONSTANT * SEA_LEVEL_TEMPERATURE * _TROPOPAUSE_RATIO / GRAVITY
+HEAT_RATIO: Final = 1.4  # of the specific heats of air
+LOWEST, HIGHEST = -5000.0, 20000.0  # m, of the layers modelled here
 
 MODE: Final = 7  # numbers per gust mode: wave vector (3), direction (3), phase
+
+
+@register_jitable
+def _geopotential(altitude: float) -> float:
+    bounded = min(max(altitude, LOWEST), HIGHEST)
+    return EARTH_RADIUS * bounded / (EARTH_RADIUS + bounded)
+
+
+@register_jitable
+def temperature(altitude: float) -> float:
+    """Temperature of the ICAO standard atmosphere [K] at a geometric altitude [m], as `density`."""
+    return SEA_LEVEL_TEMPERATURE - LAPSE * min(_geopotential(altitude), TROPOPAUSE)
+
+
+@register_jitable
+def speed_of_sound(altitude: float) -> float:
+    """Speed of sound in the ICAO standard atmosphere [m/s] at a geometric altitude [m]."""
+    speed: float = np.sqrt(HEAT_RATIO * GAS_CONSTANT * temperature(altitude))
+    return speed
 
 
 @register_jitable
@@ -31,8 +52,7 @@ def density(altitude: float) -> float:
     `altitude` is geometric, above mean sea level [m]; held constant below -5 km and above 20 km,
     where the two layers modelled here end. Source: ICAO Doc 7488/3.
     """
-    bounded = min(max(altitude, -5000.0), 20000.0)
-    geopotential = EARTH_RADIUS * bounded / (EARTH_RADIUS + bounded)
+    geopotential = _geopotential(altitude)
     if geopotential <= TROPOPAUSE:
         ratio = 1.0 - LAPSE * geopotential / SEA_LEVEL_TEMPERATURE
         low: float = SEA_LEVEL_DENSITY * ratio**_EXPONENT

@@ -15,8 +15,6 @@ from twin.physics.vehicle.built import Vehicle
 
 CURVE: Final = 64  # points of a thrust curve
 INDEX: Final = 128  # entries of native_index, with room for more
-STIFFNESS: Final = 15_000.0  # N/m of the rail for every kilogram: 0.3 mm under the weight
-DAMPING: Final = 60.0  # N s/m for every kilogram, half of critical
 CLEARANCE: Final = 0.2  # m between the lowest part and the ground
 _UNIT: Final = {numeric.name: numeric.unit for numeric in ALL}
 
@@ -117,16 +115,14 @@ def _wind() -> list[Row]:
 
 def _ramp(vehicle: Vehicle) -> list[Row]:
     launch, (lower, upper) = vehicle.design.launch, vehicle.buttons
-    stiffness = launch.stiffness if launch.stiffness is not None else STIFFNESS * vehicle.mass
-    damping = launch.damping if launch.damping is not None else DAMPING * vehicle.mass
     return [
         ("ramp_position", [0, 0, foot_height(vehicle)], "where the lower rail button rests"),
         ("ramp_elevation", launch.elevation, f"{math.degrees(launch.elevation):.6g} degrees"),
         ("ramp_azimuth", launch.azimuth, "from east to north"),
         ("ramp_length", launch.rail, "0: no rail"),
         ("ramp_lug", [vehicle.origin - lower, vehicle.origin - upper], "lower and upper button"),
-        ("ramp_stiffness", stiffness, "of the rail at each button"),
-        ("ramp_damping", damping, "of the same"),
+        ("ramp_stiffness", launch.stiffness, "of the rail at each button; 0: rigid"),
+        ("ramp_damping", launch.damping, "of an elastic rail"),
     ]
 
 

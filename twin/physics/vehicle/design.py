@@ -189,8 +189,8 @@ class Launch:
     rail : travel of a rail button on the rail [m]; 0 launches without a rail
     height : of the rail's foot above ground, where the lower button rests [m]
     altitude : of the ground above mean sea level [m]
-    stiffness : of the rail at each button [N/m]; in proportion to the mass if omitted
-    damping : of the same [N s/m]
+    stiffness : of the rail at each button [N/m]; 0: rigid
+    damping : of an elastic rail at each button [N s/m]
     """
 
     elevation: Annotated[float, Allowed("angle", 0.0, math.pi / 2)] = math.radians(85.0)
@@ -198,8 +198,8 @@ class Launch:
     rail: Annotated[float, DISTANCE] = 2.0
     height: Annotated[float | None, DISTANCE] = None
     altitude: Annotated[float, Allowed("length", -500.0, 2e4)] = 0.0
-    stiffness: Annotated[float | None, Allowed("number", 0.0, 1e9)] = None
-    damping: Annotated[float | None, Allowed("number", 0.0, 1e7)] = None
+    stiffness: Annotated[float, Allowed("number", 0.0, 1e9)] = 0.0
+    damping: Annotated[float, Allowed("number", 0.0, 1e7)] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
