@@ -6,12 +6,12 @@ from math import radians
 import numpy as np
 
 from hardware.emulator.actuation import Actuation
-from hardware.emulator.injection import PAIR_NAMES, Injection
+from hardware.emulator.injection import Injection
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters, sample_parameters
 from hardware.emulator.sensors import Gaussian, ImuPair, SensorParameters
 from hardware.emulator.sensors import sample as sample_sensors
 from hardware.emulator.servo import ServoParameters
-from hardware.frames import POTENTIOMETER_NAMES, Pair, Triple
+from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, Pair, Triple
 from hardware.parts import GYRO_DELAY_S, POTENTIOMETER_TRAVEL
 from hardware.protocol import constants as c
 
