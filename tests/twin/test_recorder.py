@@ -268,7 +268,9 @@ def on_a_disk_of(size, path):
     return done.stdout.splitlines()
 
 
-@pytest.mark.parametrize("short", [30_000, 20_000, 15_000, 5000])
+@pytest.mark.parametrize(
+    "short", [30_000, *(pytest.param(n, marks=pytest.mark.slow) for n in (20_000, 15_000)), 5000]
+)
 def test_a_full_disk_ends_in_one_line_and_never_in_a_whole_name(tmp_path, short):
     whole, path = tmp_path / "whole.rrd", tmp_path / "a.rrd"
     assert on_a_disk_of(10_000_000, whole) == []

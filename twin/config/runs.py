@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal, TypeVar
 
 from twin.config.options import FaultResponse, Output, Parameters, Run
@@ -28,6 +29,7 @@ from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
+MANOEUVRES = ("step", "doublet", "pitch-over")  # programmes with an amplitude and a time
 OBJECT = "object:"  # how a recording names a controller that was given as a Python object
 
 
@@ -36,6 +38,14 @@ class Fly(FaultResponse, Run):
     """Fly the vehicle headless and record it."""
 
     group: ClassVar[str] = "flight"
+    effective = MappingProxyType(
+        {
+            "amplitude_deg": ("programme", MANOEUVRES),
+            "at_s": ("programme", MANOEUVRES),
+            "target_range_m": ("programme", ("point",)),
+            "off_axis_deg": ("programme", ("point",)),
+        }
+    )
 
     motor: Path | None = None
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
@@ -80,6 +90,10 @@ class Fly(FaultResponse, Run):
         TwinError : the flag and its value
         """
         super().validate()
+        if self.at_s != Fly.at_s and self.at_s >= self.duration_s:
+            raise TwinError(
+                f"--at-s {self.at_s:g}: must be before the end, --duration-s {self.duration_s:g}"
+            )
         if self.target is not None and self.programme not in ("hold", "point"):
             raise TwinError(f"--programme {self.programme} and --target exclude each other")
         if self.attitude == "base-gyro" and not is_rig(self.gimbal):
@@ -89,8 +103,8 @@ class Fly(FaultResponse, Run):
             )
         if self.scene == TURNTABLE and self.attitude != "base-gyro":
             raise TwinError("--scene turntable needs --attitude base-gyro")
-        if self.off_axis_deg != (0.0, 0.0) and (self.programme != "point" or self.target):
-            raise TwinError("--off-axis-deg needs --programme point, without --target")
+        if self.off_axis_deg != (0.0, 0.0) and self.target:
+            raise TwinError("--off-axis-deg and --target exclude each other")
         if self.controller is not None and ":" not in self.controller:
             raise TwinError(
                 f"--controller {self.controller}: must be FILE.py:NAME, for example own.py:Loop"
@@ -124,6 +138,13 @@ class Step(FaultResponse, Run):
     """Command a clamped gimbal with a test signal and record its response."""
 
     group: ClassVar[str] = "signal"
+    effective = MappingProxyType(
+        {
+            "duration_s": ("signal", ("chirp", "triangle", "dog-leg")),
+            "band_hz": ("signal", ("chirp", "prbs", "multisine")),
+            "smallest_deg": ("signal", ("staircase",)),
+        }
+    )
 
     scene: str = "bench"
     signal: Signal = "steps"
