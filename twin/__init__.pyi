@@ -105,6 +105,7 @@ def fly(
     target: tuple[float, float, float] | None = ...,
     target_range_m: float = ...,
     off_axis_deg: tuple[float, float] = ...,
+    within: float | None = ...,
     amplitude_deg: float = ...,
     at_s: float = ...,
     about: Literal['level', 'x'] | None = ...,

@@ -77,6 +77,9 @@ class Fly(FaultResponse, Run):
     """Distance of the point of `--programme point` from the launch point [m]."""
     off_axis_deg: tuple[Direction, Direction] = (0.0, 0.0)
     """Direction of that point from the launch direction: right and up [°]."""
+    within: Annotated[float, Range(1e-3, 1e5, "m")] | None = None
+    """Largest distance from the point that counts as reaching it [m]; a flight that misses by more
+    ends with exit code 1. A miss is only reported if omitted."""
     amplitude_deg: Degrees = 5.0
     """Amplitude of the step, doublet or pitch-over [°]."""
     at_s: Annotated[float, Range(0.0, 36_000.0, "s")] = 3.0
@@ -120,6 +123,8 @@ class Fly(FaultResponse, Run):
             raise TwinError("--scene turntable needs --attitude base-gyro")
         if self.off_axis_deg != (0.0, 0.0) and self.target:
             raise TwinError("--off-axis-deg and --target exclude each other")
+        if self.within is not None and self.programme != "point" and self.target is None:
+            raise TwinError(f"--within {self.within:g}: needs --programme point or --target")
         if self.controller is not None and ":" not in self.controller:
             raise TwinError(
                 f"--controller {self.controller}: must be FILE.py:NAME, for example own.py:Loop"

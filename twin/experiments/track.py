@@ -119,6 +119,11 @@ class Track:
         row[COMMAND] = self._command
 
     @property
+    def limit(self) -> float:
+        """Largest command of an axis by the attitude loop [rad]."""
+        return control_config(self._model).limit
+
+    @property
     def ticks(self) -> Array:
         """All ticks and the present instant, (n, WIDTH): columns `TIME` to `COMMAND`."""
         last = self._blocks[-1][BLOCK - self._left - 1].copy() if self._blocks else np.zeros(WIDTH)
@@ -198,7 +203,7 @@ class Track:
     def _saturation(self, burning: Array) -> float | None:
         if self._plant.twin.gimbal == "fixed" or not len(burning):
             return None
-        limit = control_config(self._model).limit - AT_LIMIT
+        limit = self.limit - AT_LIMIT
         return float((np.abs(burning[:, COMMAND]) >= limit).any(axis=1).mean())
 
 
