@@ -145,7 +145,7 @@ class Hello:
     serial: Annotated[int, Wire("I", "", "serial number of the board; 0 without one")]
     board: Annotated[int, Wire("B", "", "1 Nano, 2 emulator, 3 Raspberry Pi")]
     reset_cause: Annotated[
-        int, Wire("B", "", "MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog")
+        int, Wire("B", "", "MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog; 0 unknown")
     ]
     servo_pins: Annotated[Triple, Wire("B", "", _pulse, 3)]
     potentiometer_pins: Annotated[Quad, Wire("B", "", "x_a, x_b, y_a, y_b", 4)]

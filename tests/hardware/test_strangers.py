@@ -198,6 +198,18 @@ class TestKeyFile:
         assert session.load_or_create(path) == session.load_or_create(path)
         assert path.stat().st_mode & 0o777 == 0o600
 
+    def test_of_two_servers_on_a_port_the_one_that_started_last_counts(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "a"))
+        monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "b"))
+        gateway = session.folders()[-1] / session.kept_name(5)
+        kept = session.load_or_create(gateway)
+        rig = session.create(session.file_name(5))
+        os.utime(gateway, (1, 1))
+        assert session.find("127.0.0.1", 5) == rig
+        os.utime(rig, (2, 2))  # ended by SIGKILL, its file is still there
+        assert session.load_or_create(gateway) == kept
+        assert session.find("127.0.0.1", 5) == gateway
+
     @pytest.mark.parametrize(
         ("content", "mode", "message"),
         [
