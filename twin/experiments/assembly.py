@@ -111,6 +111,7 @@ def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
         overrides=config.overrides,
         scene=config.rig_scene,
         watch=watch,
+        check=not config.no_check,
     )
 
 
