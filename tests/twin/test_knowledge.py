@@ -327,7 +327,7 @@ MISTAKES = [
     ("report steps.rrd --out page.txt", ".html"),
     ("report steps.rrd --model missing.json", "missing.json"),
     ("compare", "0 recordings"),
-    ("compare steps.rrd", "gimbal/measured"),
+    ("compare steps.rrd", "holds no measured angles"),
     ("compare run.csv", "a table with one motion"),
     ("compare run.csv steps.rrd", "--time t"),
     ("compare steps.rrd linkage.rrd --angle pot", "--angle is only for tables"),

@@ -14,6 +14,7 @@ from twin.plant.model import ModelConfig, Seat, load
 from twin.plant.plant import Plant
 
 if TYPE_CHECKING:
+    from hardware.calibration import Calibration
     from twin.hil import RigOptions
     from twin.hil.shadow import ShadowOptions
 
@@ -89,6 +90,18 @@ def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
         scene=config.rig_scene,
         watch=watch,
     )
+
+
+def rig_calibration(config: Run) -> "Calibration":
+    """Map from pulses to angles of a run's gimbal: of its calibration file, or nominal.
+
+    Raises
+    ------
+    TwinError, HardwareError : a file that cannot be used
+    """
+    from twin.hil.connect import calibration_of
+
+    return calibration_of(rig_options(config))
 
 
 def shadow_options(config: Run, *, watch: bool = False) -> "ShadowOptions | None":
