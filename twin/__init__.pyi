@@ -35,6 +35,8 @@ def calibrate(
 ) -> CalibrationResult: ...
 def compare(
     *recordings: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     time: str | None = ...,
@@ -46,6 +48,9 @@ def compare(
     commands: str | PathLike[str] | None = ...,
     input_stamps: Literal['exact', 'sampled'] | None = ...,
     before: str | None = ...,
+    with_: str | None = ...,
+    ratio: float | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -250,6 +255,12 @@ def step(
     smallest_deg: float = ...,
     rate_limit_deg_s: float | None = ...,
     control_hz: float = ...,
+    commands: str | PathLike[str] | None = ...,
+    time: str | None = ...,
+    input: str | None = ...,
+    input_unit: str = ...,
+    ratio: float | None = ...,
+    time_scale: float | None = ...,
 ) -> StepResult: ...
 def vehicle(
     action: Literal['show', 'build'],
