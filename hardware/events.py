@@ -110,6 +110,18 @@ class HealthChanged(Event):
 
 
 @dataclass(frozen=True)
+class ReadingsDropped(Event):
+    """Readings come faster than they are processed; the newest are used."""
+
+    level: ClassVar[Level] = "WARN"
+
+    @property
+    def text(self) -> str:
+        """What happens."""
+        return "readings come faster than they are processed: the oldest are dropped"
+
+
+@dataclass(frozen=True)
 class MonitoringLimited(Event):
     """The fault monitor cannot see all that it should.
 

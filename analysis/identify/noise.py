@@ -13,12 +13,15 @@ _NORMAL = 1.4826  # sigma per median absolute deviation of a Gaussian
 
 
 def resolution(values: Array) -> float:
-    """Step of a quantised signal, 0 if it is not visibly quantised."""
+    """Step of a quantised signal, 0 if it is not visibly quantised: the smallest gap of its levels.
+
+    Levels far apart are those that a fast motion left out.
+    """
     levels = np.unique(values)
     if len(levels) < 2 or len(levels) > len(values) / 3:
         return 0.0
     gaps = np.diff(levels)
-    return float(np.median(gaps[gaps > 1e-3 * gaps.max()]))
+    return float(gaps[gaps > 1e-9 * np.ptp(levels)].min())
 
 
 def quantisation(problem: Problem) -> Pair:
@@ -63,13 +66,6 @@ def from_residual(problem: Problem, solution: Solution, counted: Mask, floor: Pa
         power = float(np.mean(solution.residual[rows] ** 2)) / max(1.0 - share, 0.1)
         both.append(max(float(np.sqrt(power)), floor[int(is_rate)], 1e-12))
     return both[0], both[1]
-
-
-def typical(residual: Array, floor: float) -> float:
-    """Sigma that spikes and stretches of perfect rest cannot move."""
-    size = np.abs(residual)
-    busy = size[size > 1e-3 * size.max(initial=0.0)]
-    return max(_NORMAL * float(np.median(busy)) if len(busy) else 0.0, 2.0 * floor, 1e-12)
 
 
 def _clipped_rms(bend: Array) -> float:

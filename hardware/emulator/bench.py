@@ -5,7 +5,8 @@ from math import radians
 
 import numpy as np
 
-from hardware.emulator.injection import Injection
+from hardware.emulator.actuation import Actuation
+from hardware.emulator.injection import PAIR_NAMES, Injection
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters, sample_parameters
 from hardware.emulator.sensors import Gaussian, ImuPair, SensorParameters
 from hardware.emulator.sensors import sample as sample_sensors
@@ -83,6 +84,7 @@ class Bench:
         self._dips = [f for f in injections if (f.target, f.kind) == ("supply", "reset")]
         self._closed = [False] * 4
         self._shaft: Triple = (0.0, 0.0, 0.0)
+        self._actuation = Actuation(self.plant, injections)
         self._watch_switches()
 
     def set_pulses(self, pulses: Triple) -> None:
@@ -95,7 +97,10 @@ class Bench:
 
     def advance(self, dt: float) -> None:
         """Advance everything by dt [s], about 1 ms."""
-        self.plant.advance(dt, self._shaft)
+        shaft = self._shaft
+        if self._actuation.faulty:
+            shaft = self._actuation.shafts(shaft, self.time, dt)
+        self.plant.advance(dt, shaft)
         self.time += dt
         self._watch_switches()
         gyro, force = self.plant.holder_imu()
@@ -105,6 +110,7 @@ class Bench:
         if jump:
             truth[:3] += jump
         if self.injections:
+            truth[:3] *= 1.0 + self._value("gyro", "gain")
             truth[6:9] += radians(self._value("base_gyro", "bias"))
         self._imus.advance(dt, truth, GYRO_DELAY_S[self.dlpf])
 
@@ -131,7 +137,9 @@ class Bench:
         angles = self.plant.angles()
         supply = 1.0 + s.supply_ripple * self._gaussian()
         if self.injections:
-            supply *= 1.0 - self._value("supply", "sag")
+            lost = self._value("supply", "sag") + self._risen("supply", "droop")
+            supply *= max(0.0, 1.0 - lost)
+            angles = self._displaced(angles[0], 0), self._displaced(angles[1], 1)
         codes = []
         for i, sensor in enumerate(s.potentiometers):
             fraction = sensor.fraction(angles[i // 2]) * supply
@@ -140,6 +148,25 @@ class Bench:
             code = fraction * c.ADC_LEVELS + sensor.noise * self._gaussian()
             codes.append(min(max(int(code), 0), c.ADC_LEVELS - 1))
         return (codes[0], codes[1], codes[2], codes[3])
+
+    def _risen(self, target: str, kind: str) -> float:
+        """Return what a fault that grows at a constant rate has grown to."""
+        for f in self.injections:
+            if f.target == target and f.kind == kind and f.active(self.time):
+                return f.value * (self.time - f.start)
+        return 0.0
+
+    def _displaced(self, angle: float, axis: int) -> float:
+        """Return the angle that both potentiometers of an axis are turned to [rad]."""
+        name = PAIR_NAMES[axis]
+        for fault in self.injections:
+            if fault.target != name or fault.kind != "stuck":
+                continue
+            if fault.active(self.time):
+                angle = self._held.setdefault(fault, angle)
+            else:
+                self._held.pop(fault, None)
+        return angle + radians(self._value(name, "slipped") + self._risen(name, "drift"))
 
     def _broken(self, name: str, fraction: float) -> float:
         for fault in self.injections:
@@ -156,6 +183,11 @@ class Bench:
                 fraction *= float(np.exp(-(self.time - fault.start) / OPEN_WIRE_TIME))
             elif fault.kind == "offset":
                 fraction += radians(fault.value) / POTENTIOMETER_TRAVEL
+            elif fault.kind == "drift":
+                turned = radians(fault.value) * (self.time - fault.start)
+                fraction += turned / POTENTIOMETER_TRAVEL
+            elif fault.kind == "gain":
+                fraction += (fraction - 0.5) * fault.value
         return fraction
 
     def imu_counts(self, age: Pair = (0.0, 0.0)) -> list[int]:

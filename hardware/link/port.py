@@ -43,6 +43,8 @@ def open_port(url: str, *, reset: bool) -> serial.SerialBase:
             write_timeout=_WRITE_TIMEOUT_S,
             exclusive=None if "://" in url else True,
         )
+        if url.startswith("socket://"):
+            port.reset_input_buffer = lambda: None  # on opening it would discard CHALLENGE
         if not reset:
             port.dtr = False
         port.open()
@@ -59,11 +61,11 @@ def writer(port: serial.SerialBase) -> Callable[[bytes], int]:
     more. On a terminal that waits for the kernel's worker just as reading does, see `Link.poll`;
     writing itself only puts the bytes into a buffer (92 µs at most in the same measurement).
     """
-    line = getattr(port, "_socket", None)
+    line = _socket(port)
     native = os.name == "posix" and type(port) is serial.Serial
-    if not native and not isinstance(line, socket.socket):
+    if not native and line is None:
         return lambda data: _written(port, data)  # Windows, rfc2217:// and others
-    raw = line.send if isinstance(line, socket.socket) else partial(os.write, port.fileno())
+    raw = partial(os.write, port.fileno()) if line is None else line.send
 
     def write(data: bytes) -> int:
         try:
@@ -72,6 +74,16 @@ def writer(port: serial.SerialBase) -> Callable[[bytes], int]:
             return 0
 
     return write
+
+
+def is_socket(port: serial.SerialBase) -> bool:
+    """Return whether a port is a TCP connection (`socket://`)."""
+    return _socket(port) is not None
+
+
+def _socket(port: serial.SerialBase) -> socket.socket | None:
+    line = getattr(port, "_socket", None)
+    return line if isinstance(line, socket.socket) else None
 
 
 def _written(port: serial.SerialBase, data: bytes) -> int:
@@ -84,8 +96,7 @@ def _written(port: serial.SerialBase, data: bytes) -> int:
 
 def close_port(port: serial.SerialBase) -> None:
     """Close at once: pyserial sleeps 0.3 s after closing a socket, which would delay the loop."""
-    line = getattr(port, "_socket", None)
-    if isinstance(line, socket.socket):
+    if (line := _socket(port)) is not None:
         line.close()
         port._socket, port.is_open = None, False
     else:
@@ -98,9 +109,23 @@ def _lower_latency(port: serial.SerialBase) -> None:
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
         port.set_low_latency_mode(True)
     # Nagle's algorithm would delay a command until the previous one is acknowledged.
-    line = getattr(port, "_socket", None)
-    if isinstance(line, socket.socket):
+    if (line := _socket(port)) is not None:
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+def closed_at_once(url: str, error: Exception, *, begun: bool) -> str:
+    """Return the message about a TCP connection that ended during the greeting.
+
+    Parameters
+    ----------
+    begun : the server has sent CHALLENGE
+    """
+    if begun:
+        return f"{url}: the server closed the connection ({error})"
+    return (
+        f"{url}: the connection was closed at once: a tunnel without a gateway behind it; start"
+        " `python -m hardware.raspberry_pi` on the Pi"
+    )
 
 
 def _explain(url: str, error: Exception) -> str:

@@ -165,12 +165,6 @@ def test_command_that_waited_longer_than_its_timeout_is_not_obeyed(pi, sysfs):
 
 
 def test_all_that_waited_is_taken_at_once_and_what_is_no_command_is_obeyed(pi, sysfs):
-    class Slow(FakePort):
-        def read(self):
-            data, self.inbox = self.inbox[:16], self.inbox[16:]
-            return data
-
-    pi.port = pi.gateway.port = Slow()
     pi.run(Arm())
     pi.time_ns += 2_000_000_000
     stale = [Command((3500, 3500, 0), 100, Mode.DRIVE)] * 20
@@ -351,7 +345,7 @@ def test_refused_pulse_is_one_line_and_the_other_servo_is_still_sent_to_neutral(
     monkeypatch.setattr(command, "open_bus", lambda _: FakeBus())
     monkeypatch.setattr(command, "open_adc", lambda: None)
     monkeypatch.setattr(command, "KernelPwm", lambda: KernelPwm(chip))
-    monkeypatch.setattr(command, "TcpPort", lambda _: port)
+    monkeypatch.setattr(command, "TcpPort", lambda *_: port)
     monkeypatch.setattr(command.signal, "signal", lambda *_: None)
     assert main([]) == 2
     lines = capsys.readouterr().err.splitlines()

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal, TypeVar
 
 from twin.config.options import FaultResponse, Output, Parameters, Run
@@ -28,9 +29,8 @@ from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(0.0, 50.0, "m/s")]
-# by hand: mean and standard deviation of the speed, standard deviations of attitude and rates
-HAND_SPEED, HAND_ATTITUDE, HAND_RATE = (6.0, 1.0), 5.0, 30.0
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
+MANOEUVRES = ("step", "doublet", "pitch-over")  # programmes with an amplitude and a time
 OBJECT = "object:"  # how a recording names a controller that was given as a Python object
 
 
@@ -39,6 +39,17 @@ class Fly(FaultResponse, Run):
     """Fly the vehicle headless and record it."""
 
     group: ClassVar[str] = "flight"
+    effective = MappingProxyType(
+        {
+            "amplitude_deg": ("programme", MANOEUVRES),
+            "at_s": ("programme", MANOEUVRES),
+            "target_range_m": ("programme", ("point",)),
+            "off_axis_deg": ("programme", ("point",)),
+            "hand_speed_m_s": ("launch", ("hand",)),
+            "hand_attitude_deg": ("launch", ("hand",)),
+            "hand_rate_deg_s": ("launch", ("hand",)),
+        }
+    )
 
     motor: Path | None = None
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
@@ -46,11 +57,11 @@ class Fly(FaultResponse, Run):
     launch: Literal["ramp", "hand", "stand"] = "ramp"
     """Launch from the vehicle's ramp; by hand, with random speed, attitude and rates of `--seed`;
     or upright from rest on a stand."""
-    hand_speed_m_s: tuple[Speed, Speed] = HAND_SPEED
+    hand_speed_m_s: tuple[Speed, Speed] = (6.0, 1.0)
     """Mean and standard deviation of the speed along the nose, by hand [m/s]."""
-    hand_attitude_deg: Annotated[float, Range(0.0, 60.0, "°")] = HAND_ATTITUDE
+    hand_attitude_deg: Annotated[float, Range(0.0, 60.0, "°")] = 5.0
     """Standard deviation of the attitude about each axis across the nose, by hand [°]."""
-    hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = HAND_RATE
+    hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = 30.0
     """Standard deviation of the angular rate about each axis, by hand [°/s]."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
@@ -95,6 +106,10 @@ class Fly(FaultResponse, Run):
         TwinError : the flag and its value
         """
         super().validate()
+        if self.at_s != Fly.at_s and self.at_s >= self.duration_s:
+            raise TwinError(
+                f"--at-s {self.at_s:g}: must be before the end, --duration-s {self.duration_s:g}"
+            )
         if self.target is not None and self.programme not in ("hold", "point"):
             raise TwinError(f"--programme {self.programme} and --target exclude each other")
         if self.attitude == "base-gyro" and not is_rig(self.gimbal):
@@ -104,13 +119,8 @@ class Fly(FaultResponse, Run):
             )
         if self.scene == TURNTABLE and self.attitude != "base-gyro":
             raise TwinError("--scene turntable needs --attitude base-gyro")
-        if self.off_axis_deg != (0.0, 0.0) and (self.programme != "point" or self.target):
-            raise TwinError("--off-axis-deg needs --programme point, without --target")
-        throw = (self.hand_speed_m_s, self.hand_attitude_deg, self.hand_rate_deg_s)
-        if self.launch != "hand" and throw != (HAND_SPEED, HAND_ATTITUDE, HAND_RATE):
-            raise TwinError(
-                "--hand-speed-m-s, --hand-attitude-deg, --hand-rate-deg-s: need --launch hand"
-            )
+        if self.off_axis_deg != (0.0, 0.0) and self.target:
+            raise TwinError("--off-axis-deg and --target exclude each other")
         if self.within is not None and self.programme != "point" and self.target is None:
             raise TwinError(f"--within {self.within:g}: needs --programme point or --target")
         if self.controller is not None and ":" not in self.controller:
@@ -146,6 +156,13 @@ class Step(FaultResponse, Run):
     """Command a clamped gimbal with a test signal and record its response."""
 
     group: ClassVar[str] = "signal"
+    effective = MappingProxyType(
+        {
+            "duration_s": ("signal", ("chirp", "triangle", "dog-leg")),
+            "band_hz": ("signal", ("chirp", "prbs", "multisine")),
+            "smallest_deg": ("signal", ("staircase",)),
+        }
+    )
 
     scene: str = "bench"
     signal: Signal = "steps"
@@ -197,7 +214,9 @@ class Replay(Output, Parameters):
     """Own controller of the recorded flight, FILE.py:NAME; a file named in a recording is never
     executed."""
     force: Flag = False
-    """Replay even if versions of libraries or the model differ from those recorded."""
+    """Replay even if versions of libraries or the model differ from those recorded, with files of
+    this machine that the recording names but does not contain; also replace an existing file that
+    is more than a simulation's recording."""
     out: Path | None = None
     """Recording to write; RECORDING.replay.rrd if omitted."""
 
@@ -248,7 +267,10 @@ def with_model(config: R, gimbal: str, **changes: object) -> R:
 
     Parameters of servos and rods are dropped where an identified model takes their place.
     """
-    rig: dict[str, object] = {"calibration": None, "fault": (), "unit": None, "clock": "lockstep"}
+    rig: dict[str, object] = {
+        "calibration": None, "fault": (), "unit": None, "clock": "lockstep", "shadow": None,
+        "shadow_set": (),
+    }  # fmt: skip
     if isinstance(config, Fly):
         rig |= {"attitude": "truth", "scene": config.plant_scene, "about": config.turns_about}
     if hasattr(config, "on_fault"):

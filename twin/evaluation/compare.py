@@ -142,7 +142,7 @@ def compare(config: Compare) -> CompareResult:
     file = config.out or Path("runs/compare.rrd")
     if file.is_dir() or not file.suffix:
         file /= "compare.rrd"
-    writable(file, ".rrd")
+    writable(file, ".rrd", force=config.force)
     _record(config, file, pair)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(
@@ -175,6 +175,12 @@ def _pair(config: Compare) -> _Pair:
     runs = seen(config, files)
     if len(runs) == 1:
         recording = runs[0].recording
+        for kind in ("measured", "simulated"):
+            if f"gimbal/{kind}" not in recording.series:
+                raise TwinError(
+                    f"compare: {files[0]} holds no {kind} angles; give another recording too, or a"
+                    " run with a rig and without --shadow none"
+                )
         measured, simulated = (
             replace(recording[f"gimbal/{kind}"].known(), name=f"{files[0]} {kind}")
             for kind in ("measured", "simulated")

@@ -18,6 +18,7 @@ from twin.plant.release import Release
 
 if TYPE_CHECKING:
     from twin.hil import RigOptions
+    from twin.hil.shadow import ShadowOptions
 
 HAND_HEIGHT = 1.7  # m above the ground, of the lower lug in the hand
 STAND = 0.02  # m that a vehicle lifts off its stand before it is free
@@ -71,11 +72,13 @@ def _release(config: Run) -> Release | None:
     return Release.thrown(config.seed, config.hand_speed_m_s, attitude, rate)
 
 
-def _refuse_servos(names: Iterable[str]) -> None:
+def _refuse_servos(
+    names: Iterable[str], flag: str = "--set", needed: str = "--gimbal linkage"
+) -> None:
     for name in names:
         if name.startswith(OF_SERVOS):
             raise TwinError(
-                f"--set {name} needs --gimbal linkage: an identified model has no servos, rods or"
+                f"{flag} {name} needs {needed}: an identified model has no servos, rods or"
                 " backlash, so the parameter would have no effect"
             )
 
@@ -109,6 +112,30 @@ def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
         scene=config.rig_scene,
         watch=watch,
     )
+
+
+def shadow_options(config: Run, *, watch: bool = False) -> "ShadowOptions | None":
+    """Model beside the rig of a run; None without one.
+
+    Parameters
+    ----------
+    watch : whether the commands are those of the pulses in force
+
+    Raises
+    ------
+    TwinError : parameters that it does not have
+    """
+    from twin.hil.shadow import ShadowOptions
+
+    kind = config.shadow or "linkage"
+    if kind == "none":
+        return None
+    parameters, model = config.shadow_parameters, None
+    if kind == "transfer-function":
+        _refuse_servos(dict(config.shadow_set), "--shadow-set", "--shadow linkage")
+        parameters = {k: v for k, v in parameters.items() if not k.startswith(OF_SERVOS)}
+        model = config.model
+    return ShadowOptions(kind, model, config.mechanism, parameters, at_once=watch)
 
 
 def steps_per_tick(control_hz: float, plant: Plant) -> int:

@@ -11,6 +11,7 @@ from analysis.recording import Recording
 from hardware.calibration import Calibration
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse
+from hardware.events import ReadingsDropped
 from hardware.frames import Pair, SensorFrame
 from hardware.fusion import Fusion
 from hardware.link import Link
@@ -107,6 +108,11 @@ def open_rig(
         yield seat
     finally:
         seat.close()
+        if seat.dropped:
+            print(
+                f"twin: {options.seat}: {ReadingsDropped().text} ({seat.dropped} bytes)",
+                file=sys.stderr,
+            )
 
 
 def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:

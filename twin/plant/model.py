@@ -43,7 +43,7 @@ class ModelConfig:
     ----------
     scene : a shipped scene's name or an MJCF file
     gimbal : what moves the gimbal joints: servos and rods, an identified model, or measured angles,
-        which the joints follow one physics step later
+        which the joints follow at the measured rate
     transfer_function : file of the identified model; the shipped reference where None
     vehicle : MJCF or TOML file in place of the scene's own
     mechanism : MJCF file in place of the scene's own
@@ -95,8 +95,11 @@ def load(config: ModelConfig) -> TwinModel:
     seat = _seat(spec, config)
     vehicle = config.vehicle is not None or spec.body("vehicle") is not None
     _require(spec, seat, vehicle=vehicle)
-    if seat in ("transfer-function", "follow"):
-        _exchange_actuation(spec, _moved_by(config))
+    if seat == "follow":
+        _exchange_actuation(spec, _VELOCITY)
+    elif seat == "transfer-function":
+        file = config.transfer_function or REFERENCE_GIMBAL
+        _exchange_actuation(spec, TransferFunctionModel.read(file))
     motor.fit_stated_motor(spec)
     notes: tuple[str, ...] = ()
     if not is_description(config.vehicle):
@@ -150,11 +153,9 @@ def _seat(
     return config.gimbal
 
 
-def _moved_by(config: ModelConfig) -> TransferFunctionModel:
-    if config.gimbal == "follow":
-        direct, none = Channel((1.0,), (1.0,)), Channel((0.0,), (1.0,))
-        return TransferFunctionModel(((direct, none), (none, direct)))
-    return TransferFunctionModel.read(config.transfer_function or REFERENCE_GIMBAL)
+# A joint that follows is commanded a rate, so that its angle has no jumps within a tick.
+_INTEGRATOR, _NONE = Channel((1.0,), (1.0, 0.0)), Channel((0.0,), (1.0,))
+_VELOCITY = TransferFunctionModel(((_INTEGRATOR, _NONE), (_NONE, _INTEGRATOR)))
 
 
 def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> None:

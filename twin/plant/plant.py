@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 # Beyond these a small vehicle's state is numerical nonsense, long before it overflows.
 LARGEST_SPEED = 5e3  # m/s and rad/s
 BEYOND_STOP = math.radians(3.0)  # tolerance; servos at full torque press half a degree into a stop
+# Frames of a rig come every 2 ms; a correction is spread over two of them, or over a longer tick.
+FOLLOW_NS = 4_000_000
 RENEWAL_NS = 4_000_000  # the reference motor burns 30 mg in it, 1/30000 of the vehicle
 
 
@@ -87,6 +89,8 @@ class Plant:
         self._view()
         self.signals = self._offer()
         self._stops = self._read_stops()
+        self._measured: tuple[Pair, Pair] | None = None
+        self._holds_ns = 0
         self.reset()
 
     def _view(self) -> None:
@@ -118,7 +122,8 @@ class Plant:
         self._open = closure_limit(self.model) if self.twin.gimbal == "linkage" else math.inf
         self._flow: Flow | None = None
         self.thrust: Array = np.zeros(1)
-        signals = {"gimbal/simulated": self.gimbal_angle, "gimbal/rate/simulated": self.gimbal_rate}
+        what = "followed" if self.follows else "simulated"
+        signals = {f"gimbal/{what}": self.gimbal_angle, f"gimbal/rate/{what}": self.gimbal_rate}
         signals |= self._rods.signals
         if self.has_vehicle:
             state = (self.position, self.velocity, self.attitude, self.rate)
@@ -169,6 +174,7 @@ class Plant:
             self._release.apply(self.attitude, self.velocity, self.rate)
         self._stepper = self._stepper.fresh()
         self.steps = 0
+        self._measured, self._holds_ns = None, 0
         mujoco.mj_forward(self.model, self.data)
 
     def drive(self, angle: Pair) -> None:
@@ -180,8 +186,11 @@ class Plant:
         """Whether the gimbal joints take measured angles, from `follow`."""
         return self.twin.gimbal == "follow"
 
-    def follow(self, angle: Pair) -> None:
-        """Have the gimbal joints take a measured angle [rad]; they reach it one step later.
+    def follow(self, angle: Pair, rate: Pair = (0.0, 0.0)) -> None:
+        """Have the gimbal joints take a measured angle [rad], moving at its rate [rad/s].
+
+        A tick after the measurement they are where it would be by then; after `FOLLOW_NS` without
+        another, or at the end of a longer tick, they stand still.
 
         Raises
         ------
@@ -189,7 +198,20 @@ class Plant:
         """
         if not self.follows:
             raise TwinError(f"a gimbal of kind {self.twin.gimbal!r} cannot follow measured angles")
-        self._actuation.drive(angle)
+        self._measured = angle, rate
+
+    def _lead(self, n: int) -> None:
+        """Command the rates of joints that follow, for `n` steps."""
+        if self._measured is not None:
+            (x, y), (u, v) = self._measured
+            now_x, now_y = self.gimbal_angle.tolist()
+            span_ns = max(n * self.dt_ns, FOLLOW_NS)
+            within = 1e9 / span_ns
+            self._actuation.drive((u + (x - now_x) * within, v + (y - now_y) * within))
+            self._holds_ns = self.time_ns + span_ns
+            self._measured = None
+        elif self.time_ns >= self._holds_ns:
+            self._actuation.drive((0.0, 0.0))
 
     def gimbal(self) -> GimbalState:
         """Exact angles and rates of the gimbal joints at `time_ns`."""
@@ -209,6 +231,8 @@ class Plant:
         ------
         DivergenceError : a velocity is not finite or far too large, or the gimbal is past its stops
         """
+        if self.follows:
+            self._lead(n)
         while n > self._renewal:  # commands below 250 Hz: update the propellant in between
             self._move(self._renewal)
             n -= self._renewal
