@@ -92,7 +92,7 @@ class Fly(FaultResponse, Run):
     turntable of the thesis)."""
     control_hz: Frequency = 250.0
     """Rate of the controller [Hz]."""
-    duration_s: Duration = 120.0
+    duration_s: Duration = 600.0
     """Longest flight [s]; it ends earlier on the ground or past the point."""
     repeat: Count = 1
     """Number of flights, each with the next seed; more than one writes a page with the spread of
