@@ -29,8 +29,6 @@ from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(0.0, 50.0, "m/s")]
-# by hand: mean and standard deviation of the speed, standard deviations of attitude and rates
-HAND_SPEED, HAND_ATTITUDE, HAND_RATE = (6.0, 1.0), 5.0, 30.0
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
 MANOEUVRES = ("step", "doublet", "pitch-over")  # programmes with an amplitude and a time
 OF_COMMANDS = ("time", "input", "input_unit", "ratio", "time_scale")  # columns of --commands
@@ -62,11 +60,11 @@ class Fly(FaultResponse, Run):
     launch: Literal["ramp", "hand", "stand"] = "ramp"
     """Launch from the vehicle's ramp; by hand, with random speed, attitude and rates of `--seed`;
     or upright from rest on a stand."""
-    hand_speed_m_s: tuple[Speed, Speed] = HAND_SPEED
+    hand_speed_m_s: tuple[Speed, Speed] = (6.0, 1.0)
     """Mean and standard deviation of the speed along the nose, by hand [m/s]."""
-    hand_attitude_deg: Annotated[float, Range(0.0, 60.0, "°")] = HAND_ATTITUDE
+    hand_attitude_deg: Annotated[float, Range(0.0, 60.0, "°")] = 5.0
     """Standard deviation of the attitude about each axis across the nose, by hand [°]."""
-    hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = HAND_RATE
+    hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = 30.0
     """Standard deviation of the angular rate about each axis, by hand [°/s]."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
@@ -97,7 +95,7 @@ class Fly(FaultResponse, Run):
     turntable of the thesis)."""
     control_hz: Frequency = 250.0
     """Rate of the controller [Hz]."""
-    duration_s: Duration = 120.0
+    duration_s: Duration = 600.0
     """Longest flight [s]; it ends earlier on the ground or past the point."""
     repeat: Count = 1
     """Number of flights, each with the next seed; more than one writes a page with the spread of
