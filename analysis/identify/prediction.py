@@ -80,9 +80,7 @@ def _fit_percent(model: IdentifiedModel, record: Measurement) -> Array:
     return found
 
 
-def _free_motion(
-    model: IdentifiedModel, axis: int, time: Array, left: Array, what: str
-) -> Array:
+def _free_motion(model: IdentifiedModel, axis: int, time: Array, left: Array, what: str) -> Array:
     """Motion (n,) with which a record began, as far as the poles of an axis explain what is left.
 
     As the fit takes it (`problem`): one of each channel's poles, beside the sensor's offset.
