@@ -71,8 +71,10 @@ def identify(
         for i in range(len(first.outputs))
     ]
     if servo:
-        return _bounded(problems, records, longest, None if servo is True else servo)
-    return _linear(problems, records, longest)
+        model = _bounded(problems, records, longest, None if servo is True else servo)
+    else:
+        model = _linear(problems, records, longest)
+    return model.per_command(first.command.unit)
 
 
 def longest_delay(records: Sequence[Measurement], asked: float | None) -> float:
