@@ -36,6 +36,8 @@ def calibrate(
 ) -> CalibrationResult: ...
 def compare(
     *recordings: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     time: str | None = ...,
@@ -47,6 +49,9 @@ def compare(
     commands: str | PathLike[str] | None = ...,
     input_stamps: Literal['exact', 'sampled'] | None = ...,
     before: str | None = ...,
+    with_: str | None = ...,
+    ratio: float | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -81,6 +86,7 @@ def fly(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
     shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
     shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -163,6 +169,7 @@ def mirror(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
     shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
     shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -232,6 +239,7 @@ def step(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
     shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
     shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -257,6 +265,12 @@ def step(
     smallest_deg: float = ...,
     rate_limit_deg_s: float | None = ...,
     control_hz: float = ...,
+    commands: str | PathLike[str] | None = ...,
+    time: str | None = ...,
+    input: str | None = ...,
+    input_unit: str = ...,
+    ratio: float | None = ...,
+    time_scale: float | None = ...,
 ) -> StepResult: ...
 def vehicle(
     action: Literal['show', 'build'],

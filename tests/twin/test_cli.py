@@ -87,7 +87,7 @@ MISTAKES = [
     ("fly --dt 0.01 --control-hz 100", "0.005"),
     ("fly --off-axis-deg 15 0", "no effect with --programme hold; it is for point"),
     ("step --duration-s 5", "no effect with --signal steps"),
-    ("fly --programme step --at-s 130", "must be before the end, --duration-s 120"),
+    ("fly --programme step --at-s 700", "must be before the end, --duration-s 600"),
     ("fly --programme step --target 300 0 350", "exclude"),
     ("fly --model other.json", "transfer-function"),
     ("fly --set-from deep.json", "deep.json"),

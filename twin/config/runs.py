@@ -31,6 +31,9 @@ Distance = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(0.0, 50.0, "m/s")]
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
 MANOEUVRES = ("step", "doublet", "pitch-over")  # programmes with an amplitude and a time
+OF_COMMANDS = ("time", "input", "input_unit", "ratio", "time_scale")  # columns of --commands
+OF_SIGNAL = ("signal", "amplitude_deg", "repeats", "rate_limit_deg_s", "duration_s", "band_hz",
+             "smallest_deg")  # fmt: skip
 OBJECT = "object:"  # how a recording names a controller that was given as a Python object
 
 
@@ -189,6 +192,46 @@ class Step(FaultResponse, Run):
     """Largest rate of the command [°/s]; unlimited if omitted."""
     control_hz: Frequency = 500.0
     """Rate of commands and of recorded rows [Hz]."""
+    commands: Path | None = None
+    """Commands in place of a test signal: a recording, or a table (.csv, .tsv, .txt, .mat) with
+    `--time` and `--input`."""
+    time: str | None = None
+    """Column of the time stamps of `--commands`."""
+    input: str | None = None
+    """Columns of the commands for x and y, separated by a comma; one column is for x, or for
+    `--axis`."""
+    input_unit: str = "rad"
+    """Unit of the command columns: rad, deg, mrad or turn, us (pulse width), or percent (100 is the
+    longest pulse, -100 the shortest)."""
+    ratio: Annotated[float, Range(-100.0, 100.0)] | None = None
+    """Gimbal angle per servo shaft angle, where the columns are shaft angles; they are gimbal
+    angles if omitted."""
+    time_scale: Annotated[float, Range(1e-12, 1e9, "s")] | None = None
+    """Seconds per unit of the time column, for example 1e-3."""
+
+    def validate(self) -> None:
+        """Refuse settings without effect or in contradiction.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        super().validate()
+        for name in OF_SIGNAL if self.commands else OF_COMMANDS:
+            if getattr(self, name) != getattr(Step, name):
+                flag = f"--{name.replace('_', '-')} {getattr(self, name)}"
+                raise TwinError(
+                    f"{flag}: --commands takes the place of the test signal"
+                    if self.commands
+                    else f"{flag}: needs --commands FILE"
+                )
+        if self.ratio == 0.0:
+            raise TwinError("--ratio 0: must not be zero")
+
+    def as_properties(self) -> dict[str, object]:
+        """Settings as JSON values; none of a test signal that was not commanded."""
+        values = super().as_properties()
+        return {k: v for k, v in values.items() if not (self.commands and k in OF_SIGNAL)}
 
 
 @dataclass(frozen=True)
