@@ -1,5 +1,6 @@
 """A bounded servo as found on one axis."""
 
+import math
 from dataclasses import dataclass
 
 from analysis.array import Array
@@ -46,7 +47,7 @@ class ServoFit:
     @property
     def rate_limit(self) -> float:
         """Fastest change of the command's side of the gain [rad/s]."""
-        return float(np.exp(self.theta[self.poles + 1]))
+        return math.exp(self.theta[self.poles + 1])
 
     @property
     def dead_band(self) -> float:
