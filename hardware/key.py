@@ -4,6 +4,7 @@ The proof is an HMAC (RFC 2104) over a random number of each end, so that a reco
 is useless in the next one.
 """
 
+import contextlib
 import hmac
 import os
 import secrets
@@ -80,7 +81,7 @@ def create(name: str) -> Path:
 
 
 def load_or_create(path: Path) -> bytes:
-    """Return the key in a file, which is written if it does not exist.
+    """Return the key in a file, which is written if it does not exist and then kept.
 
     Raises
     ------
@@ -92,6 +93,8 @@ def load_or_create(path: Path) -> bytes:
             _write(path)
         except OSError as error:
             raise KeyFileError(f"{path}: no session key can be written ({error})") from None
+    with contextlib.suppress(OSError):
+        os.utime(path)  # the newest counts, see `find`
     return load(path)
 
 
@@ -124,19 +127,24 @@ def load(path: Path) -> bytes:
 def find(host: str, port: int) -> Path | None:
     """Return the key file for an address: the one configured, or that of a server on this machine.
 
-    Where several servers of this machine have used the port, the newest counts.
+    Where several servers of this machine have used the port, the one that started last counts.
     """
     if (path := configured()) is not None:
         return path
     if host not in _LOCAL:
         return None
-    paths = [folder / file_name(port) for folder in folders()]
+    paths = [folder / name for folder in folders() for name in (file_name(port), kept_name(port))]
     return max((p for p in paths if p.is_file()), key=lambda p: p.stat().st_mtime, default=None)
 
 
 def file_name(port: int) -> str:
-    """Return the name of the key file of a server on a TCP port of this machine."""
+    """Return the name of the key file of a server that makes a new key at every start."""
     return f"port-{port}.key"
+
+
+def kept_name(port: int) -> str:
+    """Return the name of the key file of a server that keeps its key."""
+    return f"gateway-{port}.key"
 
 
 def _make_private(folder: Path) -> None:

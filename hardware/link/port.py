@@ -6,6 +6,7 @@ import os
 import socket
 from collections.abc import Callable
 from functools import partial
+from urllib.parse import urlsplit
 
 import serial
 
@@ -34,6 +35,7 @@ def open_port(url: str, *, reset: bool) -> serial.SerialBase:
     ------
     LinkError : the port cannot be opened
     """
+    _check_address(url)
     try:
         port = serial.serial_for_url(
             url,
@@ -52,6 +54,22 @@ def open_port(url: str, *, reset: bool) -> serial.SerialBase:
         raise LinkError(_explain(url, error)) from None
     _lower_latency(port)
     return port
+
+
+def _check_address(url: str) -> None:
+    """Refuse what pyserial would answer with a message about Python's types or its own options."""
+    address = urlsplit(url)
+    if address.scheme != "socket":
+        return
+    try:
+        valid = bool(address.hostname) and bool(address.port)
+    except ValueError:  # not a number, or above 65535
+        valid = False
+    if not valid or address.query or address.path not in ("", "/"):
+        raise LinkError(
+            f"{url}: must be socket://HOST:PORT with a port from 1 to 65535; give"
+            " socket://127.0.0.1:5555, for example"
+        )
 
 
 def writer(port: serial.SerialBase) -> Callable[[bytes], int]:
@@ -134,8 +152,6 @@ def _explain(url: str, error: Exception) -> str:
     if "://" in url:
         if "refused" in text:
             return f"{url}: nothing listens there; start one with `twin rig`, or check the address"
-        if "debug|info" in text:  # pyserial's own message about a bad address
-            text = "no host and port from 1 to 65535"
         return f"{url}: cannot be opened ({text}); must be like {_EXAMPLES}"
     if number in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in text:
         return f"{url}: in use by another program; close that program"

@@ -74,6 +74,7 @@ class Flags(IntFlag):
     HOLDER_IMU = 1 << 5  # this frame has a new reading of 0x68
     BASE_IMU = 1 << 6  # this frame has a new reading of 0x69
     RECEIVE_OVERRUN = 1 << 7  # bytes from the host were lost; set until HELLO_REQUEST
+    PULSE_UNTIMED = 1 << 8  # `pulse` is the one wanted; when it goes into force is not known
 
 
 Pair = tuple[int, int]
@@ -144,7 +145,7 @@ class Hello:
     serial: Annotated[int, Wire("I", "", "serial number of the board; 0 without one")]
     board: Annotated[int, Wire("B", "", "1 Nano, 2 emulator, 3 Raspberry Pi")]
     reset_cause: Annotated[
-        int, Wire("B", "", "MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog")
+        int, Wire("B", "", "MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog; 0 unknown")
     ]
     servo_pins: Annotated[Triple, Wire("B", "", _pulse, 3)]
     potentiometer_pins: Annotated[Quad, Wire("B", "", "x_a, x_b, y_a, y_b", 4)]

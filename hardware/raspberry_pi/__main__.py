@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hardware.device import TcpPort, refusals
 from hardware.frames import HardwareError
-from hardware.key import VARIABLE, configured, file_name, folders
+from hardware.key import VARIABLE, configured, folders, kept_name
 from hardware.raspberry_pi.gateway import PORT, Gateway, serial_number
 from hardware.raspberry_pi.pwm import KernelPwm
 from hardware.raspberry_pi.sensors import open_adc, open_bus
@@ -21,11 +21,11 @@ def main(arguments: list[str] | None = None) -> int:
         "--key-file",
         type=Path,
         help="session key that hosts must have, written if missing; else that of"
-        f" {VARIABLE}, or {folders()[-1]}/port-PORT.key",
+        f" {VARIABLE}, or {folders()[-1]}/gateway-PORT.key",
     )
     parser.add_argument("--bus", type=int, default=1, help="number of the I²C bus")
     options = parser.parse_args(arguments)
-    key = options.key_file or configured() or folders()[-1] / file_name(options.port)
+    key = options.key_file or configured() or folders()[-1] / kept_name(options.port)
     try:
         bus = open_bus(options.bus)
         port = TcpPort(options.port, key)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.device import LOOP_US, Device, Inbox, Port, Sample
-from hardware.protocol import Board, constants
+from hardware.protocol import Board, Flags, constants
 from hardware.raspberry_pi.pwm import KernelPwm
 from hardware.raspberry_pi.sensors import Bus, Imu, Mcp3008, Sampler
 
@@ -82,6 +82,7 @@ class Gateway:
         self.pwm, self.port, self.adc = pwm, port, adc
         self.inbox = Inbox()
         self.device = Device(Board.RASPBERRY_PI, BUILD, serial=serial)
+        self.device.flags |= Flags.PULSE_UNTIMED  # the kernel does not say when a pulse begins
         self._imus = [Imu(bus, address) for address in constants.IMU_ADDRESSES]
         self._motion = Sampler(self._read_imus, _Motion((0,) * 12, (0, 0), (False, False)))
         self._codes = Sampler(self._read_adc, _Codes((None,) * _CHANNELS, 0))
@@ -154,7 +155,7 @@ class Gateway:
         self.device.report(
             Sample(
                 device_us=sample_us,
-                frame_us=sample_us % constants.PWM_PERIOD_US,
+                frame_us=0,
                 potentiometer=(wired[0], wired[1], wired[2], wired[3]),
                 imu=list(motion.counts),
                 imu_age_us=(age[0], age[1]),

@@ -254,8 +254,13 @@ def test_a_forbidden_port_is_told_with_the_group_to_join(monkeypatch):
     ("url", "message"),
     [
         ("nonsense://x", "protocol 'nonsense' not known"),
-        ("socket://127.0.0.1", "cannot be opened"),
+        ("socket://127.0.0.1", "must be socket://HOST:PORT"),
+        ("socket://", "must be socket://HOST:PORT"),
+        ("socket://:5555", "must be socket://HOST:PORT"),
+        ("socket://127.0.0.1:0", "port from 1 to 65535"),
+        ("socket://127.0.0.1:x", "port from 1 to 65535"),
         ("socket://127.0.0.1:99999", "port from 1 to 65535"),
+        ("socket://127.0.0.1:9?logging=debug", "must be socket://HOST:PORT"),
     ],
 )
 def test_a_bad_url_is_reported_with_examples_in_one_line(url, message):
@@ -283,6 +288,16 @@ def test_an_address_without_a_listener_is_reported_with_the_command_to_start():
         url = _url(listener)
     with pytest.raises(LinkError, match="twin rig"):
         Link(url)
+
+
+def test_a_connection_that_closes_at_once_is_a_tunnel_without_a_gateway(server):
+    def close():
+        server.accept()[0].close()
+
+    threading.Thread(target=close).start()
+    with pytest.raises(LinkError, match="tunnel without a gateway behind it") as caught:
+        Link(_url(server))
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.realtime

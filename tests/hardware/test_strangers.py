@@ -198,6 +198,18 @@ class TestKeyFile:
         assert session.load_or_create(path) == session.load_or_create(path)
         assert path.stat().st_mode & 0o777 == 0o600
 
+    def test_of_two_servers_on_a_port_the_one_that_started_last_counts(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "a"))
+        monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "b"))
+        gateway = session.folders()[-1] / session.kept_name(5)
+        kept = session.load_or_create(gateway)
+        rig = session.create(session.file_name(5))
+        os.utime(gateway, (1, 1))
+        assert session.find("127.0.0.1", 5) == rig
+        os.utime(rig, (2, 2))  # ended by SIGKILL, its file is still there
+        assert session.load_or_create(gateway) == kept
+        assert session.find("127.0.0.1", 5) == gateway
+
     @pytest.mark.parametrize(
         ("content", "mode", "message"),
         [
@@ -300,6 +312,9 @@ def test_a_page_in_a_real_browser_moves_nothing_on_any_board(tmp_path):
         )
         assert done["result"]["value"] == "tried"
         for target, link in zip(targets, links, strict=True):
-            assert target.port.refused["no greeting"] >= 2  # both have reached the port
+            until = time.monotonic() + 10.0  # both have reached the port
+            while target.port.refused["no greeting"] < 2 and time.monotonic() < until:
+                time.sleep(0.01)
+            assert target.port.refused["no greeting"] >= 2
             assert link.statistics.gaps == ()
             assert target.pulses == {FLOWN}

@@ -149,8 +149,7 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
     if options.seat in SIMULATED:
         return _simulated(options, plant)
     _refuse_simulation(options)
-    bench = _model(options, "bench").mj
-    calibration = _calibration(options) or nominal_calibration(bench)
+    calibration = calibration_of(options)
     _warm(calibration)
     link = Link(options.seat)
     rig = Rig(link, calibration, arm=not options.watch, fuse=options.fuse)
@@ -214,6 +213,16 @@ def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
     )
     seat.bench = simulated.bench
     return seat
+
+
+def calibration_of(options: RigOptions) -> Calibration:
+    """Map of a rig that is not simulated: its calibration file, or the nominal geometry.
+
+    Raises
+    ------
+    TwinError, HardwareError : a file that cannot be used
+    """
+    return _calibration(options) or nominal_calibration(_model(options, "bench").mj)
 
 
 def _calibration(options: RigOptions) -> Calibration | None:
