@@ -15,6 +15,7 @@ from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
+from twin.experiments.mechanism import MechanismResult
 from twin.experiments.mirror import MirrorResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
@@ -35,6 +36,8 @@ def calibrate(
 ) -> CalibrationResult: ...
 def compare(
     *recordings: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     time: str | None = ...,
@@ -46,6 +49,9 @@ def compare(
     commands: str | PathLike[str] | None = ...,
     input_stamps: Literal['exact', 'sampled'] | None = ...,
     before: str | None = ...,
+    with_: str | None = ...,
+    ratio: float | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -80,6 +86,7 @@ def fly(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
     shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
     shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -105,6 +112,7 @@ def fly(
     target: tuple[float, float, float] | None = ...,
     target_range_m: float = ...,
     off_axis_deg: tuple[float, float] = ...,
+    within: float | None = ...,
     amplitude_deg: float = ...,
     at_s: float = ...,
     about: Literal['level', 'x'] | None = ...,
@@ -146,12 +154,22 @@ def identify(
     parameters: tuple[str, ...] = ...,
     mechanism: str | PathLike[str] | None = ...,
 ) -> IdentifyResult | PhysicsResult: ...
+def mechanism(
+    action: Literal['show', 'check'],
+    file: str | PathLike[str] | None,
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    load_g: float = ...,
+    gap_mm: float = ...,
+) -> MechanismResult: ...
 def mirror(
     *,
     gimbal: str = ...,
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
     shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
     shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -221,6 +239,7 @@ def step(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
     shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
     shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -246,6 +265,12 @@ def step(
     smallest_deg: float = ...,
     rate_limit_deg_s: float | None = ...,
     control_hz: float = ...,
+    commands: str | PathLike[str] | None = ...,
+    time: str | None = ...,
+    input: str | None = ...,
+    input_unit: str = ...,
+    ratio: float | None = ...,
+    time_scale: float | None = ...,
 ) -> StepResult: ...
 def vehicle(
     action: Literal['show', 'build'],

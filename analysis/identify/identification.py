@@ -12,12 +12,15 @@ from analysis.identify.assemble import assemble
 from analysis.identify.diagnostics import Saturation, saturation
 from analysis.identify.doubts import evidence, selection_warnings, stamp_warnings, warnings_of
 from analysis.identify.errors import IdentificationError
+from analysis.identify.fit import AxisFit
 from analysis.identify.layout import Layout
 from analysis.identify.model import IdentifiedModel
+from analysis.identify.noise import level_errors
 from analysis.identify.problem import Problem
 from analysis.identify.segments import series_of, step_of_row
 from analysis.identify.selection import select
 from analysis.identify.servo import search_servo
+from analysis.identify.servo_fit import ServoFit
 from analysis.identify.uncertainty import (
     Uncertainty,
     stamp_error,
@@ -69,8 +72,10 @@ def identify(
         for i in range(len(first.outputs))
     ]
     if servo:
-        return _bounded(problems, records, longest, None if servo is True else servo)
-    return _linear(problems, records, longest)
+        model = _bounded(problems, records, longest, None if servo is True else servo)
+    else:
+        model = _linear(problems, records, longest)
+    return model.per_command(first.command.unit)
 
 
 def longest_delay(records: Sequence[Measurement], asked: float | None) -> float:
@@ -138,7 +143,7 @@ def _linear(
         choice = select(problem, longest)
         fit = choice.fit
         known, stamps = _known(
-            fit.problem,
+            fit,
             whole_jacobian(fit.solution),
             fit.solution.weighted,
             fit.problem.layout.size + fit.problem.layout.numerators,
@@ -186,7 +191,7 @@ def _bounded(
         fit = search_servo(alone, i, max_delay=longest, structure=structure)
         own = len(fit.theta) + 1
         known, stamps = _known(
-            fit.problem, fit.jacobian, fit.residual * fit.problem.weight, own,
+            fit, fit.jacobian, fit.residual * fit.problem.weight, own,
             fit.poles if alone.layout.free_delays else None,
         )  # fmt: skip
         channel, limits = channels.bounded(fit, known, first.outputs[i], first.inputs[i], longest)
@@ -210,11 +215,14 @@ def _delay_place(problem: Problem) -> int | None:
 
 
 def _known(
-    problem: Problem, jacobian: Array, weighted: Array, own: int, delay: int | None
+    fit: AxisFit | ServoFit, jacobian: Array, weighted: Array, own: int, delay: int | None
 ) -> tuple[Uncertainty, float]:
     """Uncertainty of all parameters, of which `own` are no offsets; error of the stamps."""
+    problem = fit.problem
     steps = step_of_row(problem)
-    known = uncertainty(jacobian, weighted, series_of(problem), steps, range(own))
+    known = uncertainty(
+        jacobian, weighted, series_of(problem), steps, range(own), level_errors(problem, fit.noise)
+    )
     late = float("nan")
     if delay is not None and known.disagree:
         late = stamp_error(jacobian[:, delay], weighted, steps)

@@ -33,6 +33,26 @@ def quantisation(problem: Problem) -> Pair:
     return both[0], both[1]
 
 
+def level_errors(problem: Problem, noise: Pair) -> tuple[NDArray[np.intp], Array]:
+    """Group of each reading that shares its rounding, and that error over sigma (rows,).
+
+    A sensor quieter than its step reads the same value at every return to an angle: its rounding
+    is an error of that value, not noise of each reading. Noise makes it one (L. Schuchman, IEEE
+    Trans. Commun. Technol. 12, 1964): by the factor exp(−2π²(σ/step)²).
+    """
+    group = np.arange(len(problem.measured))
+    size = np.zeros(len(problem.measured))
+    for is_rate in (False, True):
+        rows = problem.is_rate == is_rate
+        step = resolution(problem.measured[rows]) if rows.any() else 0.0
+        if step > 0.0:
+            dither = max(noise[int(is_rate)] ** 2 / step**2 - 1.0 / 12.0, 0.0)
+            _, number = np.unique(problem.measured[rows], return_inverse=True)
+            group[rows] = len(group) * (1 + int(is_rate)) + number
+            size[rows] = step / np.sqrt(12.0) * np.exp(-2.0 * np.pi**2 * dither)
+    return group, size * problem.weight
+
+
 def weights(problem: Problem, noise: Pair, counted: Mask) -> Array:
     """One over sigma of every reading, zero where it does not count (rows,)."""
     sigma = np.where(problem.is_rate, noise[1], noise[0])

@@ -27,7 +27,7 @@ class Uncertainty:
 
     Attributes
     ----------
-    white : under white noise
+    white : under white noise and the rounding of sensors quieter than their step
     colour : under noise as coloured as the residual, or None where that is white
     steps : over whole steps, or None with too few
     freedom : degrees of freedom of `colour` and of `steps`
@@ -97,6 +97,7 @@ def uncertainty(
     series: Sequence[NDArray[np.intp]],
     steps: NDArray[np.intp],
     own: Sequence[int],
+    levels: tuple[NDArray[np.intp], Array],
 ) -> Uncertainty:
     """All covariances of a weighted fit.
 
@@ -107,8 +108,10 @@ def uncertainty(
     series : rows of each sensor of each record, in the order of time
     steps : number of the step of each row (rows,)
     own : parameters that are no sensor's offset
+    levels : group of each row that shares a rounding, and that error over sigma (rows,)
     """
     white = covariance(jacobian)
+    white = white + of_levels(jacobian, white, *levels)
     colour, freedom = of_colour(jacobian, weighted, series)
     found = of_steps(jacobian, weighted, steps)
     count = len(np.unique(steps)) - 1
@@ -133,6 +136,17 @@ def covariance(jacobian: Array) -> Array:
     scale[scale == 0.0] = 1.0
     normal = (jacobian / scale).T @ (jacobian / scale)
     return np.asarray(np.linalg.pinv(normal, rcond=1e-13, hermitian=True) / np.outer(scale, scale))
+
+
+def of_levels(jacobian: Array, cov: Array, group: NDArray[np.intp], size: Array) -> Array:
+    """Covariance of the parameters by errors that all readings of a group share (all, all)."""
+    shared = size > 0.0
+    if not shared.any():
+        return np.zeros_like(cov)
+    _, number = np.unique(group[shared], return_inverse=True)
+    pull = np.zeros((int(number.max()) + 1, jacobian.shape[1]))
+    np.add.at(pull, number, jacobian[shared] * size[shared, None])
+    return np.asarray(cov @ (pull.T @ pull) @ cov)
 
 
 def of_steps(jacobian: Array, weighted: Array, steps: NDArray[np.intp]) -> Array | None:

@@ -2,10 +2,10 @@
 
 from math import radians
 
-from hardware.emulator.injection import SERVO_NAMES, Injection
+from hardware.emulator.injection import Injection
 from hardware.emulator.plant import Plant
 from hardware.emulator.servo import Drive
-from hardware.frames import Triple
+from hardware.frames import SERVO_NAMES, Triple
 
 FULL_SPEED = radians(600.0)  # rad/s of shaft, 0.10 s/60°: SG90 data sheet
 TARGETS = (*SERVO_NAMES, "servos")

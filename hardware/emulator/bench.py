@@ -6,12 +6,12 @@ from math import radians
 import numpy as np
 
 from hardware.emulator.actuation import Actuation
-from hardware.emulator.injection import PAIR_NAMES, Injection
+from hardware.emulator.injection import Injection
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters, sample_parameters
 from hardware.emulator.sensors import Gaussian, ImuPair, SensorParameters
 from hardware.emulator.sensors import sample as sample_sensors
 from hardware.emulator.servo import ServoParameters
-from hardware.frames import POTENTIOMETER_NAMES, Pair, Triple
+from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, Pair, Triple
 from hardware.parts import GYRO_DELAY_S, POTENTIOMETER_TRAVEL
 from hardware.protocol import constants as c
 
@@ -60,6 +60,11 @@ class Bench:
     plant : physics with its own servos; the analytic plant if omitted
     injections : faults
     seed : of the sensors' noise
+
+    Attributes
+    ----------
+    time : rig time [s]
+    paused : whether the time of faults stands still, as during a check before a run
     """
 
     def __init__(
@@ -73,7 +78,8 @@ class Bench:
         self.plant: Plant = plant or AnalyticPlant(self.parameters.plant)
         self.injections = injections
         self.joystick = self.parameters.joystick
-        self.time = 0.0
+        self.time = self._fault_time = 0.0
+        self.paused = False
         self.dlpf = c.DLPF
         rng = np.random.default_rng([seed, 2])
         self._uniform = np.random.default_rng([seed, 3])
@@ -87,6 +93,11 @@ class Bench:
         self._actuation = Actuation(self.plant, injections)
         self._watch_switches()
 
+    @property
+    def delay(self) -> float:
+        """By how much the time of faults is behind the rig's [s]."""
+        return self.time - self._fault_time
+
     def set_pulses(self, pulses: Triple) -> None:
         """Apply pulse widths [s]; call it when a PWM frame begins."""
         servos: tuple[ServoParameters, ...] = self.parameters.plant.servos
@@ -99,9 +110,11 @@ class Bench:
         """Advance everything by dt [s], about 1 ms."""
         shaft = self._shaft
         if self._actuation.faulty:
-            shaft = self._actuation.shafts(shaft, self.time, dt)
+            shaft = self._actuation.shafts(shaft, self._fault_time, dt)
         self.plant.advance(dt, shaft)
         self.time += dt
+        if not self.paused:
+            self._fault_time += dt
         self._watch_switches()
         gyro, force = self.plant.holder_imu()
         base_gyro, base_force = self.plant.base_imu()
@@ -126,7 +139,7 @@ class Bench:
             if (
                 injection.target == target
                 and injection.kind == kind
-                and injection.active(self.time)
+                and injection.active(self._fault_time)
             ):
                 return injection.strength
         return 0.0
@@ -152,8 +165,8 @@ class Bench:
     def _risen(self, target: str, kind: str) -> float:
         """Return what a fault that grows at a constant rate has grown to."""
         for f in self.injections:
-            if f.target == target and f.kind == kind and f.active(self.time):
-                return f.value * (self.time - f.start)
+            if f.target == target and f.kind == kind and f.active(self._fault_time):
+                return f.value * (self._fault_time - f.start)
         return 0.0
 
     def _displaced(self, angle: float, axis: int) -> float:
@@ -162,7 +175,7 @@ class Bench:
         for fault in self.injections:
             if fault.target != name or fault.kind != "stuck":
                 continue
-            if fault.active(self.time):
+            if fault.active(self._fault_time):
                 angle = self._held.setdefault(fault, angle)
             else:
                 self._held.pop(fault, None)
@@ -172,7 +185,7 @@ class Bench:
         for fault in self.injections:
             if fault.target != name:
                 continue
-            if not fault.active(self.time):
+            if not fault.active(self._fault_time):
                 self._held.pop(fault, None)
             elif fault.kind == "glitch":
                 if self._uniform.random() < fault.value:
@@ -180,11 +193,11 @@ class Bench:
             elif fault.kind == "stuck":
                 fraction = self._held.setdefault(fault, fraction)
             elif fault.kind == "open":
-                fraction *= float(np.exp(-(self.time - fault.start) / OPEN_WIRE_TIME))
+                fraction *= float(np.exp(-(self._fault_time - fault.start) / OPEN_WIRE_TIME))
             elif fault.kind == "offset":
                 fraction += radians(fault.value) / POTENTIOMETER_TRAVEL
             elif fault.kind == "drift":
-                turned = radians(fault.value) * (self.time - fault.start)
+                turned = radians(fault.value) * (self._fault_time - fault.start)
                 fraction += turned / POTENTIOMETER_TRAVEL
             elif fault.kind == "gain":
                 fraction += (fraction - 0.5) * fault.value
@@ -213,7 +226,7 @@ class Bench:
 
     def supply_dipped(self) -> bool:
         """Return whether a dip of the supply resets the board now; true once for each."""
-        past = [f for f in self._dips if f.start <= self.time]
+        past = [f for f in self._dips if f.start <= self._fault_time]
         self._dips = [f for f in self._dips if f not in past]
         return bool(past)
 

@@ -3,10 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from hardware.frames import AXES, POTENTIOMETER_NAMES, HardwareError
-
-SERVO_NAMES = tuple(f"servo_{axis}" for axis in AXES)
-PAIR_NAMES = tuple(f"potentiometers_{axis}" for axis in AXES)
+from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, SERVO_NAMES, HardwareError
 
 
 class FaultNameError(HardwareError):

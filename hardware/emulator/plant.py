@@ -1,16 +1,15 @@
 """Physics of a simulated rig: the interface that any plant implements, and an analytic plant."""
 
 from dataclasses import dataclass, field
-from math import cos, pi, radians, sin
+from math import cos, pi, sin
 from typing import Protocol
 
 import numpy as np
 
 from hardware.emulator.servo import Drive, Servo, ServoParameters, sample
 from hardware.frames import Pair, Triple
+from hardware.parts import GIMBAL_STOP as STOP
 from hardware.parts import STANDARD_GRAVITY as GRAVITY
-
-STOP = radians(10.0)
 
 
 class Plant(Protocol):

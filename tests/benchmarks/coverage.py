@@ -1,8 +1,8 @@
 """Coverage of 95 % intervals: python -m tests.benchmarks.coverage [SEEDS] [--only KIND]
 
-Records of every kind whose intervals differ: exact stamps, commands dated up to 0.3 ms off, noise
-of an autoregression, a potentiometer quieter than its step, two axes with a coupling that has a
-zero, and a single step. Motions are closed forms, not the estimator's.
+Records of every kind whose intervals differ: exact stamps, commands and readings dated up to 0.3 ms
+off, noise of an autoregression, a potentiometer quieter than its step, two axes with a coupling
+that has a zero, and a single step. Motions are closed forms, not the estimator's.
 """
 
 import argparse
@@ -61,8 +61,11 @@ def one_axis(kind: str, seed: int) -> tuple[Measurement, dict[str, Truth]]:
         r = measurement(t, u, command_time=at, before=before, angle=angle, rate=rate)
     else:
         angle, rate = sensed(rng, angle, rate)
-        dated = at + rng.uniform(-3e-4, 3e-4, len(at)) if kind == "late" else at
-        r = measurement(t, u, command_time=dated, before=before, angle=angle, rate=rate)
+        dated, read = at, t
+        if kind == "late":
+            dated = at + rng.uniform(-3e-4, 3e-4, len(at))
+            read = t + rng.uniform(-3e-4, 3e-4, len(t))
+        r = measurement(read, u, command_time=dated, before=before, angle=angle, rate=rate)
     return r, {"x/x": _truth(g)}
 
 

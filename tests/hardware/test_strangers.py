@@ -312,6 +312,9 @@ def test_a_page_in_a_real_browser_moves_nothing_on_any_board(tmp_path):
         )
         assert done["result"]["value"] == "tried"
         for target, link in zip(targets, links, strict=True):
-            assert target.port.refused["no greeting"] >= 2  # both have reached the port
+            until = time.monotonic() + 10.0  # both have reached the port
+            while target.port.refused["no greeting"] < 2 and time.monotonic() < until:
+                time.sleep(0.01)
+            assert target.port.refused["no greeting"] >= 2
             assert link.statistics.gaps == ()
             assert target.pulses == {FLOWN}

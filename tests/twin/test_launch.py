@@ -146,7 +146,7 @@ def test_a_thrown_vehicle_leaves_the_hand_as_sampled():
 
 
 def test_errors_of_a_throw_need_a_throw():
-    with pytest.raises(TwinError, match="need --launch hand"):
+    with pytest.raises(TwinError, match=r"--hand-rate-deg-s .* has no effect with"):
         Fly(hand_rate_deg_s=1.0)
 
 

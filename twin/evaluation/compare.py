@@ -165,13 +165,22 @@ def _flights(runs: Sequence[Measurement]) -> PathDifference | None:
 
 def _pair(config: Compare) -> _Pair:
     files = config.recordings
+    if config.with_ is not None:
+        from twin.evaluation.beside import beside
+
+        both = beside(config)
+        measured = replace(both.run.angles, name=f"{both.run.name} ({both.run.motion})")
+        return _Pair(measured, both.simulated, both.run)
     if not 1 <= len(files) <= 2:
         raise TwinError(
             f"compare: {len(files)} recordings; give two (or tables), or one that holds measured"
             " and simulated angles"
         )
     if len(files) == 1 and is_table(files[0]):
-        raise TwinError(f"compare: {files[0]} is a table with one motion; give the other file too")
+        raise TwinError(
+            f"compare: {files[0]} is a table with one motion; give the other file too, or --with"
+            " linkage"
+        )
     runs = seen(config, files)
     if len(runs) == 1:
         recording = runs[0].recording

@@ -17,6 +17,7 @@ from twin.plant.plant import Plant
 from twin.plant.release import Release
 
 if TYPE_CHECKING:
+    from hardware.calibration import Calibration
     from twin.hil import RigOptions
     from twin.hil.shadow import ShadowOptions
 
@@ -111,7 +112,20 @@ def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
         overrides=config.overrides,
         scene=config.rig_scene,
         watch=watch,
+        check=not config.no_check,
     )
+
+
+def rig_calibration(config: Run) -> "Calibration":
+    """Map from pulses to angles of a run's gimbal: of its calibration file, or nominal.
+
+    Raises
+    ------
+    TwinError, HardwareError : a file that cannot be used
+    """
+    from twin.hil.connect import calibration_of
+
+    return calibration_of(rig_options(config))
 
 
 def shadow_options(config: Run, *, watch: bool = False) -> "ShadowOptions | None":

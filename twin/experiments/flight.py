@@ -53,6 +53,8 @@ class FlightResult(Result):
     notes : what is worth knowing about the model, one line each
     static_margin : distance of the centre of mass ahead of the centre of pressure at launch and
         after burnout, in diameters; positive is stable; None where the model does not carry it
+    within_m : largest distance that counts as reaching the point; None where none was asked for
+    missed : why the point was missed, one text each; empty where it was not
     fault : what went wrong with the rig first; None where nothing did
     turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU
         measured, while the motor burned; None without a turntable
@@ -78,14 +80,23 @@ class FlightResult(Result):
     warnings: dict[str, int]
     notes: tuple[str, ...] = ()
     static_margin: tuple[float, float] | None = None
+    within_m: float | None = None
+    missed: tuple[str, ...] = ()
     fault: str | None = None
     turntable_rms_deg: float | None = None
     timing: "Verdict | None" = None
 
     @property
     def passed(self) -> bool:
-        """Whether nothing was wrong with the rig."""
-        return self.fault is None
+        """Whether nothing was wrong with the rig, and a point was reached that had to be."""
+        return self.fault is None and self.reached
+
+    @property
+    def reached(self) -> bool:
+        """Whether the point was passed within the distance that was asked for."""
+        if self.within_m is None or self.closest_approach_m is None:
+            return True
+        return self.closest_approach_m <= self.within_m
 
     def as_dict(self) -> dict[str, object]:
         """JSON values, in SI units unless the name gives another."""
@@ -106,6 +117,9 @@ class FlightResult(Result):
         if self.closest_approach_m is not None and self.target_m is not None:
             place = ", ".join(f"{c:.0f}" for c in self.target_m)
             rows.append(("closest approach", f"{self.closest_approach_m:.2f} m to ({place}) m"))
+            verdict = "missed because" if self.reached else "MISSED"
+            titles = [verdict, *[""] * len(self.missed)]
+            rows += zip(titles, self.missed, strict=False)
         if self.attitude_error_rms_deg is not None:
             rows.append(("attitude error", f"{self.attitude_error_rms_deg:.2f}° rms under power"))
         if self.turntable_rms_deg is not None:

@@ -10,6 +10,7 @@ from twin.config import OBJECT, Fly
 from twin.control import AttitudeController, Setpoint
 from twin.errors import TwinError
 from twin.experiments.flight import Flight, FlightResult
+from twin.experiments.miss import missed
 from twin.experiments.own_controller import OwnController, load
 from twin.experiments.programme import setpoint
 from twin.experiments.session import Session
@@ -70,8 +71,11 @@ def fly(
         recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
         timing = s.verdict()
     cpu_s, wall_s = time.process_time() - busy, time.perf_counter() - began
+    result = flight.result(recorder.path, outcome, track, cpu_s, wall_s)
     return replace(
-        flight.result(recorder.path, outcome, track, cpu_s, wall_s),
+        result,
+        within_m=config.within,
+        missed=missed(result, programme, track, flight.burnout_ns * 1e-9, config.within),
         fault=guard.fault if guard else None,
         turntable_rms_deg=None if turntable is None else math.degrees(turntable.rms),
         timing=timing,

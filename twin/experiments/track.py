@@ -40,6 +40,7 @@ class Figures:
         a tenth of its largest
     gimbal_saturation : share of the burn in which a command is at the limit of its axis
     downrange_m : level distance from the launch point at the end
+    end_east_m, end_north_m : the place of the end, from the launch point
     impact_speed_m_s : at the last tick before the ground; None where it was not reached
     """
 
@@ -57,6 +58,8 @@ class Figures:
     max_angle_of_attack_deg: float | None
     gimbal_saturation: float | None
     downrange_m: float
+    end_east_m: float
+    end_north_m: float
     impact_speed_m_s: float | None
 
     def as_dict(self) -> dict[str, object]:
@@ -84,7 +87,9 @@ class Figures:
             rows.append(("", f"angle of attack {self.max_angle_of_attack_deg:.2f}°"))
         if self.gimbal_saturation is not None:
             rows.append(("gimbal at limit", f"{self.gimbal_saturation:.1%} of the burn"))
-        end = f"{self.downrange_m:.0f} m"
+        end = (
+            f"{self.downrange_m:.0f} m ({self.end_east_m:.0f} m east, {self.end_north_m:.0f} north)"
+        )
         if self.impact_speed_m_s is not None:
             end += f", impact at {self.impact_speed_m_s:.1f} m/s"
         return [*rows, ("downrange", end)]
@@ -119,6 +124,11 @@ class Track:
         row[COMMAND] = self._command
 
     @property
+    def limit(self) -> float:
+        """Largest command of an axis by the attitude loop [rad]."""
+        return control_config(self._model).limit
+
+    @property
     def ticks(self) -> Array:
         """All ticks and the present instant, (n, WIDTH): columns `TIME` to `COMMAND`."""
         last = self._blocks[-1][BLOCK - self._left - 1].copy() if self._blocks else np.zeros(WIDTH)
@@ -145,6 +155,7 @@ class Track:
         pressure, mach = self._air(up)
         acceleration = _accelerations(up)
         fast = pressure >= WORTH * pressure.max()
+        east, north = (ticks[-1, POSITION] - start)[:2].tolist()
         burnt = bool(time[-1] > burnout)
         return Figures(
             rail_exit_s=off,
@@ -160,7 +171,9 @@ class Track:
             max_dynamic_pressure_pa=float(pressure.max()),
             max_angle_of_attack_deg=_largest_degrees(up[free:][fast[free:]][:, ATTACK]),
             gimbal_saturation=self._saturation(ticks[time <= burnout]),
-            downrange_m=float(np.hypot(*(ticks[-1, POSITION][:2] - start[:2]))),
+            downrange_m=math.hypot(east, north),
+            end_east_m=east,
+            end_north_m=north,
             impact_speed_m_s=float(speed[-2]) if landed else None,
         )
 
@@ -198,7 +211,7 @@ class Track:
     def _saturation(self, burning: Array) -> float | None:
         if self._plant.twin.gimbal == "fixed" or not len(burning):
             return None
-        limit = control_config(self._model).limit - AT_LIMIT
+        limit = self.limit - AT_LIMIT
         return float((np.abs(burning[:, COMMAND]) >= limit).any(axis=1).mean())
 
 

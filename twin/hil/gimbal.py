@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import Protocol
 
 from hardware.calibration import Calibration
+from hardware.emulator import Bench
 from hardware.events import (
+    Event,
     HealthChanged,
     MonitoringLimited,
     ReadingsDropped,
@@ -120,6 +122,8 @@ class RigGimbal:
     turntable : pulse width for the third servo, 0 for neutral [s]
     dropped : bytes of readings that came too fast and were dropped during the run
     base : map of the turntable the rig stands on; None on a fixed bench
+    bench : of a simulated rig
+    notices : events before the run, for its first tick
     """
 
     def __init__(
@@ -141,6 +145,8 @@ class RigGimbal:
         self._live = live
         self.turntable = 0.0
         self.base: BaseMap | None = None
+        self.bench: Bench | None = None
+        self.notices: list[Event] = []
         self._origin = 0
         self._started = self._caught_up = False
         self.dropped = self._dropped = 0
@@ -275,6 +281,7 @@ class RigGimbal:
         newest = r.states[-1] if r.states else self._stale
         if r.states and not self._received:
             self._received = True
+            r.events += self.notices
             if note := rig.fusion.monitor.note:
                 r.events.append(MonitoringLimited(note))
         known = self._ready and self._received and newest.sigma != (0.0, 0.0)

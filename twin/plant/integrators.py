@@ -25,7 +25,7 @@ NAMES: Final = (*NATIVE, *ADAMS_BASHFORTH)
 # and 1.2 ms. In flight modes couple and less remains: these are the largest steps of a steered
 # launch, in increments of 0.5 ms, that end within 0.4 m of the reference position after 6 s.
 ON_RAMP: Final = {"ab1": 0.0035, "ab2": 0.004, "ab3": 0.0025, "ab4": 0.0015}
-WITH_RODS: Final = {"ab1": 0.005, "ab2": 0.004, "ab3": 0.0015, "ab4": 0.001}
+WITH_RODS: Final = {"ab1": 0.005, "ab2": 0.004, "ab3": 0.0015, "ab4": 0.0005}
 
 
 class Stepper(Protocol):

@@ -1,5 +1,6 @@
 """Compile a model from files and overrides, and check the names that the loop needs."""
 
+import functools
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,6 +9,7 @@ from typing import Literal
 
 import mujoco
 import numpy as np
+from mujoco.introspect import structs
 
 from analysis.transfer_function import Channel, TransferFunctionModel
 from hardware.frames import AXES
@@ -26,6 +28,9 @@ REFERENCE_GIMBAL = MJCF / "gimbal.json"
 HIDDEN = 4  # geom group that neither MuJoCo's viewer nor a recording shows
 # s; the frame of a hobby servo, above which no gimbal motion is resolved; runs allow less
 LARGEST_MODEL_DT = constants.PWM_PERIOD
+
+# Fields of a model that its digest leaves out: memory, and how it is drawn.
+NOT_PHYSICS = ("opt", "stat", "vis", "buffer", "nbuffer", "signature")
 
 # What the loop reads and writes by name; docs/vehicles.md explains each.
 NEEDED: Mapping[str, tuple[tuple[str, str], ...]] = {
@@ -92,6 +97,11 @@ def load(config: ModelConfig) -> TwinModel:
     spec = compose(config.scene, config.vehicle, config.mechanism, config.motor)
     if config.dt is not None:
         spec.option.timestep = _checked_dt(config.dt)
+    elif not 0 < spec.option.timestep <= LARGEST_MODEL_DT:
+        raise TwinError(
+            f"the model's timestep of {spec.option.timestep:g} s must lie in 0 < timestep ≤"
+            f" {LARGEST_MODEL_DT:g} s; correct it in the MJCF file, or give --dt"
+        )
     seat = _seat(spec, config)
     vehicle = config.vehicle is not None or spec.body("vehicle") is not None
     _require(spec, seat, vehicle=vehicle)
@@ -127,10 +137,21 @@ def load(config: ModelConfig) -> TwinModel:
 
 
 def digest(model: mujoco.MjModel) -> str:
-    """SHA-256 of a compiled model's bytes."""
-    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, buffer)
-    return hashlib.sha256(buffer.tobytes()).hexdigest()
+    """SHA-256 of a compiled model's numbers and names; where its files lie is left out."""
+    total = hashlib.sha256()
+    for part in (model, model.opt, model.stat):
+        for name in _fields(f"mj{type(part).__name__.removeprefix('Mj')}"):
+            total.update(name.encode())
+            value = getattr(part, name)
+            total.update(value if isinstance(value, bytes) else np.asarray(value).tobytes())
+    return total.hexdigest()
+
+
+@functools.cache
+def _fields(struct: str) -> tuple[str, ...]:
+    """Fields of one of MuJoCo's structures that do not depend on the folder of the files."""
+    names = (field.name for field in structs.STRUCTS[struct].fields)
+    return tuple(name for name in names if name not in NOT_PHYSICS and "path" not in name)
 
 
 def _seeded(model: mujoco.MjModel, seed: int) -> dict[str, float]:

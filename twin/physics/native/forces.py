@@ -10,7 +10,7 @@ from numba import types
 from analysis.compiled import cfunc
 from twin.physics import aerodynamics as air
 from twin.physics.native.cache import jit
-from twin.physics.native.guide import guide
+from twin.physics.native.guide import GRAVITY, guide
 from twin.physics.native.index import NOZZLE, PROPELLANT, VEHICLE, locate, slot, value, values
 from twin.physics.native.layout import (
     DATA,
@@ -21,6 +21,7 @@ from twin.physics.native.layout import (
     number,
     size,
 )
+from twin.physics.native.recovery import recover, wind_of
 from twin.physics.native.rigid_body import (
     Array,
     Vector,
@@ -35,7 +36,7 @@ from twin.physics.native.servo import dead_bands
 
 _TIME, _XPOS, _XMAT, _XIPOS = DATA["time"], DATA["xpos"], DATA["xmat"], DATA["xipos"]
 _SITE_XPOS, _SITE_XMAT = DATA["site_xpos"], DATA["site_xmat"]
-_COM, _MASS = DATA["subtree_com"], MODEL["body_mass"]
+_COM, _MASS, _CRB = DATA["subtree_com"], MODEL["body_mass"], DATA["crb"]
 _NBODY, _NSITE = MODEL["nbody"], MODEL["nsite"]
 _NUMERIC, _NNUMERIC = MODEL["numeric_data"], MODEL["nnumericdata"]
 _SITE_BODY = MODEL["site_bodyid"]
@@ -47,15 +48,11 @@ _STRIP_Z, _STRIP_AREA = slot("air_strip_z"), slot("air_strip_area")
 _AREA, _ROLL = slot("air_reference_area"), slot("air_roll_damping")
 _NOSE, _NOSE_Z = slot("air_nose_slope"), slot("air_nose_z")
 _FIN, _FIN_Z = slot("air_fin_slope"), slot("air_fin_z")
-_CANT = slot("air_roll_forcing")
+_CANT, _PITCH = slot("air_roll_forcing"), slot("air_pitch_damping")
+_MACH, _COASTING, _THRUSTING = (slot(f"air_drag_{n}") for n in ("mach", "coasting", "thrusting"))
+_RADIUS, _MISALIGNMENT = slot("gravity_radius"), slot("motor_misalignment")
+_CHUTES = slot("chute_drag_area")
 _THESIS_R, _THESIS_DV = slot("air_thesis_radius"), slot("air_thesis_offset")
-_WIND, _WIND_AZIMUTH, _WIND_EXPONENT = (
-    slot("wind_speed"),
-    slot("wind_azimuth"),
-    slot("wind_exponent"),
-)
-_WIND_HEIGHT, _TURBULENCE = slot("wind_reference_height"), slot("wind_turbulence")
-_MODES = slot("wind_modes")
 _RAMP_LENGTH = slot("ramp_length")
 _CURVE_TIME, _CURVE_THRUST = slot("motor_time"), slot("motor_thrust")
 _IMPULSE, _IGNITION = slot("motor_impulse"), slot("motor_ignition")
@@ -120,6 +117,10 @@ def _motor(m: int, d: int, data: Array, index: Array) -> None:
     nozzle = vector(floats(d, _SITE_XPOS, 3 * nsite), site)
     axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
     up = (axis[2], axis[5], axis[8])
+    if index[_MISALIGNMENT] >= 0:
+        a, b = values(data, index, _MISALIGNMENT)[0], values(data, index, _MISALIGNMENT)[1]
+        if a != 0.0 or b != 0.0:  # z turned about x, then about y
+            up = turn(axis, (np.sin(b) * np.cos(a), -np.sin(a), np.cos(b) * np.cos(a)))
 
     none = (0.0, 0.0, 0.0)
     push = (force * up[0], force * up[1], force * up[2])
@@ -136,26 +137,6 @@ def _motor(m: int, d: int, data: Array, index: Array) -> None:
     _, w = velocity_at(m, d, body, nozzle)
     middle, load, torque = jet_damping(nozzle, source, spread, up, w, force * full / impulse)
     apply_force(m, d, body, middle, load, torque)
-
-
-@jit
-def _wind(d: int, data: Array, index: Array, point: Vector) -> Vector:
-    """Velocity of the air at a point, world frame."""
-    speed = value(data, index, _WIND)
-    if speed == 0.0:
-        return 0.0, 0.0, 0.0
-    return air.wind(
-        point[0],
-        point[1],
-        point[2],
-        number(d, _TIME),
-        speed,
-        value(data, index, _WIND_AZIMUTH),
-        value(data, index, _WIND_EXPONENT),
-        value(data, index, _WIND_HEIGHT),
-        value(data, index, _TURBULENCE),
-        values(data, index, _MODES),
-    )
 
 
 @jit
@@ -198,6 +179,43 @@ def _lift(
 
 
 @jit
+def table_at(x: Array, y: Array, at: float) -> float:
+    """Value of a table, linear between its points and constant outside."""
+    if at <= x[0]:
+        return float(y[0])
+    for k in range(1, x.size):
+        if at <= x[k]:
+            return float(y[k - 1] + (y[k] - y[k - 1]) * (at - x[k - 1]) / (x[k] - x[k - 1]))
+    return float(y[x.size - 1])
+
+
+@jit
+def _axial(d: int, data: Array, index: Array, v: Vector, height: float) -> float:
+    """Axial drag coefficient, over the Mach number where the model has tables of it."""
+    if index[_MACH] < 0:
+        return value(data, index, _AXIAL)
+    t = number(d, _TIME) - value(data, index, _IGNITION)
+    curve_time, curve_thrust = values(data, index, _CURVE_TIME), values(data, index, _CURVE_THRUST)
+    on = index[_THRUSTING] >= 0 and thrust_at(curve_time, curve_thrust, t) > 0.0
+    table = values(data, index, _THRUSTING if on else _COASTING)
+    sound = air.speed_of_sound(height + value(data, index, _ALTITUDE))
+    mach = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / sound
+    return table_at(values(data, index, _MACH), table, mach)
+
+
+@jit
+def _gravity(m: int, d: int, data: Array, index: Array) -> None:
+    """What gravity is weaker by than on the ground: g (1 - (R / (R + h))²)."""
+    radius = value(data, index, _RADIUS)
+    body, nbody = int(index[VEHICLE]), size(m, _NBODY)
+    com = vector(floats(d, _COM, 3 * nbody), body)
+    mass = floats(d, _CRB, 10 * nbody)[10 * body + 9]
+    less = mass * ((radius / (radius + com[2])) ** 2 - 1.0)
+    g = (number(m, GRAVITY), number(m, GRAVITY + 8), number(m, GRAVITY + 16))
+    apply_force(m, d, body, com, (less * g[0], less * g[1], less * g[2]), (0.0, 0.0, 0.0))
+
+
+@jit
 def _air(m: int, d: int, data: Array, index: Array) -> None:
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
     origin = vector(floats(d, _XPOS, 3 * nbody), body)
@@ -208,7 +226,7 @@ def _air(m: int, d: int, data: Array, index: Array) -> None:
     up = turn(rotation, (0.0, 0.0, station))
     point = (origin[0] + up[0], origin[1] + up[1], origin[2] + up[2])
     velocity, rate = velocity_at(m, d, body, point)
-    wind = _wind(d, data, index, point)
+    wind = wind_of(d, data, index, point)
     rho = air.density(point[2] + value(data, index, _ALTITUDE))
     through = (velocity[0] - wind[0], velocity[1] - wind[1], velocity[2] - wind[2])
     v, w = turn_back(rotation, through), turn_back(rotation, rate)
@@ -221,12 +239,15 @@ def _air(m: int, d: int, data: Array, index: Array) -> None:
     load = _lift(load, v, w, q, max(v[2], 0.0), slope, z, station)
     slope, z = values(data, index, _FIN), values(data, index, _FIN_Z)
     load = _lift(load, v, w, q, abs(v[2]), slope, z, station)
-    fz = air.axial_drag(v[2], q * value(data, index, _AXIAL))
+    fz = air.axial_drag(v[2], q * _axial(d, data, index, v, point[2]))
     mz = air.roll_damping(v[2], w[2], 0.5 * rho * value(data, index, _ROLL))
     if index[_CANT] >= 0:
         mz += 0.5 * rho * value(data, index, _CANT) * v[2] * abs(v[2])
+    damping = 0.0
+    if index[_PITCH] >= 0:
+        damping = -0.5 * rho * value(data, index, _PITCH) * abs(v[2])
     force = turn(rotation, (load[0], load[1], fz))
-    torque = turn(rotation, (load[2], load[3], mz))
+    torque = turn(rotation, (load[2] + damping * w[0], load[3] + damping * w[1], mz))
     apply_force(m, d, body, point, force, torque)
 
 
@@ -241,6 +262,10 @@ def add_forces(m: int, d: int) -> None:
         _air(m, d, data, index)
     if index[NOZZLE] >= 0 and index[_IMPULSE] >= 0:
         _motor(m, d, data, index)
+    if index[_CHUTES] >= 0:
+        recover(m, d, data, index)
+    if index[_RADIUS] >= 0 and value(data, index, _RADIUS) > 0.0:
+        _gravity(m, d, data, index)
     if index[_RAMP_LENGTH] >= 0:
         guide(m, d, data, index)
 

@@ -42,7 +42,7 @@ _PASSIVE, _NV, _NBODY, _DOF = (
     MODEL["nbody"],
     MODEL["body_dofadr"],
 )
-_GRAVITY: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["gravity"]
+GRAVITY: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["gravity"]
 _RAMP, _ELEVATION, _AZIMUTH = slot("ramp_position"), slot("ramp_elevation"), slot("ramp_azimuth")
 _RAMP_LENGTH, _LUG = slot("ramp_length"), slot("ramp_lug")
 _STIFFNESS, _DAMPING = slot("ramp_stiffness"), slot("ramp_damping")
@@ -141,9 +141,9 @@ def _loads(m: int, d: int, body: int, mass: float) -> tuple[Vector, Vector]:
     torque = turn(rotation, (f[3], f[4], f[5]))
     back = cross((origin[0] - com[0], origin[1] - com[1], origin[2] - com[2]), (f[0], f[1], f[2]))
     force = (
-        f[0] + mass * number(m, _GRAVITY),
-        f[1] + mass * number(m, _GRAVITY + 8),
-        f[2] + mass * number(m, _GRAVITY + 16),
+        f[0] + mass * number(m, GRAVITY),
+        f[1] + mass * number(m, GRAVITY + 8),
+        f[2] + mass * number(m, GRAVITY + 16),
     )
     return force, (torque[0] + back[0], torque[1] + back[1], torque[2] + back[2])
 

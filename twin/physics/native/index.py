@@ -176,4 +176,6 @@ def _write_gusts(model: mujoco.MjModel) -> None:
     if not length > 0:
         raise TwinError(f"wind_length = {length:g} m: must be positive")
     count = modes.size // MODE
-    modes[: MODE * count] = gust_modes(int(seed), float(length), count)
+    model_of = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "wind_model")
+    dryden = model_of >= 0 and bool(model.numeric("wind_model").data[0])
+    modes[: MODE * count] = gust_modes(int(seed), float(length), count, dryden=dryden)
