@@ -29,11 +29,11 @@ class Output(Settings):
 
     out: Path | None = None
     """File to write."""
+    json: Flag = False
+    """Print the results as one JSON object instead of a table."""
     force: Flag = False
     """Replace an existing file that is more than a simulation's recording or a report: a rig's
     recording, a calibration, a model, or what another program wrote."""
-    json: Flag = False
-    """Print the results as one JSON object instead of a table."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from twin.config import Step
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.excitation import Excitation
+from twin.experiments.kept import Origin
 from twin.experiments.session import Session
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.loop.seats import Sequence as Commands
@@ -70,12 +71,15 @@ class StepResult(Result):
         return rows + recording_rows(self.recording)
 
 
-def step(config: Step, playback: "Recording | None" = None) -> StepResult:
+def step(
+    config: Step, playback: "Recording | None" = None, origin: Origin | None = None
+) -> StepResult:
     """Command a gimbal on the bench with a test signal and record its response.
 
     Parameters
     ----------
     playback : recording whose readings take the place of a rig
+    origin : what is recorded about the files of a run that is repeated
 
     Raises
     ------
@@ -84,7 +88,7 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
     """
     began = time.perf_counter()
     signal = excitation(config)
-    with Session(config, "step", config.control_hz, playback=playback) as s:
+    with Session(config, "step", config.control_hz, playback=playback, origin=origin) as s:
         plant = s.plant
         if plant.twin.gimbal == "fixed":
             raise TwinError(f"--scene {config.scene}: has no gimbal to step")
