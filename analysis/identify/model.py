@@ -1,7 +1,7 @@
 """The identified gimbal: channels, uncertainty, evidence, and what to beware of."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,28 @@ class IdentifiedModel:
         values = [f for a in self.axes for f in a.fit_angle if np.isfinite(f)]
         values = values or [f for a in self.axes for f in a.fit_rate if np.isfinite(f)]
         return float(np.median(values)) if values else float("nan")
+
+    def per_command(self, unit: str) -> "IdentifiedModel":
+        """The model with its figures in the unit of commands that are no angles."""
+        if unit == "rad":
+            return self
+        rows = tuple(
+            tuple(
+                replace(
+                    c,
+                    estimates=tuple(
+                        replace(e, unit=f"rad/{unit}") if e.unit == "rad/rad" else e
+                        for e in c.estimates
+                    ),
+                )
+                for c in row
+            )
+            for row in self.channels
+        )
+        bounds = self.servo and tuple(
+            replace(b, dead_band=replace(b.dead_band, unit=unit)) for b in self.servo
+        )
+        return replace(self, channels=rows, servo=bounds)
 
     def estimate(self, name: str) -> Estimate:
         """One estimated number by name.

@@ -5,7 +5,7 @@ saturates (`servo_motion`). `command`: the command is limited to ramps ahead of 
 (`ramps`). Gain, offsets and biases enter linearly and are solved for in every step.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from analysis.identify.noise import Mask, Pair, weights
 from analysis.identify.problem import Problem
 from analysis.identify.segments import step_folds
 from analysis.identify.servo_response import servo_response
-from analysis.identify.servo_starts import grid_of_starts, limits, scales
+from analysis.identify.servo_starts import command_unit, grid_of_starts, limits, scaled, scales
 from analysis.transfer_function.servo import Structure
 
 _ROUNDS = 3
@@ -109,9 +109,26 @@ def search_servo(
     floor = sensor_noise.quantisation(problem)
     first = sensor_noise.from_differences(problem, kept, floor)
     problem = problem.weighed(weights(problem, first, kept))
+    unit = command_unit(problem, axis)
+    alike = scaled(problem, axis, unit)
     tried: tuple[Structure, ...] = ("speed", "command") if structure is None else (structure,)
-    fits = [_fit(problem, axis, s, max_delay, kept, floor) for s in tried]
-    return min(fits, key=lambda f: f.cost)
+    fits = [_fit(alike, axis, s, max_delay, kept, floor) for s in tried]
+    return _in_units(min(fits, key=lambda f: f.cost), problem, unit)
+
+
+def _in_units(fit: ServoFit, problem: Problem, unit: float) -> ServoFit:
+    """The fit of commands over `unit`, in the commands' own unit."""
+    n = fit.poles
+    theta, linear, jacobian = fit.theta.copy(), fit.linear.copy(), fit.jacobian.copy()
+    theta[n + 1] += np.log(unit)
+    theta[n + 2 :] *= unit
+    jacobian[:, n + 2 : n + 4] /= unit
+    linear[0] /= unit
+    jacobian[:, len(theta)] *= unit
+    return replace(
+        fit, problem=problem.weighed(fit.problem.weight), theta=theta, linear=linear,
+        jacobian=jacobian,
+    )  # fmt: skip
 
 
 def _fit(

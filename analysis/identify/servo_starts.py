@@ -1,9 +1,37 @@
 """Where the search for a bounded servo begins, and how far it may go."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.array import Array
 from analysis.identify.problem import Problem
+
+
+def command_unit(problem: Problem, axis: int) -> float:
+    """Range of the command over that of the readings: what makes a search free of units."""
+    command = max(float(np.ptp(p.input[:, axis])) for p in problem.parts)
+    moved = 0.0
+    for index in range(len(problem.parts)):
+        for is_rate in (False, True):
+            rows = (problem.owner == index) & (problem.is_rate == is_rate) & (problem.weight > 0)
+            value = problem.measured[rows]
+            if len(value) > 1 and is_rate:
+                steps = np.diff(problem.time[rows])
+                value = np.cumsum(steps * (value[1:] - np.median(value)))
+            if len(value) > 1 and (moved == 0.0 or not is_rate):
+                moved = max(moved, float(np.ptp(value)))
+    return command / moved if moved > 0.0 else 1.0
+
+
+def scaled(problem: Problem, axis: int, unit: float) -> Problem:
+    """The problem with an axis' command over `unit`, counted from the first of all records."""
+    origin, parts = problem.parts[0].input[0, axis], []
+    for part in problem.parts:
+        command = part.input.copy()
+        command[:, axis] = (command[:, axis] - origin) / unit
+        parts.append(replace(part, input=command))
+    return replace(problem, parts=tuple(parts), cache={})
 
 
 def grid_of_starts(problem: Problem, max_delay: float) -> list[Array]:

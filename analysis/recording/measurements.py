@@ -16,7 +16,7 @@ Initial = Literal["rest", "free"]
 InputStamps = Literal["exact", "shown", "sampled"]
 
 COMMAND, MEASURED, SIMULATED = "gimbal/command", "gimbal/measured", "gimbal/simulated"
-RATE = "gimbal/rate/measured"
+FOLLOWED, RATE = "gimbal/followed", "gimbal/rate/measured"
 FEWEST_READINGS, FEWEST_COMMANDS = 16, 2  # of an axis that figures are made of
 _MAX_SAMPLES = 20_000_000
 _LARGEST = 1e9  # no gimbal reads more, in any unit: a larger number is a broken file
@@ -37,6 +37,7 @@ class Measurement:
         the command was only sampled
     stamps : what commands are dated by: when they were given (`exact`), the sample that first
         shows them (`shown`), or half-way between that and the sample before (`sampled`)
+    units : whether the units of readings and commands were both given, or one was assumed
     name : used in messages and reports
     recording : the recording it was taken from; empty for a table
     shift : added to the recording's stamps to align it with another [s]
@@ -53,6 +54,7 @@ class Measurement:
     initial: Initial = "rest"
     slack: float = 0.0
     stamps: InputStamps = "exact"
+    units: Literal["given", "assumed"] = "assumed"
     name: str = "record"
     recording: Recording = field(default_factory=lambda: Recording({}, {}), repr=False)
     shift: float = 0.0

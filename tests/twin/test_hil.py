@@ -51,18 +51,28 @@ def test_rig_and_identified_model_fly_alike(pair):
 
 def test_the_vehicles_joints_go_where_the_rig_was_measured(pair):
     run = read(pair[0])
-    seen, shown = run["gimbal/measured"], run["gimbal/simulated"]
+    seen, shown = run["gimbal/measured"], run["gimbal/followed"]
     at = np.arange(1.0, 15.0, 0.01)
-    # a reading is 2 to 4 ms old when its tick comes, and the joints follow within the next
+    # a reading is 2 to 4 ms old when its tick comes; from then on the joints move at its rate
     late = [
         np.abs(
             np.interp(at, shown.time, shown.values[:, k])
-            - np.interp(at - 5e-3, seen.time, seen.values[:, k])
+            - np.interp(at - 3e-3, seen.time, seen.values[:, k])
         )
         for k in range(2)
     ]
     # 3 ms of a servo's fastest 200 °/s are 0.6°; the median knows only the slow ones
     assert np.degrees(np.median(late)) < 0.05
+
+
+def test_angle_and_rate_that_are_followed_are_true_to_each_other(pair):
+    run = read(pair[0])
+    angle, rate = run["gimbal/followed"], run["gimbal/rate/followed"]
+    quotient = np.diff(angle.values, axis=0) / np.diff(angle.time)[:, None]
+    # within a tick the rate is constant, but for the step in which it changes
+    off = np.degrees(abs(quotient - rate.values[1:]))
+    assert np.degrees(abs(rate.values)).max() > 50.0
+    assert np.sqrt(np.mean(off**2)) < 1.0
 
 
 def test_compare_says_how_far_they_part(capsys, tmp_path, pair):

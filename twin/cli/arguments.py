@@ -77,7 +77,7 @@ def _suggested(advice: str, kind: type[Settings]) -> str:
     unknown = re.match(r"Unrecognized options: (--[\w-]+)", advice)
     if unknown is None:
         return advice
-    flags = [f"--{name.replace('_', '-')}" for name in hints(kind)]
+    flags = [f"--{name.rstrip('_').replace('_', '-')}" for name in hints(kind)]
     near = get_close_matches(unknown[1], flags, n=2) or [
         f for f in flags if f.startswith(unknown[1])
     ]
@@ -122,7 +122,10 @@ def _grouped(kind: type[Settings]) -> type:
         group, help_text = described(kind, f.name)
         help_text = help_text.replace("VERB", kind.__name__.lower())
         hint, default = _for_tyro(hints(kind)[f.name], f.default)
-        argument = tyro.conf.arg(help=help_text, help_behavior_hint=_behaviour(f.default))
+        # a name that Python reserves ends with an underscore, its flag does not
+        flag = f.name.rstrip("_").replace("_", "-") if f.name.endswith("_") else None
+        hint_text = _behaviour(f.default)
+        argument = tyro.conf.arg(name=flag, help=help_text, help_behavior_hint=hint_text)
         marked = Annotated[hint, argument]  # type: ignore[valid-type]
         entry = field() if default is MISSING else field(default=default)
         groups.setdefault(group, []).append((f.name, marked, entry))

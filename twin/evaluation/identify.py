@@ -72,7 +72,10 @@ class IdentifyResult(Result):
             (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
             for s in self.orders
         ]
-        rows += [(e.name, quantity(e.value, 1.96 * e.std, e.unit)) for e in self.model.estimates]
+        rows += [
+            (e.name, quantity(e.value, 1.96 * e.std, e.unit, determined=e.determined))
+            for e in self.model.estimates
+        ]
         for a in self.model.axes:
             fits = [
                 f"{what} {_percent(fits)}"

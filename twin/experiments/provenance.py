@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from twin.config import Run
 from twin.config.paths import writable
+from twin.config.seats import SIMULATED
 from twin.experiments.kept import RESULTS, Origin, files_of, repeated
 from twin.plant.model import TwinModel
 from twin.recorder import DetachedRecorder, Recorder, Sink
@@ -15,6 +16,7 @@ from twin.recorder.rows import Rows
 
 if TYPE_CHECKING:
     from twin.hil import RigGimbal
+    from twin.hil.shadow import Shadow
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # Each write costs the same however much it holds; in real time a viewer may be watching, and the
@@ -33,6 +35,7 @@ def make_recorder(
     drain_ns: int | None = None,
     rig: "RigGimbal | None" = None,
     origin: Origin | None = None,
+    shadow: "Shadow | None" = None,
 ) -> Sink:
     """The run's recorder, its properties complete enough to repeat the run.
 
@@ -43,6 +46,7 @@ def make_recorder(
     drain_ns : time between two writes; by the clock if omitted
     rig : its base, if it turns, belongs to the properties
     origin : of a run that is repeated; its files are this run's files, whatever became of them
+    shadow : model beside the rig
 
     Raises
     ------
@@ -53,6 +57,8 @@ def make_recorder(
         properties = repeated(properties, origin)
     if rig is not None and rig.base is not None:
         properties["base"] = asdict(rig.base)
+    if rig is not None:
+        properties["shadow"] = _shadow(config, shadow)
     if real_time:
         properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")
     path = config.out or Path("runs")
@@ -79,4 +85,20 @@ def _properties(config: Run, verb: str, twin: TwinModel) -> dict[str, object]:
         "model_sha256": twin.sha256,
         "seed": config.seed,
         "files": files_of(config),
+    }
+
+
+def _shadow(config: Run, shadow: "Shadow | None") -> dict[str, object] | None:
+    """What is simulated beside a rig, and the rig's parameters that it is simulated without."""
+    if shadow is None:
+        return None
+    ours, rigs = config.shadow_parameters, config.overrides
+    if config.gimbal not in SIMULATED:  # the parameters of a rig on a port are not known
+        rigs = ours
+    either = sorted(k for k in ours.keys() | rigs.keys() if k.startswith("gimbal_"))
+    return {
+        "gimbal": shadow.plant.twin.gimbal,
+        "sha256": shadow.plant.twin.sha256,
+        "set": ours,
+        "differs": [k for k in either if ours.get(k) != rigs.get(k)],
     }
