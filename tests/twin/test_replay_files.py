@@ -48,7 +48,9 @@ def test_a_described_vehicle_and_its_motor_are_repeated_from_the_recording(tmp_p
     shutil.copy(MOTOR, own.parent / "m.eng")
     text = (guard.SHIPPED / "examples" / "reference.toml").read_text()
     assert 'file = "../motors/reference.eng"' in text
-    (own / "v.toml").write_text(text.replace("../motors/reference.eng", "../m.eng"))
+    text = text.replace("../motors/reference.eng", "../m.eng")
+    (own / "v.toml").write_text(f'drag_table = "drag.csv"\n{text}')
+    (own / "drag.csv").write_text("mach,drag\n0,0.5\n1,0.9\n")
     out = tmp_path / "a.rrd"
     fly(Fly(out=out, vehicle=own / "v.toml", duration_s=0.1))
     shutil.rmtree(own.parent)

@@ -38,7 +38,7 @@ def is_description(vehicle: Path | None) -> bool:
 
 
 def described_files(vehicle: Path) -> dict[str, Path]:
-    """Files that a vehicle's description names, `motor` and `mechanism`; none of an MJCF file."""
+    """Files that a vehicle's description names, by what they are; none of an MJCF file."""
     if not is_description(vehicle):
         return {}
     from twin.physics import vehicle as vehicles
@@ -49,6 +49,8 @@ def described_files(vehicle: Path) -> dict[str, Path]:
         found["motor"] = motor
     if design.gimbal is not None and design.gimbal.mechanism:
         found["mechanism"] = vehicles.mechanism_file(design)
+    if design.drag_table:
+        found["drag_table"] = vehicle.parent / design.drag_table
     return found
 
 
