@@ -41,8 +41,8 @@ def run(module: str, request: bytes, *, seconds: float, megabytes: int) -> bytes
     pipe = subprocess.PIPE
     try:
         done = subprocess.run(
-            command, input=request, stdout=pipe, stderr=pipe, env=environment, timeout=seconds + GRACE,
-            check=False,
+            command, input=request, stdout=pipe, stderr=pipe, env=environment, check=False,
+            timeout=seconds + GRACE,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise LimitError(f"takes longer than {seconds:g} s to read") from None
