@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from analysis.array import Array
 from analysis.identify.noise import Pair
 from analysis.identify.problem import Problem
