@@ -49,6 +49,7 @@ FOREIGN = {
     "--ignore-timeline",
     "--check",
     "--bind",
+    "--key-file",
 }
 FOREIGN_NAMES = {"Batch", "analogWrite", "cyclictest", "eval", "multiprocessing", "tone"}
 SIGNAL_ROOTS = {name.partition("/")[0] for name in SIGNALS}
@@ -142,6 +143,7 @@ def refusal(command: str) -> str | None:
     for word in rest:
         if word.startswith("--"):
             name = word[2:].replace("-", "_")
+            name = name if name in known else f"{name}_"  # a name that Python reserves
             given.setdefault(name, [])
         else:
             given.setdefault(name, []).append(word)
@@ -204,7 +206,7 @@ def _flags() -> set[str]:
 
 
 def _flags_of(verb: Verb) -> set[str]:
-    return {"--" + name.replace("_", "-") for name in hints(verb.settings)}
+    return {"--" + name.rstrip("_").replace("_", "-") for name in hints(verb.settings)}
 
 
 def _is_path(token: str) -> bool:

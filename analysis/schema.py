@@ -92,10 +92,14 @@ def _signal(
 _TABLE = (
     # angle about x (ring) and y (holder)
     _signal("gimbal/command", "x y", "rad", "deg"),
-    _signal("gimbal/simulated", "x y", "rad", "deg"),
+    # a model under the run's commands; beside a rig, a second gimbal that nothing measured touches
+    _signal("gimbal/simulated", "x y", "rad", "deg", "sampled"),
+    # the joints of a vehicle whose gimbal is a rig: they follow the measured angle and rate
+    _signal("gimbal/followed", "x y", "rad", "deg"),
     _signal("gimbal/measured", "x y", "rad", "deg", "sampled"),
     _signal("gimbal/sigma", "x y", "rad", "deg", "sampled"),
-    _signal("gimbal/rate/simulated", "x y", "rad/s", "deg/s"),
+    _signal("gimbal/rate/simulated", "x y", "rad/s", "deg/s", "sampled"),
+    _signal("gimbal/rate/followed", "x y", "rad/s", "deg/s"),
     _signal("gimbal/rate/measured", "x y", "rad/s", "deg/s", "sampled"),
     # two motions aligned by `twin compare`, and other minus reference
     _signal("gimbal/reference", "x y", "rad", "deg", "sampled"),

@@ -16,6 +16,7 @@ from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
+from twin.experiments.mechanism import MechanismResult
 from twin.experiments.mirror import MirrorResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
@@ -26,6 +27,7 @@ from twin.experiments.vehicle import VehicleResult
 def calibrate(
     *,
     out: str | PathLike[str] = ...,
+    force: bool = ...,
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     gimbal: str = ...,
@@ -35,7 +37,10 @@ def calibrate(
 ) -> CalibrationResult: ...
 def compare(
     *recordings: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
@@ -45,6 +50,9 @@ def compare(
     commands: str | PathLike[str] | None = ...,
     input_stamps: Literal['exact', 'sampled'] | None = ...,
     before: str | None = ...,
+    with_: str | None = ...,
+    ratio: float | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -53,6 +61,7 @@ def converge(
     set: dict[str, float] | tuple[str, ...] = ...,
     set_from: str | PathLike[str] | None = ...,
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     flight: Literal['baseline', 'closed-loop'] = ...,
     gimbal: Literal['linkage', 'transfer-function'] = ...,
     integrators: tuple[Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'], ...] = ...,
@@ -78,6 +87,9 @@ def fly(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
+    shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
+    shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
     set_from: str | PathLike[str] | None = ...,
     scene: str = ...,
@@ -89,13 +101,19 @@ def fly(
     clock: Literal['lockstep', 'wall'] | None = ...,
     seed: int = ...,
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     on_fault: Literal['end', 'neutral', 'ignore'] | None = ...,
     motor: str | PathLike[str] | None = ...,
+    launch: Literal['ramp', 'hand', 'stand'] = ...,
+    hand_speed_m_s: tuple[float, float] = ...,
+    hand_attitude_deg: float = ...,
+    hand_rate_deg_s: float = ...,
     programme: Literal['hold', 'step', 'doublet', 'pitch-over', 'point'] = ...,
     controller: object = ...,
     target: tuple[float, float, float] | None = ...,
     target_range_m: float = ...,
     off_axis_deg: tuple[float, float] = ...,
+    within: float | None = ...,
     amplitude_deg: float = ...,
     at_s: float = ...,
     about: Literal['level', 'x'] | None = ...,
@@ -109,6 +127,7 @@ def identify(
     set: dict[str, float] | tuple[str, ...] = ...,
     set_from: str | PathLike[str] | None = ...,
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
@@ -137,12 +156,24 @@ def identify(
     parameters: tuple[str, ...] = ...,
     mechanism: str | PathLike[str] | None = ...,
 ) -> IdentifyResult | PhysicsResult | InformationResult: ...
+def mechanism(
+    action: Literal['show', 'check'],
+    file: str | PathLike[str] | None,
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    load_g: float = ...,
+    gap_mm: float = ...,
+) -> MechanismResult: ...
 def mirror(
     *,
     gimbal: str = ...,
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
+    shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
+    shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
     set_from: str | PathLike[str] | None = ...,
     scene: str = ...,
@@ -154,6 +185,7 @@ def mirror(
     clock: Literal['lockstep', 'wall'] | None = ...,
     seed: int = ...,
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     steer: Literal['keys', 'joystick'] | None = ...,
     playback: str | PathLike[str] | None = ...,
     duration_s: float | None = ...,
@@ -166,17 +198,18 @@ def replay(
     set: dict[str, float] | tuple[str, ...] = ...,
     set_from: str | PathLike[str] | None = ...,
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     gimbal: Literal['linkage', 'transfer-function', 'emulator', 'firmware'] | None = ...,
     integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] | None = ...,
     dt: float | None = ...,
     control_hz: float | None = ...,
     seed: int | None = ...,
     controller: object = ...,
-    force: bool = ...,
 ) -> ReplayResult: ...
 def report(
     *recordings: str | PathLike[str],
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
@@ -208,6 +241,9 @@ def step(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
+    shadow: Literal['linkage', 'transfer-function', 'none'] | None = ...,
+    shadow_set: tuple[tuple[str, float], ...] = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
     set_from: str | PathLike[str] | None = ...,
     scene: str = ...,
@@ -219,6 +255,7 @@ def step(
     clock: Literal['lockstep', 'wall'] | None = ...,
     seed: int = ...,
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     on_fault: Literal['end', 'neutral', 'ignore'] | None = ...,
     signal: Literal['steps', 'staircase', 'chirp', 'prbs', 'multisine', 'triangle', 'dog-leg'] = ...,
     amplitude_deg: float = ...,
@@ -230,12 +267,19 @@ def step(
     smallest_deg: float = ...,
     rate_limit_deg_s: float | None = ...,
     control_hz: float = ...,
+    commands: str | PathLike[str] | None = ...,
+    time: str | None = ...,
+    input: str | None = ...,
+    input_unit: str = ...,
+    ratio: float | None = ...,
+    time_scale: float | None = ...,
 ) -> StepResult: ...
 def vehicle(
     action: Literal['show', 'build'],
     file: str | PathLike[str],
     *,
     out: str | PathLike[str] | None = ...,
+    force: bool = ...,
     motor: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
 ) -> VehicleResult | BuildResult: ...

@@ -22,6 +22,7 @@ from analysis.recording.series import Recording, TimeSeries
 
 FRAME = 0.02  # s; `hardware.protocol` PWM_PERIOD_US
 PULSE, CLOCK = "sensors/pulse", "sensors/device_time"
+FLAGS, PULSE_UNTIMED = "sensors/flags", 1 << 8  # `hardware.protocol` Flags
 _FEWEST = 4  # frames with a new pulse
 _GAP = 1.5  # readings; a pulse seen after a longer one may be older
 _LATEST = 0.008  # s; a command on its way to the device: wire, loop, interrupt
@@ -95,13 +96,20 @@ def pulse_frames(recording: Recording, components: tuple[str, ...], name: str) -
 
     Raises
     ------
-    IdentificationError : a recording without pulses or with too few of them
+    IdentificationError : a recording without pulses, with too few of them, or of a rig that does
+        not report when they are in force
     """
     for signal in (PULSE, CLOCK):
         if signal not in recording.series:
             raise IdentificationError(
                 f"{name}: no {signal}; only a recording of a rig tells when pulses were in force"
             )
+    flags = recording.series.get(FLAGS)
+    if flags is not None and np.any(np.nan_to_num(flags.values).astype(int) & PULSE_UNTIMED):
+        raise IdentificationError(
+            f"{name}: its rig (a Raspberry Pi) does not report when pulses are in force; identify"
+            " from commands"
+        )
     series, clock = recording[PULSE], recording[CLOCK]
     pulse = np.stack([series.column(c) for c in components], axis=1)
     device = np.interp(series.time, clock.time, clock.values[:, 0])

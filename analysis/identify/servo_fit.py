@@ -1,8 +1,7 @@
 """A bounded servo as found on one axis."""
 
+import math
 from dataclasses import dataclass
-
-import numpy as np
 
 from analysis.array import Array
 from analysis.identify.noise import Pair
@@ -48,7 +47,7 @@ class ServoFit:
     @property
     def rate_limit(self) -> float:
         """Fastest change of the command's side of the gain [rad/s]."""
-        return float(np.exp(self.theta[self.poles + 1]))
+        return math.exp(self.theta[self.poles + 1])
 
     @property
     def dead_band(self) -> float:

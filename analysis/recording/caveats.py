@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from analysis.recording.measurements import Measurement
+from analysis.recording.measurements import FOLLOWED, MEASURED, SIMULATED, Measurement
 from analysis.recording.series import Recording
 
 # Settings that decide the motion; motions with different settings do not test each other.
@@ -11,6 +11,10 @@ ASKED = (
     "rate_limit_deg_s", "programme", "target", "target_range_m", "off_axis_deg", "at_s", "about",
 )  # fmt: skip
 KNOWN = ("step", "fly")
+OLD = (
+    "recorded by an earlier version: its gimbal/simulated follows the measured angle and is not a"
+    " model's; record or replay it again to compare them"
+)
 LONGEST, MOST = 200, 5  # characters of one caveat, and caveats of one kind
 
 
@@ -33,8 +37,25 @@ def _own(recording: Recording) -> list[str]:
     found = []
     if recording.timing.get("verdict") == "invalid":
         found.append("; ".join(["its timing was judged invalid", *texts]))
+    if follows_measured(recording):
+        found.append(OLD)
+    if differs := _shadow_differs(recording):
+        found.append(f"its simulated gimbal is without the rig's {', '.join(differs)}")
     failed = [e for e in recording.events if e.level == "ERROR"]
     return found + [f"at {e.time:.3f} s {e.text}" for e in failed[:MOST]]
+
+
+def follows_measured(recording: Recording) -> bool:
+    """Whether a recording's simulated angle follows the measured one, as before `followed`."""
+    both = MEASURED in recording.series and SIMULATED in recording.series
+    return both and FOLLOWED not in recording.series
+
+
+def _shadow_differs(recording: Recording) -> list[str]:
+    """Parameters of a simulated rig that the model beside it does not share."""
+    shadow = recording.properties.get("shadow")
+    names = shadow.get("differs") if isinstance(shadow, dict) else None
+    return [n for n in names if isinstance(n, str)][:MOST] if isinstance(names, list) else []
 
 
 def _different(reference: Measurement, other: Measurement) -> list[str]:

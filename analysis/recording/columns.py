@@ -11,8 +11,14 @@ import numpy as np
 from analysis.array import Array
 from analysis.recording import tables
 from analysis.recording.arrays import measurement
-from analysis.recording.measurements import Initial, InputStamps, Measurement
-from analysis.recording.series import Recording
+from analysis.recording.measurements import (
+    COMMAND,
+    Initial,
+    InputStamps,
+    Measurement,
+    check_stamps,
+)
+from analysis.recording.series import Recording, TimeSeries
 from analysis.schema import AnalysisError, unknown
 
 UNITS: Mapping[str, float] = MappingProxyType(
@@ -104,6 +110,33 @@ def measurement_of_table(
     named = Recording({"configuration": {"gimbal": table.source}}, {})
     both = columns.unit is not None and columns.input_unit is not None
     return replace(run, recording=named, units="given" if both else "assumed")
+
+
+def commands_of_table(
+    path: Path | str, time: str, inputs: tuple[str, ...], time_scale: float | None = None
+) -> TimeSeries:
+    """Commands of a table in the unit of the file, value in force from each stamp [s] on.
+
+    Columns are named `x` and `y`, one column `x`.
+
+    Raises
+    ------
+    AnalysisError : unknown columns, stamps that do not increase or are hardly in seconds, and
+        commands that are not finite
+    """
+    table = tables.read(path)
+    stamps = table.column(time)
+    if time_scale is None:
+        _check_seconds(table.source, time, stamps)
+    values = _filled(table.stack(inputs))
+    if len(stamps) != len(values):
+        raise AnalysisError(
+            f"{table.source}: {len(stamps)} stamps in '{time}' but {len(values)} commands"
+        )
+    if not np.isfinite(values).all():
+        raise AnalysisError(f"{table.source}: the first row has no command")
+    seconds = check_stamps(stamps * (time_scale or 1.0), time, table.source, 1)
+    return TimeSeries(COMMAND, seconds, values, "1", ("x", "y")[: len(inputs)])
 
 
 def _check_seconds(source: str, name: str, stamps: Array) -> None:

@@ -16,10 +16,11 @@ Initial = Literal["rest", "free"]
 InputStamps = Literal["exact", "shown", "sampled"]
 
 COMMAND, MEASURED, SIMULATED = "gimbal/command", "gimbal/measured", "gimbal/simulated"
-RATE = "gimbal/rate/measured"
+FOLLOWED, RATE = "gimbal/followed", "gimbal/rate/measured"
 FEWEST_READINGS, FEWEST_COMMANDS = 16, 2  # of an axis that figures are made of
 _MAX_SAMPLES = 20_000_000
 _LARGEST = 1e9  # no gimbal reads more, in any unit: a larger number is a broken file
+LONGEST_REST = 1.0  # s; kept before the first and after the last change of a command
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,7 @@ class Measurement:
         return next((a for a in self.axes if a.inputs[0] == name), None)
 
     def active(self) -> "Measurement":
-        """The part of one axis in which it is commanded, and as long a rest after it as before.
+        """The part of one axis in which it is commanded, with a rest of at most 1 s at each end.
 
         Both axes are usually excited in turn; motion under the other axis' command is left out.
         """
@@ -205,8 +206,9 @@ class Measurement:
         rows = u.changes()
         if len(rows) == 0:
             return self
-        rest = float(np.diff(u.time[rows]).max(initial=0.2))
-        low, high = u.time[rows[0]] - min(rest, 1.0), u.time[rows[-1]] + min(rest, 1.0)
+        rest = min(float(np.diff(u.time[rows]).max(initial=0.2)), LONGEST_REST)
+        rest = rest if len(rows) > 1 else LONGEST_REST
+        low, high = u.time[rows[0]] - rest, u.time[rows[-1]] + rest
         # the command in force at the beginning may have been given long before
         first = max(int(np.searchsorted(u.time, low, side="right")) - 1, 0)
         near = (u.time >= u.time[first]) & (u.time <= high)

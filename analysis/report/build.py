@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from analysis.recording.measurements import COMMAND, SIMULATED, Measurement, aligned
 from analysis.recording.series import Recording, TimeSeries
+from analysis.report.initial import with_initial_step
 from analysis.report.numbers import ReportNumbers, numbers_of
 from analysis.report.page import render
 from analysis.report.sections import SECTIONS
@@ -47,13 +49,18 @@ def report(
     out = Path(out)
     if out.suffix.lower() not in (".html", ".htm"):
         raise AnalysisError(f"{out}: a report is an .html file")
-    named = labelled(runs, labels)
+    sources = [*(r.name for r in runs), *("" for _ in models)]
+    named, begun = zip(*map(with_initial_step, labelled(runs, labels)), strict=True)
     whose = [*(None for _ in named), *models.values()]
     answers = [simulated(named[0], name, model) for name, model in models.items()]
     runs = aligned((*named, *answers))
+    numbers = numbers_of(runs, title, whose)
+    entries = (replace(n, source=s) for n, s in zip(numbers.runs, sources, strict=True))
     numbers = replace(
-        numbers_of(runs, title, whose),
+        numbers,
         page=str(out),
+        notes=(*chain(*begun), *numbers.notes),
+        runs=tuple(entries),
         margins={name: margins(loops, model) for name, model in models.items() if loops},
     )
     sections = [s for compose in SECTIONS if (s := compose(runs, numbers)) is not None]

@@ -34,6 +34,7 @@ class RunNumbers(Plain):
     responses : frequency response by axis, where the command allows one
     disagree : (axis, figure, amplitude [rad]) outside the interval of the first run, if that was
         measured
+    source : file it was read from; empty for a model's response
     """
 
     label: str
@@ -43,6 +44,7 @@ class RunNumbers(Plain):
     figures: tuple[AxisFigures, ...]
     responses: Mapping[str, FrequencyResponse]
     disagree: tuple[tuple[str, str, float], ...] = ()
+    source: str = ""
 
     def kind(self, axis: str) -> Kind | None:
         """What the command of an axis was, None for an axis the run lacks."""

@@ -4,6 +4,8 @@
 (() => {
   const specs = JSON.parse(document.getElementById("plots").textContent);
   const PRINTED_WIDTH = 680; // CSS pixels between the margins of A4
+  const PRINTED_HEIGHT = 0.72; // of the height on the screen
+  const NARROW = 640; // CSS pixels; below, panels stand one below the other
   const dark = matchMedia("(prefers-color-scheme: dark)");
 
   // Plotly reads tags and entities in text; a recording's text must stay text.
@@ -63,14 +65,25 @@
     return x.length ? Math.log10(x.reduce((a, b) => Math.max(a, b)) / x.reduce((a, b) => Math.min(a, b))) : 0;
   }
 
+  const ordered = (panels) => panels.map((p, i) => [p, i])
+    .sort(([a], [b]) => a.column - b.column || a.row - b.row).map(([, i]) => i);
+
+  function stacked(spec) {
+    const order = ordered(spec.panels);
+    return { ...spec, panels: spec.panels.map((p, i) => ({ ...p, row: order.indexOf(i), column: 0 })) };
+  }
+
   function layout(spec, place, width) {
+    if (!width && place.clientWidth < NARROW) spec = stacked(spec);
     const ink = colour("ink"), rule = colour("rule"), quiet = colour("quiet");
     const rows = 1 + Math.max(...spec.panels.map((p) => p.row));
     const columns = 1 + Math.max(...spec.panels.map((p) => p.column));
-    const gapX = columns > 1 ? 84 / ((width || place.clientWidth) - 80) : 0, gapY = rows > 1 ? 0.1 / rows : 0;
+    const gapX = columns > 1 ? 84 / ((width || place.clientWidth) - 80) : 0, gapY = rows > 1 ? (spec.panels.some((p) => p.x_label) ? 0.26 : 0.1) / rows : 0;
+    const scale = width ? PRINTED_HEIGHT : 1;
+    place.style.height = Math.round(scale * (rows * spec.panel_height + 110)) + "px";
     const w = (1 - gapX * (columns - 1)) / columns, h = (1 - gapY * (rows - 1)) / rows;
     const out = {
-      height: rows * spec.panel_height + 110, autosize: true,
+      height: Math.round(scale * (rows * spec.panel_height + 110)), autosize: true,
       margin: { l: 66, r: 12, t: 46, b: 52 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { family: "system-ui, sans-serif", size: 12.5, color: ink },
@@ -80,16 +93,17 @@
       annotations: [],
     };
     if (width) out.width = width;
+    const shared = spec.panels.findIndex((p) => !p.x_label); // the axis that the others follow
     const line = { gridcolor: rule, zerolinecolor: rule, linecolor: quiet, showline: true,
                    ticks: "outside", tickcolor: quiet, ticklen: 4, automargin: true };
     spec.panels.forEach((p, i) => {
       const left = p.column * (w + gapX), top = 1 - p.row * (h + gapY);
-      const below = spec.panels.some((q) => q.column === p.column && q.row > p.row);
+      const below = !p.x_label && spec.panels.some((q) => q.column === p.column && q.row > p.row && !q.x_label);
       out["xaxis" + suffix(i)] = {
         ...line, anchor: "y" + suffix(i), domain: [left, left + w], showticklabels: !below,
-        type: spec.x_log ? "log" : "linear", matches: i ? "x" : undefined,
-        ...(spec.x_range ? { range: spec.x_range } : {}),
-        title: below ? undefined : { text: plain(spec.x_label), standoff: 8, font: { size: 12.5 } },
+        type: spec.x_log ? "log" : "linear", matches: i === shared || p.x_label ? undefined : "x" + suffix(shared),
+        ...(spec.x_range && !p.x_label ? { range: spec.x_range } : {}),
+        title: below ? undefined : { text: plain(p.x_label || spec.x_label), standoff: 8, font: { size: 12.5 } },
         ...(spec.x_log && decades(spec) > 1 ? { dtick: "D2" } : {}),
       };
       out["yaxis" + suffix(i)] = {
@@ -111,18 +125,18 @@
 
   const draw = (width) => Promise.all(specs.map((spec) => {
     const place = document.getElementById("plot-" + spec.name);
-    return Plotly.react(place, traces(spec), layout(spec, place, width), CONFIG);
+    const config = { ...CONFIG, displayModeBar: place.clientWidth < NARROW ? false : "hover" };
+    return Plotly.react(place, traces(spec), layout(spec, place, width), config);
   }));
 
   dark.addEventListener("change", () => draw());
+  matchMedia(`(max-width: ${NARROW + 40}px)`).addEventListener("change", () => draw());
   addEventListener("beforeprint", () => {
     document.documentElement.dataset.printing = "";
-    document.querySelectorAll("details").forEach((d) => { d.dataset.open = d.open; d.open = true; });
     draw(PRINTED_WIDTH);
   });
   addEventListener("afterprint", () => {
     delete document.documentElement.dataset.printing;
-    document.querySelectorAll("details").forEach((d) => { d.open = d.dataset.open === "true"; });
     draw();
   });
 

@@ -8,8 +8,9 @@ from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 
+from analysis import schema
 from analysis.files import write_text
-from analysis.report.parts import Cell, Plot, Section, Table
+from analysis.report.parts import Cell, Plot, Section, Table, Verdicts
 from analysis.schema import AnalysisError
 
 HERE = Path(__file__).parent
@@ -38,6 +39,7 @@ def render(
     library, script = _plotly(), _own("page.js")
     page = _own("page.html")
     content = {
+        "generator": schema.APPLICATION,
         "policy": " ".join(map(_hash, (library, script))),
         "title": escape(title),
         "style": _own("page.css"),
@@ -59,13 +61,27 @@ def render(
 
 def _section(section: Section) -> str:
     """The title stays with the first part when the page is printed; a long table may be cut."""
-    parts = [_figure(p) if isinstance(p, Plot) else _table(p) for p in section.parts]
+    parts = [_part(p) for p in section.parts]
     text = "\n".join(f"<p>{escape(t)}</p>" for t in section.text)
     head = f"<h2>{escape(section.title)}</h2>\n{text}"
     if section.parts and isinstance(section.parts[0], Plot):
         head = f"<div class=keep>{head}\n{parts.pop(0)}</div>"
     body = "\n".join(parts)
     return f'<section id="{escape(section.name)}">\n{head}\n{body}\n</section>'
+
+
+def _part(part: Plot | Table | Verdicts) -> str:
+    if isinstance(part, Plot):
+        return _figure(part)
+    return _table(part) if isinstance(part, Table) else _verdicts(part)
+
+
+def _verdicts(part: Verdicts) -> str:
+    items = "".join(
+        f"<li class={grade}>{escape(text)} <b>{grade}</b></li>" for text, grade in part.items
+    )
+    caption = f"<p class=caption>{escape(part.caption)}</p>" if part.caption else ""
+    return f"<ul class=verdicts>{items}</ul>{caption}"
 
 
 def _figure(plot: Plot) -> str:
@@ -79,6 +95,8 @@ def _figure(plot: Plot) -> str:
 
 
 def _table(table: Table) -> str:
+    if not table.rows:
+        return f"<p class=caption>{escape(table.caption)}</p>"
     head = "".join(f"<th scope=col>{escape(h)}</th>" for h in table.head)
     rows = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in table.rows)
     caption = f"<p class=caption>{escape(table.caption)}</p>" if table.caption else ""

@@ -50,6 +50,7 @@ class Panel:
     row: int = 0
     column: int = 0
     y_log: bool = False
+    x_label: str = ""  # of an own x axis; without it the panel shares the plot's
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +84,7 @@ class Plot:
             "x_range": self.x_range,
             "panels": [
                 {"title": p.title, "y_label": p.y_label, "row": p.row, "column": p.column,
-                 "y_log": p.y_log}
+                 "y_log": p.y_log, "x_label": p.x_label}
                 for p in self.panels
             ],
             "lines": [_line(line) for line in self.lines],
@@ -98,9 +99,20 @@ class Cell:
     mark: Literal["", "off", "warn", "number"] = ""
 
 
+Grade = Literal["good", "fair", "poor"]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdicts:
+    """A row of short verdicts, each with a colour and a word: `linkage: fit 97 %, good`."""
+
+    items: tuple[tuple[str, Grade], ...]
+    caption: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows of cells under a head; `folded` tables open on a click, and in print."""
+    """Rows of cells under a head; `folded` tables open on a click and are not printed."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[Cell | str, ...], ...]
@@ -121,7 +133,7 @@ class Section:
     name: str
     title: str
     text: tuple[str, ...] = ()
-    parts: tuple[Plot | Table, ...] = field(default_factory=tuple)
+    parts: tuple[Plot | Table | Verdicts, ...] = field(default_factory=tuple)
 
 
 def thinned(x: ArrayLike, y: ArrayLike, most: int = MOST_POINTS) -> tuple[Array, Array]:

@@ -4,7 +4,8 @@ import math
 
 from analysis.response import Figure
 
-NOTHING = 1e-4  # °, ms, %, Hz: rounding errors of a simulation are no figures
+NOTHING = 1e-4  # °, ms, %, Hz: rounding errors of a simulation count as zero
+MOST_PLACES: dict[str, int] = {"°": 3, "°/s": 1, "ms": 2, "%": 2, "Hz": 2}  # finer is not measured
 DIRECTIONS = ("up", "from below", "down", "from above")
 READ: dict[str, tuple[str, float]] = {
     "rad": ("°", 180.0 / math.pi), "rad/s": ("°/s", 180.0 / math.pi), "s": ("ms", 1e3),
@@ -40,12 +41,15 @@ def value_text(figure: Figure) -> str:
     if not math.isfinite(figure.value):
         return "not measurable"
     value, (low, high) = figure.value * scale, (x * scale for x in figure.interval)
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return f"{number(value)}{space}{unit}"
+    most = MOST_PLACES.get(unit, 6)
     half = 0.5 * (high - low)
-    if abs(value - 0.5 * (low + high)) > max(0.1 * half, NOTHING):
-        return f"{number(value)} ({number(low, 3)} to {number(high, 3)}){space}{unit}"
-    return f"{_rounded(value, half)} ± {number(half, 2)}{space}{unit}"
+    places = _places(half, most) if math.isfinite(half) else -1
+    if places < 0:  # no interval, or one too narrow to be shown
+        return f"{_trimmed(value, most)}{space}{unit}"
+    if abs(value - 0.5 * (low + high)) > max(0.1 * half, 0.5 * 10.0**-places):
+        shown, *ends = (_fixed(v, places) for v in (value, low, high))
+        return f"{shown} ({ends[0]} to {ends[1]}){space}{unit}"
+    return f"{_fixed(value, places)} ± {_fixed(half, places)}{space}{unit}"
 
 
 def amplitude_text(figure: Figure) -> str:
@@ -70,10 +74,17 @@ def number(value: float, digits: int = 4) -> str:
     return text.replace("-", "−")
 
 
-def _rounded(value: float, half: float) -> str:
-    """The value to the second significant place of its half interval, four digits at least."""
-    if half < NOTHING or abs(value) < NOTHING:
-        return number(value)
-    places = max(0, 1 - math.floor(math.log10(half)))
-    wanted = max(0, 3 - math.floor(math.log10(abs(value))))
-    return f"{value:.{min(places, max(wanted, 1))}f}".replace("-", "−")
+def _places(half: float, most: int) -> int:
+    """Decimal places that show two digits of a half interval; -1 if `most` places show none."""
+    if half < 0.5 * 10.0**-most or half < NOTHING:
+        return -1
+    return min(most, max(0, 1 - math.floor(math.log10(half))))
+
+
+def _fixed(value: float, places: int) -> str:
+    return f"{round(value, places) + 0.0:.{places}f}".replace("-", "−")
+
+
+def _trimmed(value: float, most: int) -> str:
+    """Four significant digits, and at most so many decimal places."""
+    return number(round(value, most) + 0.0)

@@ -14,6 +14,15 @@ from analysis.schema import AnalysisError
 ALIKE = 0.05  # of the amplitude: figures of motions that close are of the same
 
 
+# Differences below both are of no practical importance for a hobby-servo gimbal: a share of the
+# measured value, and an absolute size in the figure's unit.
+PRACTICAL_SHARE = 0.02
+PRACTICAL_SIZE: dict[str, float] = {
+    "rad": math.radians(0.05), "rad/s": math.radians(2.0), "deg": 1.0, "s": 0.5e-3, "%": 0.5,
+    "1": 0.005, "Hz": 0.1,
+}  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class Figure(Plain):
     """A figure with what it needs to be believed.
@@ -72,7 +81,10 @@ def fitted_line(x: Array, y: Array) -> tuple[float, float, Array]:
 def disagreements(
     measured: Sequence[Figure], model: Sequence[Figure]
 ) -> tuple[tuple[Figure, Figure], ...]:
-    """Pairs of a measured figure and the model's that lies outside its interval.
+    """Pairs of a measured figure and the model's that differs from it.
+
+    It differs if it lies outside the measured figure's interval and is further away than the
+    practical tolerance: 2 % of the value, and 0.05°, 2 °/s, 0.5 ms, 0.5 %, 0.005 or 0.1 Hz.
 
     Figures are one another's if their names are equal and their amplitudes within 5 %. A linear
     model's are of any amplitude and direction: its `rise_time` is held against `rise_time up` and
@@ -87,9 +99,14 @@ def disagreements(
         if (m.unit, other.unit) == ("rad", "1"):
             value *= abs(m.amplitude) if "peak" in m.name else m.amplitude
         known = all(map(math.isfinite, (*m.interval, value)))
-        if known and not m.interval[0] <= value <= m.interval[1]:
+        outside = known and not m.interval[0] <= value <= m.interval[1]
+        if outside and abs(value - m.value) > _tolerance(m):
             found.append((m, other))
     return tuple(found)
+
+
+def _tolerance(figure: Figure) -> float:
+    return max(PRACTICAL_SHARE * abs(figure.value), PRACTICAL_SIZE.get(figure.unit, 0.0))
 
 
 def _counterpart(figure: Figure, others: Sequence[Figure]) -> Figure | None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.recording import Event, Recording, measurement
+from analysis.recording import Event, Recording, TimeSeries, measurement
 from analysis.recording.caveats import LONGEST, caveats
 
 T = np.arange(0.0, 1.0, 0.1)
@@ -37,6 +37,15 @@ def test_different_settings_are_named_only_where_runs_are_compared():
     assert caveats([step, chirp]) == ("b was asked for signal chirp, not steps as a",)
     assert caveats([step, run("b", "fly")])[0].startswith("b is of fly, a of step")
     assert caveats([step, chirp], together=False) == ()
+
+
+def test_a_simulated_angle_of_an_earlier_version_is_named_as_the_measured_one():
+    names = ("gimbal/measured", "gimbal/simulated", "gimbal/followed")
+    series = {n: TimeSeries(n, T, np.zeros((len(T), 1)), "rad", ("x",)) for n in names}
+    now = replace(run("a"), recording=Recording({}, series))
+    before = replace(now, recording=Recording({}, {n: series[n] for n in names[:2]}))
+    assert caveats([now]) == ()
+    assert "follows the measured angle" in caveats([before])[0]
 
 
 def test_unknown_settings_raise_no_doubt():

@@ -119,7 +119,7 @@ def test_parts_clear_each_other_by_0_3_mm_at_every_angle(mechanism):
         for a, b in itertools.combinations(solids, 2)
         if link(model, solids[a][0]) != link(model, solids[b][0]) and not may_touch(a, b)
     ]
-    for x, y in grid(7):
+    for x, y in grid(5):
         pose(model, data, kinematics, x, y)
         now = {name: posed(shape, data, geom) for name, (geom, shape) in solids.items()}
         boxes = {name: np.array(body.bounding_box()) for name, body in now.items()}
@@ -136,7 +136,7 @@ def test_everything_ahead_of_the_tubes_aft_end_stays_inside_the_bore_at_every_an
     bore, half, _ = model.site("tube").size * 1e3
     aft = model.site("tube").pos[2] * 1e3 - half
     forward = aft + 2 * half
-    for x, y in grid(7):
+    for x, y in grid(5):
         pose(model, data, kinematics, x, y)
         for name, (geom, shape) in solids.items():
             inside = posed(shape, data, geom).trim_by_plane((0, 0, 1), aft)

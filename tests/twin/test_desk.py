@@ -220,7 +220,7 @@ class TestMirror:
         run = read(tmp_path / "m.rrd")
         assert result.frames > 250
         seen = run["gimbal/measured"]
-        shown = run["gimbal/simulated"]
+        shown = run["gimbal/followed"]
         later = np.interp(seen.time + 6e-3, shown.time, shown.values[:, 0])
         # it rests, so that 6 ms later only the filter's noise of 0.02° is between them
         assert abs(np.degrees(later - seen.values[:, 0])[5:-5]).max() < 0.1
@@ -240,7 +240,7 @@ class TestMirror:
             np.testing.assert_allclose(b[name].values, a[name].values[:n], atol=1e-12)
         at = np.arange(0.1, 1.0, 0.01)
         moved = [
-            np.interp(at, r["gimbal/simulated"].time, r["gimbal/simulated"].values[:, 0])
+            np.interp(at, r["gimbal/followed"].time, r["gimbal/followed"].values[:, 0])
             for r in (a, b)
         ]
         # live it was late by the wire and the tick, 4 ms at up to 200 °/s
@@ -262,7 +262,7 @@ class TestMirror:
         run = read(tmp_path / "m.rrd")
         stamps = run["gimbal/measured"].time
         assert (np.diff(stamps) > 0.25).sum() == 3
-        assert np.diff(run["gimbal/simulated"].time).max() < 2.5e-3  # a row every 2 ms throughout
+        assert np.diff(run["gimbal/followed"].time).max() < 2.5e-3  # a row every 2 ms throughout
         assert [e.level for e in run.events].count("WARN") == 3
         assert any(e.text == "rig away" for e in run.health)
 

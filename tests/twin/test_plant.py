@@ -98,7 +98,7 @@ def test_a_gimbal_far_past_its_stops_is_divergence_and_names_joint_angle_and_sto
 def test_angles_that_somebody_measures_may_lie_past_the_stops():
     with native.installed():
         plant = Plant(load(ModelConfig(gimbal="follow")))
-        plant.data.ctrl[:] = np.radians(20.0)
+        plant.follow((np.radians(20.0), np.radians(20.0)))
         for _ in range(10):
             plant.advance(4)
         assert np.isfinite(plant.gimbal_angle).all()

@@ -3,6 +3,7 @@
 import json
 from math import radians
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -40,6 +41,44 @@ def test_joints_that_follow_take_the_measured_angle_exactly():
     state = reached("follow", lambda plant: plant.follow(ANGLE))
     np.testing.assert_allclose(state.angle, ANGLE, atol=radians(0.005))
     np.testing.assert_allclose(state.rate, 0.0, atol=radians(0.01))
+
+
+def test_joints_that_follow_a_swing_have_its_angle_and_its_rate():
+    size, w, tick = radians(5.0), 2 * np.pi * 2.0, 4e-3
+    with native.installed():
+        plant = Plant(load(ModelConfig(scene="bench", gimbal="follow")))
+        off = []
+        for k in range(150):
+            t = k * tick
+            plant.follow((size * np.sin(w * t), 0.0), (size * w * np.cos(w * t), 0.0))
+            plant.advance(4)
+            t += tick
+            off.append(plant.gimbal_angle[0] - size * np.sin(w * t))
+            off.append(tick * (plant.gimbal_rate[0] - size * w * np.cos(w * t)))
+    # the rate is constant over a tick: off by half a tick of acceleration
+    assert np.abs(off[20:]).max() < 0.6 * tick**2 * size * w**2
+
+
+def test_a_gimbal_that_follows_turns_the_vehicle_the_other_way():
+    overrides = {"gravity[2]": 0.0, "motor_ignition": 100.0}
+    size, w, tick = radians(6.0), 2 * np.pi * 3.0, 4e-3
+    with native.installed():
+        plant = Plant(load(ModelConfig(gimbal="follow", overrides=overrides)))
+        plant.position[2] += 100.0  # off its ramp
+        momentum, moving = [], []
+        body = plant.model.body("vehicle").id
+        for k in range(60):
+            t = k * tick
+            angle, rate = size * (1 - np.cos(w * t)), size * w * np.sin(w * t)
+            plant.follow((0.0, angle), (0.0, rate))
+            plant.advance(4)
+            mujoco.mj_subtreeVel(plant.model, plant.data)
+            momentum.append(plant.data.subtree_angmom[body][1])
+            holder = plant.model.body("gimbal_holder").id
+            moving.append(abs(plant.data.subtree_angmom[holder][1]))
+    # nothing outside turns it, but for air on the slow swing
+    assert max(moving) > 1e-4
+    assert np.abs(momentum).max() < 0.01 * max(moving)
 
 
 @pytest.mark.parametrize("gimbal", ["linkage", "transfer-function"])

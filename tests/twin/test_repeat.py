@@ -130,7 +130,7 @@ def test_a_rig_that_fails_at_once_is_named_and_not_compared(capsys, tmp_path):
 def test_a_turntables_flights_are_compared_with_models_that_turn_the_same_way(tmp_path):
     result = repeat(
         Fly(
-            gimbal="emulator", attitude="base-gyro", programme="step", at_s=1.0, duration_s=4.0,
+            gimbal="emulator", attitude="base-gyro", programme="step", at_s=0.5, duration_s=2.0,
             repeat=2, out=tmp_path,
         )
     )  # fmt: skip

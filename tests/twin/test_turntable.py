@@ -115,7 +115,7 @@ def flown(path, gimbal, **more):
     "gimbal", ["emulator", pytest.param("firmware", marks=[needs_avr, pytest.mark.slow])]
 )
 @pytest.mark.parametrize(
-    "programme", ["hold", pytest.param("step", marks=pytest.mark.slow), "doublet"]
+    "programme", [*(pytest.param(p, marks=pytest.mark.slow) for p in ("hold", "step")), "doublet"]
 )
 def test_the_attitude_seen_is_the_vehicles_within_a_degree_and_the_loop_is_stable(
     tmp_path, gimbal, programme

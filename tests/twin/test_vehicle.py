@@ -97,8 +97,7 @@ def test_the_shipped_descriptions_are_25_lines_at_most(name: str) -> None:
 def test_a_built_mjcf_is_the_vehicle_that_flies(tmp_path: Path, name: str) -> None:
     built = vehicle(Settings("build", EXAMPLES / name, out=tmp_path / "deep" / "built.xml"))
     named = [Path(each.get("file", "")) for each in ElementTree.parse(Path(built)).iter("model")]
-    assert len(named) == 1
-    assert not named[0].is_absolute()
+    assert not any(file.is_absolute() for file in named)  # the mechanism, if it has one
     here, there = (
         load(ModelConfig(vehicle=Path(file))).mj for file in (EXAMPLES / name, Path(built))
     )

@@ -128,8 +128,8 @@ def test_every_signal_has_a_view_that_reports_nothing(tmp_path, vulkan):
     assert look.complaints == ()
 
 
-def test_the_web_viewer_shows_the_vehicle_at_three_times(flight, tmp_path, chromium):
-    look = headless.web_screenshot(flight, [0.02, 0.5, 0.98], tmp_path, (640, 400))
+def test_the_web_viewer_shows_the_vehicle(flight, tmp_path, chromium):
+    look = headless.web_screenshot(flight, [0.5], tmp_path, (640, 400))
     assert look.complaints == ()
     for picture in look.pictures:
         assert_in_frame(picture)

@@ -8,6 +8,7 @@ import re
 import textwrap
 from dataclasses import MISSING, field, fields, make_dataclass
 from difflib import get_close_matches
+from importlib.metadata import version
 from typing import Annotated, Any, get_args, get_origin
 
 import tyro
@@ -64,6 +65,9 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
         given = _parsed(_grouped(verb.settings), verb.settings.__doc__, verb.name, arguments[1:])
         flat = {k: v for group in vars(given).values() for k, v in vars(group).items()}
         return verb, verb.settings.of(flat)
+    if arguments == ["--version"]:
+        print(f"tvc-twin {version('tvc-twin')}")
+        raise SystemExit(0)
     print(_overview())
     raise SystemExit(0 if arguments and arguments[0] in ("-h", "--help") else 2)
 
@@ -73,7 +77,7 @@ def _suggested(advice: str, kind: type[Settings]) -> str:
     unknown = re.match(r"Unrecognized options: (--[\w-]+)", advice)
     if unknown is None:
         return advice
-    flags = [f"--{name.replace('_', '-')}" for name in hints(kind)]
+    flags = [f"--{name.rstrip('_').replace('_', '-')}" for name in hints(kind)]
     near = get_close_matches(unknown[1], flags, n=2) or [
         f for f in flags if f.startswith(unknown[1])
     ]
@@ -85,7 +89,8 @@ def _overview() -> str:
     width = 2 + max(len(verb.name) for verb in VERBS)
     lines = [f"usage: twin VERB [OPTIONS]\n\n{DESCRIPTION}\n"]
     lines += [f"  {v.name:<{width}}{_first_line(v.settings)}" for v in VERBS]
-    return "\n".join([*lines, "\n`twin VERB --help` lists the options of a verb."])
+    more = "`twin VERB --help` lists the options of a verb; `twin --version` prints the version."
+    return "\n".join([*lines, f"\n{more}"])
 
 
 def _first_line(kind: type[Settings]) -> str:
@@ -117,7 +122,10 @@ def _grouped(kind: type[Settings]) -> type:
         group, help_text = described(kind, f.name)
         help_text = help_text.replace("VERB", kind.__name__.lower())
         hint, default = _for_tyro(hints(kind)[f.name], f.default)
-        argument = tyro.conf.arg(help=help_text, help_behavior_hint=_behaviour(f.default))
+        # a name that Python reserves ends with an underscore, its flag does not
+        flag = f.name.rstrip("_").replace("_", "-") if f.name.endswith("_") else None
+        hint_text = _behaviour(f.default)
+        argument = tyro.conf.arg(name=flag, help=help_text, help_behavior_hint=hint_text)
         marked = Annotated[hint, argument]  # type: ignore[valid-type]
         entry = field() if default is MISSING else field(default=default)
         groups.setdefault(group, []).append((f.name, marked, entry))

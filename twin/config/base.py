@@ -5,7 +5,7 @@ import operator
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from types import UnionType
+from types import MappingProxyType, UnionType
 from typing import (
     Annotated,
     Any,
@@ -38,9 +38,12 @@ class Settings:
     Attributes
     ----------
     group : heading of a class' own fields in `--help`
+    effective : of settings that act with some values of another setting only, that other setting
+        and those values
     """
 
     group: ClassVar[str] = ""
+    effective: ClassVar[Mapping[str, tuple[str, tuple[str, ...]]]] = MappingProxyType({})
 
     def __post_init__(self) -> None:
         """Convert and validate every field, then check that they fit each other.
@@ -54,15 +57,26 @@ class Settings:
                 object.__setattr__(self, name, converted(getattr(self, name), hint))
             except SettingError as fault:
                 raise refusal(name, fault) from None
+            except TwinError as error:  # overrides of another name than --set
+                raise TwinError(str(error).replace("--set ", f"{flag(name)} ", 1)) from None
         self.validate()
 
     def validate(self) -> None:
-        """Refuse combinations of settings; extended by subclasses.
+        """Refuse settings without effect and contradictions; extended by subclasses.
 
         Raises
         ------
         TwinError : the flags and why they exclude each other
         """
+        defaults = {f.name: f.default for f in fields(self)}
+        for name, (other, values) in self.effective.items():
+            given, chosen = getattr(self, name), getattr(self, other)
+            if given != defaults[name] and chosen not in values:
+                shown = " ".join(map(str, given)) if isinstance(given, tuple) else f"{given}"
+                raise TwinError(
+                    f"{flag(name)} {shown}: has no effect with "
+                    f"{flag(other)} {chosen}; it is for {', '.join(values)}"
+                )
 
     @classmethod
     def of(cls, settings: Mapping[str, object]) -> Self:
@@ -83,8 +97,9 @@ class Settings:
         values: dict[str, Any] = {
             k: str(v) if isinstance(v, Path) else v for k, v in asdict(self).items()
         }
-        if pairs := values.get("set"):
-            values["set"] = [f"{name}={value!r}" for name, value in dict(pairs).items()]
+        for field in ("set", "shadow_set"):
+            if pairs := values.get(field):
+                values[field] = [f"{name}={value!r}" for name, value in dict(pairs).items()]
         return values
 
 
@@ -95,6 +110,11 @@ def _unknown(name: str, valid: tuple[str, ...]) -> str:
     return f"unknown setting {name!r}; " + (
         f"did you mean {' or '.join(near)}?" if near else f"valid: {', '.join(valid)}"
     )
+
+
+def flag(name: str) -> str:
+    """Return the command line's name of a setting."""
+    return f"--{name.replace('_', '-')}"
 
 
 def without_markers(hint: Any) -> Any:  # noqa: ANN401  a type

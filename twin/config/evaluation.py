@@ -125,7 +125,7 @@ class Identify(Columns, Output, Parameters):
 
 
 @dataclass(frozen=True)
-class Compare(Columns, Output):
+class Compare(Columns, Output, Parameters):
     """Compare two motions of a gimbal, for example simulated and measured."""
 
     group: ClassVar[str] = "comparison"
@@ -134,12 +134,42 @@ class Compare(Columns, Output):
     """The reference and the other, recordings or tables; or one recording that holds measured and
     simulated angles."""
     _: KW_ONLY
+    with_: str | None = None
+    """Simulate a gimbal with the commands of the one file and compare it: servos and pushrods
+    (linkage), or an identified model (JSON)."""
+    ratio: Annotated[float, Range(-100.0, 100.0)] | None = None
+    """Gimbal angle per servo shaft angle, where the columns of a table are shaft angles."""
+    mechanism: Path | None = None
+    """MJCF file of the gimbal mechanism for `--with linkage`; the reference mechanism if omitted.
+    """
     fail_below: Annotated[float, Range(-1e6, 100.0, "%")] | None = None
     """Exit with 1 if the fit of an axis, delay not removed, is below this value [%]."""
     longest_delay_ms: Milliseconds = 250.0
     """Longest delay of one motion behind the other that is searched [ms]."""
     out: Path | None = None
     """Recording of both and their difference; runs/compare.rrd if omitted."""
+
+    def validate(self) -> None:
+        """Refuse settings without effect or in contradiction.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        super().validate()
+        if self.with_ is not None and not self.with_.lower().endswith((".json", "linkage")):
+            raise TwinError(f"--with {self.with_}: must be linkage, or an identified model (.json)")
+        if self.with_ is not None and len(self.recordings) != 1:
+            raise TwinError(
+                f"--with {self.with_}: takes one file, not {len(self.recordings)}, and simulates"
+                " the other motion"
+            )
+        if self.with_ is not None and self.commands is not None:
+            raise TwinError("--with: not with --commands; give one table with commands and angles")
+        given = {"--ratio": self.ratio, "--mechanism": self.mechanism, "--set": self.set or None}
+        for flag, value in given.items():
+            if value is not None and self.with_ is None:
+                raise TwinError(f"{flag} {value}: needs --with linkage or --with model.json")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from twin.config.base import Settings
 from twin.config.overrides import parse
-from twin.config.seats import check_seat, is_port, is_rig
+from twin.config.seats import SIMULATED, check_seat, is_port, is_rig
 from twin.config.types import (
     TRANSFER_FUNCTION,
     Flag,
@@ -31,6 +31,9 @@ class Output(Settings):
     """File to write."""
     json: Flag = False
     """Print the results as one JSON object instead of a table."""
+    force: Flag = False
+    """Replace an existing file that is more than a simulation's recording or a report: a rig's
+    recording, a calibration, a model, or what another program wrote."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +108,25 @@ class Rig(SimulatedRig):
 
     calibration: Path | None = None
     """Calibration file (JSON) of the rig; the nominal geometry if omitted."""
+    no_check: Flag = False
+    """Skip the motion check before the run, which moves both axes by 2° for 1.6 s and refuses a
+    servo that is dead, reversed, swapped or moves by the wrong angle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shadow(Settings):
+    """The model that is simulated beside a rig."""
+
+    group: ClassVar[str] = "rig"
+
+    shadow: Literal["linkage", "transfer-function", "none"] | None = None
+    """Model simulated beside a rig under the same commands, recorded as gimbal/simulated: servos
+    and pushrods (linkage, the default), the identified model of `--model` (transfer-function), or
+    none."""
+    shadow_set: Overrides = ()
+    """NAME=VALUE: value of a named parameter of that model alone, for example
+    gimbal_servo_slew=8. `--set` changes a simulated rig, or the model beside a rig on a port.
+    Repeatable."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +166,7 @@ class Time(Settings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(Output, Time, Model, Rig, Gimbal):
+class Run(Output, Time, Model, Shadow, Rig, Gimbal):
     """Settings of every run of the twin."""
 
     out: Path | None = None
@@ -172,6 +194,9 @@ class Run(Output, Time, Model, Rig, Gimbal):
             "--calibration": self.calibration is not None,
             "--fault": bool(self.fault),
             "--unit": self.unit is not None,
+            "--no-check": self.no_check,
+            "--shadow": self.shadow is not None,
+            "--shadow-set": bool(self.shadow_set),
             "--on-fault": getattr(self, "on_fault", None) is not None,
         }
         for flag, present in given.items():
@@ -180,6 +205,17 @@ class Run(Output, Time, Model, Rig, Gimbal):
                     f"{flag} needs a rig (--gimbal emulator, firmware or a port); --gimbal is"
                     f" {self.gimbal}"
                 )
+        if self.shadow == "none" and self.shadow_set:
+            raise TwinError("--shadow-set: --shadow none has no parameters")
+
+    @property
+    def shadow_parameters(self) -> dict[str, float]:
+        """Parameters of the mechanism of the model beside a rig.
+
+        `--set` means the gimbal that is simulated: a simulated rig, or else the model beside it.
+        """
+        given = {} if self.gimbal in SIMULATED else self.overrides
+        return {k: v for k, v in given.items() if k.startswith("gimbal_")} | dict(self.shadow_set)
 
     @property
     def plant_scene(self) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal, TypeVar
 
 from twin.config.options import FaultResponse, Output, Parameters, Run
@@ -27,7 +28,12 @@ from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
+Speed = Annotated[float, Range(0.0, 50.0, "m/s")]
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
+MANOEUVRES = ("step", "doublet", "pitch-over")  # programmes with an amplitude and a time
+OF_COMMANDS = ("time", "input", "input_unit", "ratio", "time_scale")  # columns of --commands
+OF_SIGNAL = ("signal", "amplitude_deg", "repeats", "rate_limit_deg_s", "duration_s", "band_hz",
+             "smallest_deg")  # fmt: skip
 OBJECT = "object:"  # how a recording names a controller that was given as a Python object
 
 
@@ -36,10 +42,30 @@ class Fly(FaultResponse, Run):
     """Fly the vehicle headless and record it."""
 
     group: ClassVar[str] = "flight"
+    effective = MappingProxyType(
+        {
+            "amplitude_deg": ("programme", MANOEUVRES),
+            "at_s": ("programme", MANOEUVRES),
+            "target_range_m": ("programme", ("point",)),
+            "off_axis_deg": ("programme", ("point",)),
+            "hand_speed_m_s": ("launch", ("hand",)),
+            "hand_attitude_deg": ("launch", ("hand",)),
+            "hand_rate_deg_s": ("launch", ("hand",)),
+        }
+    )
 
     motor: Path | None = None
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
     thrust table of two columns (.csv); the vehicle's own motor if omitted."""
+    launch: Literal["ramp", "hand", "stand"] = "ramp"
+    """Launch from the vehicle's ramp; by hand, with random speed, attitude and rates of `--seed`;
+    or upright from rest on a stand."""
+    hand_speed_m_s: tuple[Speed, Speed] = (6.0, 1.0)
+    """Mean and standard deviation of the speed along the nose, by hand [m/s]."""
+    hand_attitude_deg: Annotated[float, Range(0.0, 60.0, "°")] = 5.0
+    """Standard deviation of the attitude about each axis across the nose, by hand [°]."""
+    hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = 30.0
+    """Standard deviation of the angular rate about each axis, by hand [°/s]."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
     point."""
@@ -52,6 +78,9 @@ class Fly(FaultResponse, Run):
     """Distance of the point of `--programme point` from the launch point [m]."""
     off_axis_deg: tuple[Direction, Direction] = (0.0, 0.0)
     """Direction of that point from the launch direction: right and up [°]."""
+    within: Annotated[float, Range(1e-3, 1e5, "m")] | None = None
+    """Largest distance from the point that counts as reaching it [m]; a flight that misses by more
+    ends with exit code 1. A miss is only reported if omitted."""
     amplitude_deg: Degrees = 5.0
     """Amplitude of the step, doublet or pitch-over [°]."""
     at_s: Annotated[float, Range(0.0, 36_000.0, "s")] = 3.0
@@ -66,7 +95,7 @@ class Fly(FaultResponse, Run):
     turntable of the thesis)."""
     control_hz: Frequency = 250.0
     """Rate of the controller [Hz]."""
-    duration_s: Duration = 120.0
+    duration_s: Duration = 600.0
     """Longest flight [s]; it ends earlier on the ground or past the point."""
     repeat: Count = 1
     """Number of flights, each with the next seed; more than one writes a page with the spread of
@@ -80,6 +109,10 @@ class Fly(FaultResponse, Run):
         TwinError : the flag and its value
         """
         super().validate()
+        if self.at_s != Fly.at_s and self.at_s >= self.duration_s:
+            raise TwinError(
+                f"--at-s {self.at_s:g}: must be before the end, --duration-s {self.duration_s:g}"
+            )
         if self.target is not None and self.programme not in ("hold", "point"):
             raise TwinError(f"--programme {self.programme} and --target exclude each other")
         if self.attitude == "base-gyro" and not is_rig(self.gimbal):
@@ -89,8 +122,10 @@ class Fly(FaultResponse, Run):
             )
         if self.scene == TURNTABLE and self.attitude != "base-gyro":
             raise TwinError("--scene turntable needs --attitude base-gyro")
-        if self.off_axis_deg != (0.0, 0.0) and (self.programme != "point" or self.target):
-            raise TwinError("--off-axis-deg needs --programme point, without --target")
+        if self.off_axis_deg != (0.0, 0.0) and self.target:
+            raise TwinError("--off-axis-deg and --target exclude each other")
+        if self.within is not None and self.programme != "point" and self.target is None:
+            raise TwinError(f"--within {self.within:g}: needs --programme point or --target")
         if self.controller is not None and ":" not in self.controller:
             raise TwinError(
                 f"--controller {self.controller}: must be FILE.py:NAME, for example own.py:Loop"
@@ -124,6 +159,13 @@ class Step(FaultResponse, Run):
     """Command a clamped gimbal with a test signal and record its response."""
 
     group: ClassVar[str] = "signal"
+    effective = MappingProxyType(
+        {
+            "duration_s": ("signal", ("chirp", "triangle", "dog-leg")),
+            "band_hz": ("signal", ("chirp", "prbs", "multisine")),
+            "smallest_deg": ("signal", ("staircase",)),
+        }
+    )
 
     scene: str = "bench"
     signal: Signal = "steps"
@@ -150,6 +192,46 @@ class Step(FaultResponse, Run):
     """Largest rate of the command [°/s]; unlimited if omitted."""
     control_hz: Frequency = 500.0
     """Rate of commands and of recorded rows [Hz]."""
+    commands: Path | None = None
+    """Commands in place of a test signal: a recording, or a table (.csv, .tsv, .txt, .mat) with
+    `--time` and `--input`."""
+    time: str | None = None
+    """Column of the time stamps of `--commands`."""
+    input: str | None = None
+    """Columns of the commands for x and y, separated by a comma; one column is for x, or for
+    `--axis`."""
+    input_unit: str = "rad"
+    """Unit of the command columns: rad, deg, mrad or turn, us (pulse width), or percent (100 is the
+    longest pulse, -100 the shortest)."""
+    ratio: Annotated[float, Range(-100.0, 100.0)] | None = None
+    """Gimbal angle per servo shaft angle, where the columns are shaft angles; they are gimbal
+    angles if omitted."""
+    time_scale: Annotated[float, Range(1e-12, 1e9, "s")] | None = None
+    """Seconds per unit of the time column, for example 1e-3."""
+
+    def validate(self) -> None:
+        """Refuse settings without effect or in contradiction.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        super().validate()
+        for name in OF_SIGNAL if self.commands else OF_COMMANDS:
+            if getattr(self, name) != getattr(Step, name):
+                flag = f"--{name.replace('_', '-')} {getattr(self, name)}"
+                raise TwinError(
+                    f"{flag}: --commands takes the place of the test signal"
+                    if self.commands
+                    else f"{flag}: needs --commands FILE"
+                )
+        if self.ratio == 0.0:
+            raise TwinError("--ratio 0: must not be zero")
+
+    def as_properties(self) -> dict[str, object]:
+        """Settings as JSON values; none of a test signal that was not commanded."""
+        values = super().as_properties()
+        return {k: v for k, v in values.items() if not (self.commands and k in OF_SIGNAL)}
 
 
 @dataclass(frozen=True)
@@ -175,7 +257,9 @@ class Replay(Output, Parameters):
     """Own controller of the recorded flight, FILE.py:NAME; a file named in a recording is never
     executed."""
     force: Flag = False
-    """Replay even if versions of libraries or the model differ from those recorded."""
+    """Replay even if versions of libraries or the model differ from those recorded, with files of
+    this machine that the recording names but does not contain; also replace an existing file that
+    is more than a simulation's recording."""
     out: Path | None = None
     """Recording to write; RECORDING.replay.rrd if omitted."""
 
@@ -226,7 +310,10 @@ def with_model(config: R, gimbal: str, **changes: object) -> R:
 
     Parameters of servos and rods are dropped where an identified model takes their place.
     """
-    rig: dict[str, object] = {"calibration": None, "fault": (), "unit": None, "clock": "lockstep"}
+    rig: dict[str, object] = {
+        "calibration": None, "fault": (), "unit": None, "clock": "lockstep", "shadow": None,
+        "shadow_set": (),
+    }  # fmt: skip
     if isinstance(config, Fly):
         rig |= {"attitude": "truth", "scene": config.plant_scene, "about": config.turns_about}
     if hasattr(config, "on_fault"):

@@ -142,7 +142,7 @@ def compare(config: Compare) -> CompareResult:
     file = config.out or Path("runs/compare.rrd")
     if file.is_dir() or not file.suffix:
         file /= "compare.rrd"
-    writable(file, ".rrd")
+    writable(file, ".rrd", force=config.force)
     _record(config, file, pair)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(
@@ -165,16 +165,31 @@ def _flights(runs: Sequence[Measurement]) -> PathDifference | None:
 
 def _pair(config: Compare) -> _Pair:
     files = config.recordings
+    if config.with_ is not None:
+        from twin.evaluation.beside import beside
+
+        both = beside(config)
+        measured = replace(both.run.angles, name=f"{both.run.name} ({both.run.motion})")
+        return _Pair(measured, both.simulated, both.run)
     if not 1 <= len(files) <= 2:
         raise TwinError(
             f"compare: {len(files)} recordings; give two (or tables), or one that holds measured"
             " and simulated angles"
         )
     if len(files) == 1 and is_table(files[0]):
-        raise TwinError(f"compare: {files[0]} is a table with one motion; give the other file too")
+        raise TwinError(
+            f"compare: {files[0]} is a table with one motion; give the other file too, or --with"
+            " linkage"
+        )
     runs = seen(config, files)
     if len(runs) == 1:
         recording = runs[0].recording
+        for kind in ("measured", "simulated"):
+            if f"gimbal/{kind}" not in recording.series:
+                raise TwinError(
+                    f"compare: {files[0]} holds no {kind} angles; give another recording too, or a"
+                    " run with a rig and without --shadow none"
+                )
         measured, simulated = (
             replace(recording[f"gimbal/{kind}"].known(), name=f"{files[0]} {kind}")
             for kind in ("measured", "simulated")

@@ -137,7 +137,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
     if config.check_only:
         return _information(config)
     began = time.perf_counter()
-    out = writable(config.out or Path("runs/model.json"), ".json")
+    out = writable(config.out or Path("runs/model.json"), ".json", force=config.force)
     source = given(config, config.sources)
     runs = source.runs
     held_back = [given(config, (file,)).runs[0] for file in config.check]

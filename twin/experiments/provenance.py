@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from twin.config import Run
 from twin.config.paths import writable
+from twin.config.seats import SIMULATED
 from twin.physics.motor import split_name
 from twin.plant.compose import described_motor
 from twin.plant.model import TwinModel
@@ -18,13 +19,14 @@ from twin.recorder.rows import Rows
 if TYPE_CHECKING:
     from analysis.recording import Recording
     from twin.hil import RigGimbal
+    from twin.hil.shadow import Shadow
 
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # Each write costs the same however much it holds; in real time a viewer may be watching, and the
 # process that writes may be ended by force.
 DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 1_000_000_000
 LARGEST_KEPT = 200_000  # bytes of a motor, model or vehicle file that a recording carries whole
-UNRECORDED = ("out", "json")  # where and how results are printed changes nothing about the run
+UNRECORDED = ("out", "json", "force")  # where results go changes nothing about the run
 
 
 def make_recorder(
@@ -38,6 +40,7 @@ def make_recorder(
     drain_ns: int | None = None,
     rig: "RigGimbal | None" = None,
     playback: "Recording | None" = None,
+    shadow: "Shadow | None" = None,
 ) -> Sink:
     """The run's recorder, its properties complete enough to repeat the run.
 
@@ -47,6 +50,7 @@ def make_recorder(
     serve : port of a live viewer on this machine
     drain_ns : time between two writes; by the clock if omitted
     rig : its base, if it turns, belongs to the properties
+    shadow : model beside the rig
     playback : recording that is repeated; its files are this run's files, whatever became of them
 
     Raises
@@ -58,12 +62,14 @@ def make_recorder(
         properties["files"] = _files_of(playback) | _only(properties["files"], "controller")
     if rig is not None and rig.base is not None:
         properties["base"] = asdict(rig.base)
+    if rig is not None:
+        properties["shadow"] = _shadow(config, shadow)
     if real_time:
         properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")
     path = config.out or Path("runs")
     if path.is_dir() or not path.suffix:
         path /= f"{verb}.rrd"
-    writable(path, ".rrd")
+    writable(path, ".rrd", force=config.force)
     make = DetachedRecorder if real_time else Recorder
     return make(
         path,
@@ -84,6 +90,22 @@ def _properties(config: Run, verb: str, twin: TwinModel) -> dict[str, object]:
         "model_sha256": twin.sha256,
         "seed": config.seed,
         "files": {name: _kept(path) for name, path in _files(config).items()},
+    }
+
+
+def _shadow(config: Run, shadow: "Shadow | None") -> dict[str, object] | None:
+    """What is simulated beside a rig, and the rig's parameters that it is simulated without."""
+    if shadow is None:
+        return None
+    ours, rigs = config.shadow_parameters, config.overrides
+    if config.gimbal not in SIMULATED:  # the parameters of a rig on a port are not known
+        rigs = ours
+    either = sorted(k for k in ours.keys() | rigs.keys() if k.startswith("gimbal_"))
+    return {
+        "gimbal": shadow.plant.twin.gimbal,
+        "sha256": shadow.plant.twin.sha256,
+        "set": ours,
+        "differs": [k for k in either if ours.get(k) != rigs.get(k)],
     }
 
 

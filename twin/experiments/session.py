@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Self
 from hardware.frames import GimbalCommand, GimbalState
 from twin.config import OnFault, Run
 from twin.config.seats import is_rig
-from twin.experiments.assembly import make_plant, rig_options, steps_per_tick
+from twin.experiments.assembly import (
+    make_plant,
+    rig_options,
+    shadow_options,
+    steps_per_tick,
+)
 from twin.experiments.provenance import make_recorder
 from twin.hil.failsafe import Guard
 from twin.loop.clock import Clock, Ledger, Lockstep, Wall
@@ -24,6 +29,7 @@ if TYPE_CHECKING:
     from analysis.recording import Recording
     from analysis.timing import Verdict
     from twin.hil import RigGimbal
+    from twin.hil.shadow import Shadow
     from twin.hil.turntable import Turntable
 
 REHEARSALS = 3  # ticks before the clock starts: the first one takes 15 ms
@@ -51,6 +57,7 @@ class Session:
     gimbal : component in the gimbal seat
     rig : the same where it is a rig, else None
     readings : of that component, where it has sensors
+    shadow : model beside a rig, else None
 
     Raises
     ------
@@ -74,6 +81,7 @@ class Session:
         self._stack, self._live = ExitStack(), ExitStack()
         self.rig: RigGimbal | None = None
         self.readings: Readings | None = None
+        self.shadow: Shadow | None = None
         self._ledger = Ledger() if self.real_time and timed else None
         self._clock: Wall | None = None
 
@@ -113,9 +121,20 @@ class Session:
             return
         from twin.hil import open_rig
 
+        self.shadow = self._beside(watch=watch)  # refused before a servo moves
         options = rig_options(self.config, watch=watch)
         self.rig = self._live.enter_context(open_rig(options, self.plant, self._playback))
         self.seat(self.rig, self.rig.readings)
+        if self.shadow is not None:
+            self.shadow.readings = self.rig.readings
+
+    def _beside(self, *, watch: bool) -> "Shadow | None":
+        options = shadow_options(self.config, watch=watch)
+        if options is None:
+            return None
+        from twin.hil.shadow import Shadow
+
+        return Shadow(options, self.tick_ns)
 
     def seat(self, gimbal: Gimbal, readings: Readings) -> None:
         """Use this component with sensors as the gimbal."""
@@ -160,11 +179,13 @@ class Session:
         ------
         TwinError : the file cannot be written, or the port is taken
         """
-        self.rows = Rows(self.plant, *sources, self._ledger, readings=self.readings)
+        given = (*sources, self.shadow, self._ledger)
+        self.rows = Rows(self.plant, *given, readings=self.readings)
         self.recorder = self._stack.enter_context(
             make_recorder(
                 self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,
                 serve=serve, drain_ns=drain_ns, rig=self.rig, playback=self._playback,
+                shadow=self.shadow,
             )
         )  # fmt: skip
         self.rows.bind(self.recorder)
@@ -187,8 +208,12 @@ class Session:
                 self.gimbal.send(GimbalCommand(time_ns, (0.0, 0.0)))
             self.rows.derive(time_ns)
             plant.advance(self.steps)
+            if self.shadow is not None:
+                self.shadow.advance(self.rows.command)
         plant.reset()
         plant.computing_s = 0.0
+        if self.shadow is not None:
+            self.shadow.reset()
 
     def run(
         self,
@@ -221,11 +246,23 @@ class Session:
             duration_ns=duration_ns,
             command=self.rows.command,
             each_tick=(self.rows.write,) if each_tick is None else each_tick,
-            stop=stop,
+            stop=self.beside(stop),
             ledger=self._ledger,
         )
         self._live.close()
         return outcome
+
+    def beside(self, stop: Callable[[], str | None]) -> Callable[[], str | None]:
+        """The same end of a run, asked for before the model beside its rig takes the tick."""
+        if (shadow := self.shadow) is None:
+            return stop
+
+        def ended() -> str | None:
+            reason = stop()
+            shadow.advance(self.rows.command)
+            return reason
+
+        return ended
 
     def verdict(self) -> "Verdict | None":
         """Whether real time left the run valid; None in lockstep. It becomes part of the recording.

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from twin.config import Step
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
-from twin.experiments.excitation import Excitation
+from twin.experiments.excitation import LONGEST, Excitation, Plan
 from twin.experiments.session import Session
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.loop.seats import Sequence as Commands
@@ -43,6 +45,7 @@ class StepResult(Result):
     excitation_s: float
     physics_steps: int
     physics_s: float
+    cpu_s: float
     wall_s: float
     warnings: dict[str, int]
     fault: str | None = None
@@ -65,7 +68,7 @@ class StepResult(Result):
         """The response as a table."""
         rows = [("gimbal", self.gimbal), ("signal", f"{self.signal}, {self.excitation_s:.1f} s")]
         rows += lines(self.figures)
-        rows.append(computing_row(self.wall_s, self.physics_steps, self.physics_s))
+        rows.append(computing_row(self.wall_s, self.cpu_s, self.physics_steps, self.physics_s))
         rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
         return rows + recording_rows(self.recording)
 
@@ -82,13 +85,13 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
     TwinError : something the user asked for cannot be done, in one line
     DivergenceError : the physics left the finite numbers; the recording up to there is kept
     """
-    began = time.perf_counter()
-    signal = excitation(config)
+    began, busy = time.perf_counter(), time.process_time()
+    signal = excitation(config) if config.commands is None else None
     with Session(config, "step", config.control_hz, playback=playback) as s:
         plant = s.plant
         if plant.twin.gimbal == "fixed":
             raise TwinError(f"--scene {config.scene}: has no gimbal to step")
-        plan = signal.plan(s.tick_ns * 1e-9)
+        plan = commanded(config) if signal is None else signal.plan(s.tick_ns * 1e-9)
         s.connect()
         commands = Commands(plan.times, plan.angles)
         guard = s.guard(commands, config.on_fault)
@@ -103,11 +106,12 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
     return StepResult(
         recording=str(recorder.path),
         gimbal=config.gimbal,
-        signal=config.signal,
+        signal=config.signal if config.commands is None else f"commands of {config.commands}",
         excitation_s=plan.duration,
         figures=figures(recorder.path),
         physics_steps=plant.steps,
         physics_s=plant.computing_s,
+        cpu_s=time.process_time() - busy,
         wall_s=time.perf_counter() - began,
         warnings=plant.warnings(),
         fault=guard.fault if guard else None,
@@ -135,6 +139,32 @@ def excitation(config: Step) -> Excitation:
         rate_limit=None if limit is None else math.radians(limit),
         seed=config.seed,
     )
+
+
+def commanded(config: Step) -> Plan:
+    """The commands of a file, in radians, dated from the first one, with a rest after the last.
+
+    Raises
+    ------
+    TwinError, AnalysisError : a file that cannot be used, or commands outside the stops
+    """
+    from twin.experiments.assembly import rig_calibration
+    from twin.hil.history import Source, gimbal_angles, read
+
+    assert config.commands is not None
+    names = tuple(n.strip() for n in (config.input or "").split(",") if n.strip())
+    source = Source(
+        config.commands, config.time, names, config.input_unit, config.ratio, config.time_scale
+    )
+    given = read(source)
+    calibration = rig_calibration(config) if source.pulses else None
+    angles = gimbal_angles(source, given, calibration, config.axis)
+    changed = np.any(np.diff(angles, axis=0) != 0.0, axis=1)
+    rows = np.concatenate([[0], np.flatnonzero(changed) + 1])
+    duration = float(given.time[-1]) + config.hold_s
+    if duration > LONGEST:
+        raise TwinError(f"{config.commands}: {duration:.0f} s; must be at most {LONGEST:.0f} s")
+    return Plan(np.array(given.time[rows]), angles[rows], duration)
 
 
 def figures(recording: Path) -> "tuple[AxisFigures, ...]":

@@ -60,6 +60,7 @@ class Episode:
             self._held = _Held()
             guard = s.guard(self._held, config.on_fault, turntable)
             controller: Controller = guard or self._held
+            ended = flight.over if guard is None else lambda: guard.over() or flight.over()
             self._command, acts = np.zeros(2), [flight.watch]
             if config.out is not None:
                 flight.announce = s.record(self.pilot, turntable).event
@@ -70,7 +71,7 @@ class Episode:
                 duration_ns=round(config.duration_s * 1e9),
                 command=self._command,
                 each_tick=acts,
-                stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
+                stop=ended if config.out is None else s.beside(ended),
             )
             self.outcome: Outcome | None = None
             self._recorded = config.out is not None

@@ -1,5 +1,6 @@
 """A recording in the gimbal seat: the joints follow the recorded measurements."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -92,7 +93,9 @@ class Playback:
             r.health = self._health.pop(0)[1]
         if r.health != before:
             r.events.append(HealthChanged(r.health))
-        self._plant.follow(self._last.angle)
+        if r.states:
+            u, v = (rate if math.isfinite(rate) else 0.0 for rate in self._last.rate)
+            self._plant.follow(self._last.angle, (u, v))
         return self._last
 
 

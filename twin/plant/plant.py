@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from hardware.frames import AXES, GimbalState, Pair
 from twin.errors import DivergenceError, TwinError
+from twin.physics.mechanism import closure_limit
 from twin.physics.motor import Depletion
 from twin.plant import integrators
 from twin.plant.actuation import Actuation
 from twin.plant.flow import Flow
 from twin.plant.model import TwinModel
+from twin.plant.release import Release
 from twin.plant.rods import Rods
 
 Array = NDArray[np.float64]
@@ -23,6 +25,8 @@ Array = NDArray[np.float64]
 # Beyond these a small vehicle's state is numerical nonsense, long before it overflows.
 LARGEST_SPEED = 5e3  # m/s and rad/s
 BEYOND_STOP = math.radians(3.0)  # tolerance; servos at full torque press half a degree into a stop
+# Frames of a rig come every 2 ms; a correction is spread over two of them, or over a longer tick.
+FOLLOW_NS = 4_000_000
 RENEWAL_NS = 4_000_000  # the reference motor burns 30 mg in it, 1/30000 of the vehicle
 
 
@@ -47,6 +51,10 @@ class VehicleState:
 class Plant:
     """Steps one model and gives its state; all consumers see the same instant.
 
+    Parameters
+    ----------
+    release : motion of the vehicle at time zero; at rest if omitted
+
     After `advance`, state, poses and site positions belong to the instant `time_ns`; MuJoCo's
     sensors, forces and centres of mass belong to the beginning of the last step.
 
@@ -62,8 +70,11 @@ class Plant:
 
     renewal_ns = RENEWAL_NS
 
-    def __init__(self, twin: TwinModel, integrator: str = "implicitfast") -> None:
+    def __init__(
+        self, twin: TwinModel, integrator: str = "implicitfast", release: Release | None = None
+    ) -> None:
         self.twin = twin
+        self._release = release
         self.model = twin.mj
         self.data = mujoco.MjData(self.model)
         self.dt_ns: int = round(self.model.opt.timestep * 1e9)
@@ -78,6 +89,8 @@ class Plant:
         self._view()
         self.signals = self._offer()
         self._stops = self._read_stops()
+        self._measured: tuple[Pair, Pair] | None = None
+        self._holds_ns = 0
         self.reset()
 
     def _view(self) -> None:
@@ -106,9 +119,11 @@ class Plant:
         """Signals of the gimbal and, where there is one, of the vehicle."""
         self._rods = Rods(self.model, self.data)
         self.closure = self._rods.closure
+        self._open = closure_limit(self.model) if self.twin.gimbal == "linkage" else math.inf
         self._flow: Flow | None = None
         self.thrust: Array = np.zeros(1)
-        signals = {"gimbal/simulated": self.gimbal_angle, "gimbal/rate/simulated": self.gimbal_rate}
+        what = "followed" if self.follows else "simulated"
+        signals = {f"gimbal/{what}": self.gimbal_angle, f"gimbal/rate/{what}": self.gimbal_rate}
         signals |= self._rods.signals
         if self.has_vehicle:
             state = (self.position, self.velocity, self.attitude, self.rate)
@@ -126,8 +141,16 @@ class Plant:
         return signals
 
     def derive(self, time_ns: int) -> None:
-        """Compute the signals beyond the state, at `time_ns` of the experiment [ns]."""
+        """Compute the signals beyond the state, at `time_ns` of the experiment [ns].
+
+        Raises
+        ------
+        DivergenceError : the rods are farther from their balls than `closure_limit`
+        """
         self._rods.derive()
+        x, y = self.closure.tolist()
+        if not (x <= self._open and y <= self._open):
+            self._came_apart(x, y)
         if self._flow is not None:
             self._flow.derive(time_ns)
 
@@ -147,8 +170,11 @@ class Plant:
         """Return to the model's initial state at time zero."""
         self._propellant.update(0.0)
         mujoco.mj_resetData(self.model, self.data)
+        if self._release is not None and self.has_vehicle:
+            self._release.apply(self.attitude, self.velocity, self.rate)
         self._stepper = self._stepper.fresh()
         self.steps = 0
+        self._measured, self._holds_ns = None, 0
         mujoco.mj_forward(self.model, self.data)
 
     def drive(self, angle: Pair) -> None:
@@ -160,8 +186,11 @@ class Plant:
         """Whether the gimbal joints take measured angles, from `follow`."""
         return self.twin.gimbal == "follow"
 
-    def follow(self, angle: Pair) -> None:
-        """Have the gimbal joints take a measured angle [rad]; they reach it one step later.
+    def follow(self, angle: Pair, rate: Pair = (0.0, 0.0)) -> None:
+        """Have the gimbal joints take a measured angle [rad], moving at its rate [rad/s].
+
+        A tick after the measurement they are where it would be by then; after `FOLLOW_NS` without
+        another, or at the end of a longer tick, they stand still.
 
         Raises
         ------
@@ -169,7 +198,20 @@ class Plant:
         """
         if not self.follows:
             raise TwinError(f"a gimbal of kind {self.twin.gimbal!r} cannot follow measured angles")
-        self._actuation.drive(angle)
+        self._measured = angle, rate
+
+    def _lead(self, n: int) -> None:
+        """Command the rates of joints that follow, for `n` steps."""
+        if self._measured is not None:
+            (x, y), (u, v) = self._measured
+            now_x, now_y = self.gimbal_angle.tolist()
+            span_ns = max(n * self.dt_ns, FOLLOW_NS)
+            within = 1e9 / span_ns
+            self._actuation.drive((u + (x - now_x) * within, v + (y - now_y) * within))
+            self._holds_ns = self.time_ns + span_ns
+            self._measured = None
+        elif self.time_ns >= self._holds_ns:
+            self._actuation.drive((0.0, 0.0))
 
     def gimbal(self) -> GimbalState:
         """Exact angles and rates of the gimbal joints at `time_ns`."""
@@ -189,6 +231,8 @@ class Plant:
         ------
         DivergenceError : a velocity is not finite or far too large, or the gimbal is past its stops
         """
+        if self.follows:
+            self._lead(n)
         while n > self._renewal:  # commands below 250 Hz: update the propellant in between
             self._move(self._renewal)
             n -= self._renewal
@@ -197,11 +241,11 @@ class Plant:
     def _move(self, n: int) -> None:
         """Take `n` steps with constant propellant mass."""
         self._propellant.update(self.time_ns * 1e-9)
-        began = time.perf_counter()
+        began = time.thread_time()
         self._stepper.step(self.model, self.data, n)
         # mj_step leaves poses at its beginning; those recorded belong to its end
         mujoco.mj_kinematics(self.model, self.data)
-        self.computing_s += time.perf_counter() - began
+        self.computing_s += time.thread_time() - began
         self.steps += n
         if not self._qvel @ self._qvel < LARGEST_SPEED**2:  # also where it is NaN
             self._diverged()
@@ -246,6 +290,14 @@ class Plant:
         raise DivergenceError(
             f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: velocity of joint"
             f" {joint.name!r} is {self.data.qvel[worst]:.3g}; a smaller --dt may help"
+        )
+
+    def _came_apart(self, x: float, y: float) -> None:
+        raise DivergenceError(
+            f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: the rods are"
+            f" {x * 1e3:.3g} mm (x) and {y * 1e3:.3g} mm (y) from their balls, more than the"
+            f" gimbal_closure_limit of {self._open * 1e3:g} mm; stiffer loops or a smaller --dt may"
+            " help"
         )
 
     def _left_stops(self, x: float, y: float) -> None:

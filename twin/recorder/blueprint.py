@@ -16,6 +16,7 @@ LOOK = (0.55, 0.75, -0.25)
 
 COMMAND = (150, 150, 150)
 MEASURED = (255, 140, 30)
+FOLLOWED = (130, 200, 130)
 X, Y, Z, W = (230, 80, 80), (90, 190, 90), (80, 130, 240), (180, 120, 220)
 
 # One colour per meaning: commanded, simulated, measured.
@@ -25,6 +26,8 @@ _MEANING = {
     "gimbal/measured": MEASURED,
     "gimbal/reference": MEASURED,
     "gimbal/other": SIMULATED_COLOR,
+    "gimbal/followed": FOLLOWED,
+    "gimbal/rate/followed": FOLLOWED,
     "gimbal/rate/simulated": SIMULATED_COLOR,
     "gimbal/rate/measured": MEASURED,
     "turntable/simulated": SIMULATED_COLOR,
@@ -53,6 +56,8 @@ _PER_AXIS = (
 _GROUPS = (
     ("Control error", ("control/error",)),
     ("Difference", ("gimbal/difference",)),
+    ("Followed angle", ("gimbal/followed",)),
+    ("Followed rate", ("gimbal/rate/followed",)),
     ("Turntable", ("turntable/simulated", "turntable/measured")),
     ("Angle of attack", ("vehicle/angle_of_attack",)),
     ("Airspeed", ("vehicle/airspeed",)),
@@ -78,6 +83,7 @@ _TABS = (
     ),
     ("Sensors", ("Potentiometers", "Gyro", "Accelerometer", "Base gyro", "Pulse width")),
     ("Linkage", ("Servo angle", "Loop closure")),
+    ("Followed", ("Followed angle", "Followed rate")),
     ("Timing", ("Timing", "Link")),
 )
 

@@ -1,20 +1,17 @@
-"""Each run against the reference: errors, delay, residuals over time."""
+"""Each run against the reference: errors and delay."""
 
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from analysis.comparison.compare import AxisComparison, Comparison
-from analysis.comparison.motion import bridged
 from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
-from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table, thinned
+from analysis.report.parts import Cell, Section, Table
 from analysis.report.words import number
 
 
 def comparison(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
-    """Table of errors and plot of residuals against the first run; nothing for one run alone."""
+    """Table of errors against the first run; nothing for one run alone."""
     reference = runs[0]
     found = [c for c in numbers.comparisons if c.reference == reference.name]
     if not found:
@@ -26,26 +23,24 @@ def comparison(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section |
         ("run", "axis", "delay", "rms", "mean", "worst", "fit", "VAF", "rms, aligned",
          "fit, aligned", "fit of repeats"),
         tuple(rows),
-        "Angle minus that of the reference, as recorded; fit is 100 (1 − |difference| / "
-        "|reference − mean|) %, VAF the variance accounted for. Delay is behind the reference, "
-        "found where the difference varies least; only the aligned columns have it taken out.",
+        "Angle minus that of the reference, as recorded. Fit: 100 (1 − |difference| / "
+        "|reference − mean|) %. VAF: variance accounted for. Delay: behind the reference, at the "
+        "smallest variance of the difference; only the aligned columns are corrected for it.",
     )  # fmt: skip
     text = " ".join((f"Every run against {reference.name}.", *_left_out(found)))
-    return Section(
-        "comparison", "Comparison", (text,), (table, _residuals(runs, {c.other for c in found}))
-    )
+    return Section("comparison", "Comparison", (text,), (table,))
 
 
 def _left_out(found: Sequence[Comparison]) -> list[str]:
-    """Sentences on what was not compared, and which axes count for no fit."""
+    """Sentences on what was not compared, and which axes are not judged."""
     notes = [
-        f"{c.other}, {axis}: {why}, so its fit counts for nothing."
+        f"{c.other}, axis {axis}: {why}; its fit is not judged."
         for c in found
         for axis, why in c.uncounted.items()
     ]
     return notes + [
-        f"{number(100.0 * a.left_out, 3)} % of the readings of {c.reference}, {a.axis}, lie in "
-        f"holes of {c.other} and are not compared."
+        f"{number(100.0 * a.left_out, 3)} % of the readings of {c.reference}, axis {a.axis}, "
+        f"lie in gaps of {c.other} and are not compared."
         for c in found
         for a in c.axes
         if a.left_out
@@ -65,24 +60,3 @@ def _cells(axis: AxisComparison) -> tuple[Cell, ...]:
         spread,
     )
     return tuple(Cell(text, "number") for text in texts)
-
-
-def _residuals(runs: Sequence[Measurement], others: set[str]) -> Plot:
-    panels, lines = [], []
-    for row, axis in enumerate(runs[0].axes):
-        panels.append(Panel(f"axis {axis.component}", "difference [°]", row))
-        for k, run in enumerate(runs[1:], start=1):
-            other = run.axis(axis.component)
-            if other is None or run.name not in others:
-                continue
-            there = bridged(axis.angles.time, other.angles.time, other.angles.value)
-            x, y = thinned(axis.angles.time, np.degrees(there - axis.angles.value))
-            lines.append(Line(f"{run.name} − {runs[0].name}", x, y, f"run{k}", row))
-    return Plot(
-        "residuals",
-        "Difference of the angles over time, without alignment.",
-        "time [s]",
-        tuple(panels),
-        tuple(lines),
-        panel_height=180,
-    )

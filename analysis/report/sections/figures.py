@@ -36,19 +36,23 @@ def figures(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | No
     head = ("axis", "figure", "direction", "at", *(r.name for r in runs))
     caption = "Value ± half of the 95 % interval; n is the number of repeats or averages. "
     if any(marked):
-        caption += f"≠: outside the interval of {runs[0].name}. "
+        caption += (
+            f"≠: outside the interval of {runs[0].name} and beyond the practical tolerance (2 % of "
+            "the value; 0.05°, 2 °/s, 0.5 ms, 0.5 %, 0.1 Hz). "
+        )
     caption += (
-        "Times count from the command; rise from 10 to 90 %, settling to 2 % and dead to "
-        "5 %, or to what noise leaves: then without an interval. A peak "
-        "without an overshoot beyond the noise has no time. AP is the mean of the angles attained "
-        "minus the command, RP the mean of their distances from it plus three deviations, vAP the "
-        "distance between the means from either side (ISO 9283). Cosine loss is the axial thrust "
-        "lost at the largest angle; of a model, what has no amplitude is of its equations."
+        "Times are measured from the command: rise time from 10 to 90 %, settling to 2 %, dead "
+        "time to 5 % of the step; where noise exceeds these bands, to the noise, and without an "
+        "interval. Without an overshoot beyond the noise a peak has no time. AP: mean attained "
+        "angle minus command. RP: mean distance from that mean plus three standard deviations. "
+        "vAP: distance between the means of the two approach directions (ISO 9283). Cosine loss: "
+        "axial thrust lost at the largest angle. Figures of a model without an amplitude are "
+        "computed from its equations."
     )
-    parts = [Table(head, tuple(rows), caption)]
+    parts = [Table(head, tuple(rows), caption, folded="Every figure, amplitude and direction")]
     if numbers.notes:
         parts.append(_notes(numbers))
-    return Section("figures", "Figures", (), tuple(parts))
+    return Section("figures", "All figures", (), tuple(parts))
 
 
 def _whole(text: str) -> Cell:
@@ -62,12 +66,12 @@ def _way(name: str) -> int:
 
 
 def _nothing(numbers: ReportNumbers) -> Section | None:
-    return Section("figures", "Figures", (), (_notes(numbers),)) if numbers.notes else None
+    return Section("figures", "All figures", (), (_notes(numbers),)) if numbers.notes else None
 
 
 def _notes(numbers: ReportNumbers) -> Table:
     return Table(
-        ("not determined, or uncertain",),
+        ("Not determined, or uncertain",),
         tuple((Cell(n, "warn"),) for n in numbers.notes),
     )
 

@@ -1,4 +1,4 @@
-"""A flight beside its gimbal: attitude error, height and speed over time, every run."""
+"""Trajectory, speed, attitude and thrust of every flight, and its numbers."""
 
 from collections.abc import Sequence
 
@@ -7,15 +7,20 @@ import numpy as np
 from analysis.array import Array
 from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
-from analysis.report.parts import Line, Panel, Plot, Section, thinned
+from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table, thinned
+from analysis.report.sections.flown import Flown, downrange, flown
+from analysis.report.words import number
 
 
 def flight(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
-    """Nothing unless a vehicle flew."""
-    panels: list[Panel] = []
-    lines: list[Line] = []
+    """Trajectory and signals of every flight with a table of its numbers; None without one."""
+    flights = [(k, run, f) for k, run in enumerate(runs) if (f := flown(run)) is not None]
+    if not flights:
+        return None
+    panels = [Panel("trajectory", "height [m]", 0, 0, x_label="downrange [m]")]
+    lines = [Line(run.name, *thinned(*downrange(run)), f"run{k}") for k, run, _ in flights]
     for title, label, signal, component, scale in SHOWN:
-        drawn = [(k, run) for k, run in enumerate(runs) if signal in run.recording.series]
+        drawn = [(k, run) for k, run, _ in flights if signal in run.recording.series]
         if not drawn:
             continue
         row, column = divmod(len(panels), 2)
@@ -25,15 +30,22 @@ def flight(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | Non
             values = _size(series.values) if component is None else series.column(component)
             t, y = thinned(series.time + run.shift, values * scale)
             lines.append(Line(run.name, t, y, f"run{k}", len(panels) - 1))
-    if not panels:
-        return None
     text = (
-        "In flight the gimbal answers its controller, whose commands answer the gimbal: step and "
+        "In flight the commands of the controller depend on the gimbal's response, so step and "
         "frequency figures need a test of the gimbal alone (twin step)."
     )
-    caption = "Of the body's origin on the gimbal pivot, in the world frame; east, north, up."
-    plot = Plot("flight", caption, "time [s]", tuple(panels), tuple(lines), panel_height=200)
-    return Section("flight", "Flight", (text,), (plot,))
+    caption = "Position of the gimbal pivot relative to the start; times are experiment times."
+    plot = Plot("flight", caption, "time [s]", tuple(panels), tuple(lines), panel_height=210)
+    table = _table([f for *_, f in flights])
+    return Section("flight", "Flight", (), (plot, table, Table((), (), text)))
+
+
+def _table(flights: Sequence[Flown]) -> Table:
+    rows: tuple[tuple[Cell | str, ...], ...] = tuple(
+        (name, *(Cell(f"{number(getattr(f, field), 3)}{unit}", "number") for f in flights))
+        for name, field, unit in ROWS
+    )
+    return Table(("figure", *(f.name for f in flights)), rows)
 
 
 def _size(values: Array) -> Array:
@@ -41,8 +53,20 @@ def _size(values: Array) -> Array:
 
 
 SHOWN: tuple[tuple[str, str, str, str | None, float], ...] = (
+    ("speed", "speed [m/s]", "vehicle/velocity", None, 1.0),
     ("attitude error about x", "error [°]", "control/error", "x", 180.0 / np.pi),
     ("attitude error about y", "error [°]", "control/error", "y", 180.0 / np.pi),
-    ("height", "height [m]", "vehicle/position", "z", 1.0),
-    ("speed", "speed [m/s]", "vehicle/velocity", None, 1.0),
+    ("angle of attack", "angle [°]", "vehicle/angle_of_attack", "angle", 180.0 / np.pi),
+    ("thrust", "thrust [N]", "vehicle/thrust", "thrust", 1.0),
+)
+ROWS = (
+    ("apogee", "apogee", " m"),
+    ("time of the apogee", "apogee_time", " s"),
+    ("largest speed up to the apogee", "speed", " m/s"),
+    ("burnout", "burnout", " s"),
+    ("attitude error under power, rms", "error_deg", "°"),
+    ("largest angle of attack above 10 m/s", "attack_deg", "°"),
+    ("gimbal command at its limit, of the powered time", "saturation", " %"),
+    ("end of the flight", "duration", " s"),
+    ("downrange of the end", "downrange", " m"),
 )

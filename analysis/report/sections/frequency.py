@@ -32,9 +32,9 @@ def frequency(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | 
     plot = Plot(
         "frequency",
         f"From command to angle, {'/'.join(map(str, sorted(averages)))} averages; bands are 95 % "
-        "intervals (Bendat and Piersol 2010, eq. 9.90) and hold scatter, not the leakage of a "
-        "short record. Only where the command had power and the coherence is at least 0.5. It is "
-        "the answer at this amplitude: play and speed limits make another one answer differently.",
+        "intervals (Bendat and Piersol 2010, eq. 9.90); they contain scatter, not the leakage of a "
+        "short record. Shown where the command had power and the coherence is at least 0.5. It is "
+        "the response at this amplitude; with backlash or a speed limit it depends on it.",
         "frequency [Hz]",
         tuple(panels),
         tuple(lines),

@@ -1,31 +1,52 @@
-"""Commanded and attained angles over time, every run, every axis."""
+"""Commanded and attained angles over time and their differences, every run, every axis."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from analysis.comparison.motion import bridged
 from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers, same_command
 from analysis.report.parts import Line, Panel, Plot, Section, held, thinned
 
+COLUMNS = 2  # two axes stand side by side
 
-def histories(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:  # noqa: ARG001
-    """One panel an axis; an angle simulated beside a measured one in one recording is dashed."""
-    names = [a.component for a in runs[0].axes]
-    panels, lines = [], []
-    for k, name in enumerate(names):
-        panels.append(Panel(f"axis {name}", "angle [°]", k))
-        lines += _lines(runs, name, k)
-    plot = Plot(
-        "history",
-        "Gimbal angle over experiment time. Drag to zoom, double-click to go back, click a name to "
-        "hide it. Long records are thinned to the extremes of every stretch.",
-        "time [s]",
-        tuple(panels),
-        tuple(lines),
+
+def histories(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
+    """One column an axis: angles above, differences from the first run below."""
+    compared = {c.other for c in numbers.comparisons if c.reference == runs[0].name}
+    panels: list[Panel] = []
+    lines: list[Line] = []
+    for k, axis in enumerate(runs[0].axes):
+        row, column = (0, k) if len(runs[0].axes) == COLUMNS else (2 * k, 0)
+        lines += _lines(runs, axis.component, len(panels))
+        panels.append(Panel(f"axis {axis.component}", "angle [°]", row, column))
+        differences = _differences(runs, axis, compared, len(panels))
+        if differences:
+            panels.append(Panel("difference", "difference [°]", row + 1, column))
+            lines += differences
+    caption = (
+        "Gimbal angle over experiment time. Drag to zoom, double-click to reset, click a name to "
+        "hide it."
     )
-    return Section("histories", "Time histories", (), (plot,))
+    if compared:
+        caption += f" Difference: angle minus that of {runs[0].name}, without alignment."
+    plot = Plot("history", caption, "time [s]", tuple(panels), tuple(lines))
+    return Section("histories", "Angles over time", (), (plot,))
+
+
+def _differences(
+    runs: Sequence[Measurement], axis: Measurement, compared: Collection[str], panel: int
+) -> list[Line]:
+    found = []
+    for k, run in enumerate(runs):
+        other = run.axis(axis.component)
+        if other is not None and run.name in compared:
+            there = bridged(axis.angles.time, other.angles.time, other.angles.value)
+            x, y = thinned(axis.angles.time, np.degrees(there - axis.angles.value))
+            found.append(Line(f"{run.name}, {run.motion}", x, y, f"run{k}", panel))
+    return found
 
 
 def _lines(runs: Sequence[Measurement], name: str, panel: int) -> list[Line]:

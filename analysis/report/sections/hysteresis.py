@@ -23,9 +23,9 @@ def hysteresis(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section |
         return None
     plot = Plot(
         "hysteresis",
-        "Settled angle minus command: dots were approached from below, rings from above. Lines are "
-        "slow sweeps and contain the lag of the gimbal as well as its backlash. A slope is a gain "
-        "that differs from one.",
+        "Settled angle minus command. Dots: approached from below; rings: from above. Lines: slow "
+        "sweeps, which contain the lag of the gimbal as well as its backlash. A slope is a gain "
+        "other than one.",
         "command [°]",
         panels,
         lines,

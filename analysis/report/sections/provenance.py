@@ -1,7 +1,10 @@
 """Where the numbers come from: runs, configuration, versions, hashes."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
 
 from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
@@ -13,8 +16,10 @@ MOST_SETTINGS = 500
 
 
 def provenance(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
-    """One column a run; configuration, versions and hash."""
+    """One column a run; file, configuration, versions and hash."""
     rows = [
+        ("file", [n.source or "–" for n in numbers.runs]),
+        ("written", [_date(n.source) for n in numbers.runs]),
         ("command", [_said(r, "command") for r in runs]),
         ("gimbal", [_said(r, "configuration", "gimbal") for r in runs]),
         ("signal", [_said(r, "configuration", "signal") for r in runs]),
@@ -34,6 +39,17 @@ def provenance(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
     return Section("runs", "Runs", _text(runs), (table,))
 
 
+def _date(source: str) -> str:
+    """When a file was last written, local time; – where there is no such file."""
+    try:
+        stamp = Path(source).stat().st_mtime if source else math.nan
+    except (OSError, ValueError):
+        return "–"
+    if not math.isfinite(stamp):
+        return "–"
+    return datetime.fromtimestamp(stamp).astimezone().isoformat(" ", "minutes")
+
+
 def _word(run: Measurement) -> str:
     word = run.recording.timing.get("verdict")
     return word if word in ("valid", "invalid") else "–"
@@ -43,8 +59,8 @@ def _text(runs: Sequence[Measurement]) -> tuple[str, ...]:
     reference = runs[0]
     texts = [f"The first run, {reference.name}, is the reference."] if len(runs) > 1 else []
     texts += [
-        f"{run.name} was shifted by {number(run.shift * 1e3)} ms, so that its first command falls "
-        f"on that of {reference.name}."
+        f"{run.name} was shifted by {number(run.shift * 1e3)} ms, so that its first command "
+        f"coincides with that of {reference.name}."
         for run in runs
         if run.shift
     ]

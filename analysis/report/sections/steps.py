@@ -41,9 +41,9 @@ def steps(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None
         return None
     plot = Plot(
         "steps",
-        "Every repeat (thin), their mean (thick) and its 95 % interval (band, Student's t over the "
-        "repeats; repeats of a simulation differ only by the state in which backlash and friction "
-        "left the gimbal). Time counts from the command.",
+        "Every repeat (thin), their mean (thick) and its 95 % interval (band; Student's t over the "
+        "repeats). Repeats of a simulation differ only by where backlash and friction held the "
+        "gimbal before. Time zero is the command.",
         "time from command [s]",
         tuple(panels),
         tuple(lines),

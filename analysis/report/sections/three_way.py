@@ -1,4 +1,4 @@
-"""Hardware, model and linkage at a glance: how well each tells the other."""
+"""Every run against every other in one table: fit, rms difference and delay."""
 
 import math
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ def three_way(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | 
     table = Table(
         ("reference", *(r.name for r in runs[1:])),
         tuple(rows),
-        "Smallest fit over the axes that were commanded, largest rms difference, and mean delay "
-        "behind the reference; all as recorded, nothing aligned.",
+        "Smallest fit over the commanded axes, largest rms difference over the axes, and mean "
+        "delay behind the reference; as recorded, without alignment.",
     )
-    return Section("overview", f"{_count(len(runs))} ways to the same motion", (), (table,))
+    return Section("overview", "Every run against every other", (), (table,))
 
 
 def _cell(found: Comparison | None) -> str:
@@ -36,7 +36,3 @@ def _cell(found: Comparison | None) -> str:
     late = f", {number(1e3 * sum(delays) / len(delays), 2)} ms" if delays else ""
     fit = f"{number(found.fit, 3)} %" if math.isfinite(found.fit) else "no fit"
     return f"{fit}, {number(math.degrees(worst), 2)}° rms{late}"
-
-
-def _count(n: int) -> str:
-    return {3: "Three", 4: "Four", 5: "Five"}.get(n, str(n))

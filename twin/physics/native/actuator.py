@@ -85,7 +85,8 @@ def attach(spec: mujoco.MjSpec, model: TransferFunctionModel, dt: float) -> None
             f"the identified model has inputs {list(model.inputs)}, outputs {list(model.outputs)};"
             " both must be ['x', 'y'] (twin identify --both uses one axis for both)"
         )
-    if not model.stable:
+    marginal = all(c.zero or c.den == (1.0, 0.0) for row in model.channels for c in row)
+    if not (model.stable or marginal):  # integrators make joints that follow a rate
         raise TwinError("the identified model is unstable: all poles must have negative real parts")
     for axis in AXES:
         data, states = packed(model, axis, dt)

@@ -1,0 +1,141 @@
+"""A history of commands from a file, as gimbal angles: tables in any unit, and recordings."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis import recording
+from analysis.recording import TimeSeries
+from analysis.recording.columns import UNITS, commands_of_table
+from analysis.recording.loader import is_table
+from hardware.calibration import Calibration
+from hardware.frames import AXES
+from hardware.rig.rig import PULSES
+from twin.errors import TwinError
+
+Array = NDArray[np.float64]
+LARGEST_ANGLE = math.radians(10.0)  # the mechanism's stops
+CENTRE, HALF = 0.5 * (PULSES[0] + PULSES[1]), 0.5 * (PULSES[1] - PULSES[0])  # s; 0 and 100 %
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where commands stand in a file, and what they mean.
+
+    Attributes
+    ----------
+    file : recording or table
+    time, inputs : columns of a table; `inputs` one, for the chosen axes, or x and y
+    unit : of an angle, or `us` (pulse width) and `percent` (of the way from neutral to the longest
+        pulse)
+    ratio : gimbal angle per servo shaft angle, where shaft angles are commanded
+    time_scale : seconds per unit of the time column
+    """
+
+    file: Path
+    time: str | None = None
+    inputs: tuple[str, ...] = ()
+    unit: str = "rad"
+    ratio: float | None = None
+    time_scale: float | None = None
+
+    @property
+    def pulses(self) -> bool:
+        """Whether the commands are pulses, which a calibration turns into angles."""
+        return self.unit in ("us", "percent")
+
+    def scaled(self, values: Array) -> Array:
+        """Commands in SI: pulse widths [s], or angles [rad].
+
+        Raises
+        ------
+        TwinError : an unknown unit
+        """
+        if self.unit == "us":
+            return values * 1e-6
+        if self.unit == "percent":
+            return CENTRE + 0.01 * HALF * values
+        if self.unit not in UNITS:
+            valid = ", ".join(sorted({*UNITS, "us", "percent"}))
+            raise TwinError(f"--input-unit {self.unit}: must be one of {valid}")
+        return values * UNITS[self.unit] * (1.0 if self.ratio is None else self.ratio)
+
+
+def read(source: Source) -> TimeSeries:
+    """Commands of a file, dated from its first one: angles [rad], or pulse widths [s].
+
+    Raises
+    ------
+    TwinError, AnalysisError : a file, column or unit that cannot be used
+    """
+    if not is_table(source.file):
+        if source.inputs or source.time or source.ratio is not None:
+            raise TwinError(
+                f"--time, --input and --ratio are only for tables; {source.file} is a recording"
+            )
+        command = recording.load(source.file).command
+        return command.shifted(-float(command.time[0]))
+    if not source.time or not 1 <= len(source.inputs) <= len(AXES):
+        raise TwinError(f"{source.file}: name its columns: --time t --input u, or --input ux,uy")
+    if source.pulses and source.ratio is not None:
+        raise TwinError(f"--ratio: not with --input-unit {source.unit}, which has no shaft angle")
+    command = commands_of_table(source.file, source.time, source.inputs, source.time_scale)
+    command = command.shifted(-float(command.time[0]))
+    return TimeSeries(
+        command.name, command.time, source.scaled(command.values), "rad", command.components
+    )
+
+
+def gimbal_angles(
+    source: Source, commands: TimeSeries, calibration: Calibration | None, axis: str
+) -> Array:
+    """Gimbal angles (n, 2) that commands ask for [rad].
+
+    Parameters
+    ----------
+    calibration : map of pulses to angles; only needed for pulses
+    axis : which axis one column commands, `x` or `y`; its own name if `both`
+
+    Raises
+    ------
+    TwinError : commands outside the stops, or pulses that no servo is sent
+    """
+    given = _both(commands, axis, calibration.zero if source.pulses and calibration else (0, 0))
+    if source.pulses:
+        assert calibration is not None
+        low, high = PULSES
+        _check(source, commands.time, given, low, high, 1e6, "µs", "a pulse width")
+        pairs, back = np.unique(given, axis=0, return_inverse=True)
+        of_pairs = [calibration.angles((float(p), float(q))) for p, q in pairs]
+        given = np.array(of_pairs, np.float64)[back.ravel()]
+    limit = LARGEST_ANGLE * (1.0 + 1e-9)
+    _check(source, commands.time, given, -limit, limit, math.degrees(1.0), "°", "between the stops")
+    return given
+
+
+def _both(commands: TimeSeries, axis: str, rest: tuple[float, float]) -> Array:
+    values = commands.values
+    if values.shape[1] == len(AXES):
+        return np.array(values)
+    chosen = axis if axis in AXES else commands.components[0]
+    both = np.full((len(values), len(AXES)), rest, np.float64)
+    both[:, AXES.index(chosen)] = values[:, 0]
+    return both
+
+
+def _check(
+    source: Source, time: Array, values: Array, low: float, high: float,
+    scale: float, unit: str, what: str,
+) -> None:  # fmt: skip
+    wrong = np.flatnonzero(((values < low) | (values > high)).any(axis=1))
+    if not len(wrong):
+        return
+    k = int(wrong[0])
+    worst = float(values[k][np.argmax(np.maximum(low - values[k], values[k] - high))])
+    raise TwinError(
+        f"{source.file}: command of {scale * worst:.4g} {unit} at {time[k]:g} s: must be {what},"
+        f" from {scale * low:.4g} to {scale * high:.4g} {unit}"
+    )
