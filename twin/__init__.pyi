@@ -10,6 +10,7 @@ from twin.errors import TwinError as TwinError
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.identify import IdentifyResult
+from twin.evaluation.identify import InformationResult
 from twin.evaluation.linkage import PhysicsResult
 from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
@@ -143,17 +144,18 @@ def identify(
     max_delay_ms: float | None = ...,
     select_order: bool = ...,
     servo: bool = ...,
-    structure: Literal['best', 'speed', 'command'] = ...,
+    structure: Literal['best', 'speed', 'command', 'set-point'] = ...,
     coupling: Literal['auto', 'none', 'full'] = ...,
     rate: str | None = ...,
     from_pulses: bool = ...,
     gyro_delay_ms: float = ...,
     initial: Literal['rest', 'free'] = ...,
     check: tuple[str | PathLike[str], ...] = ...,
+    check_only: bool = ...,
     both: bool = ...,
     parameters: tuple[str, ...] = ...,
     mechanism: str | PathLike[str] | None = ...,
-) -> IdentifyResult | PhysicsResult: ...
+) -> IdentifyResult | PhysicsResult | InformationResult: ...
 def mechanism(
     action: Literal['show', 'check'],
     file: str | PathLike[str] | None,
