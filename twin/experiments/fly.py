@@ -67,8 +67,10 @@ def fly(
         )
         recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
         timing = s.verdict()
+    result = flight.result(recorder.path, outcome, time.perf_counter() - began)
     return replace(
-        flight.result(recorder.path, outcome, time.perf_counter() - began),
+        result,
+        notes=result.notes + s.notes,
         fault=guard.fault if guard else None,
         turntable_rms_deg=None if turntable is None else math.degrees(turntable.rms),
         timing=timing,

@@ -21,10 +21,15 @@ from twin.errors import TwinError
 from twin.hil.bench import BenchPlant
 from twin.hil.gimbal import RigGimbal
 from twin.hil.simulated import Device, make_device, nominal_calibration, parameters
+from twin.hil.tolerances import vary
 from twin.hil.turntable import measure_base
 from twin.plant.model import ModelConfig, TwinModel, load
 from twin.plant.plant import Plant
 
+OWN = (
+    "without --calibration the maps of a simulated rig are taken from its own parameters;"
+    " twin calibrate measures them"
+)
 RIG_PARAMETERS = ("gimbal_", TURNTABLE)  # prefixes of names; the second for turntables only
 
 
@@ -73,7 +78,10 @@ def device(options: RigOptions) -> Device:
     """
     faults = [parse(text) for text in options.faults]
     rig = parameters(_model(options, "bench").mj, options.unit)
-    plant = BenchPlant(_model(options, options.scene))
+    twin = _model(options, options.scene)
+    if options.unit is not None:
+        vary(twin.mj, rig)
+    plant = BenchPlant(twin)
     return make_device(options.seat, plant, rig, faults=faults, seed=options.seed)
 
 
@@ -171,12 +179,13 @@ def _replayed(options: RigOptions, plant: Plant, playback: Recording) -> RigGimb
 
 def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
     calibration = _calibration(options)
+    measured = calibration is not None
     simulated = device(options)
     if calibration is None:
         bench = _model(options, "bench").mj
         calibration = nominal_calibration(bench, parameters(bench, options.unit))
     rig = in_process(simulated, calibration, arm=not options.watch, fuse=options.fuse)
-    return RigGimbal(
+    seat = RigGimbal(
         rig,
         plant,
         clock=lambda: round(simulated.time_us * 1000),
@@ -184,6 +193,8 @@ def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
         lockstep=True,
         watch=options.watch,
     )
+    seat.note = "" if measured else OWN
+    return seat
 
 
 def calibration_of(options: RigOptions) -> Calibration:

@@ -117,6 +117,7 @@ class RigGimbal:
     readings : of the latest poll
     turntable : pulse width for the third servo, 0 for neutral [s]
     base : map of the turntable the rig stands on; None on a fixed bench
+    note : what is worth knowing of its calibration, in one line; "" where it was measured
     """
 
     def __init__(
@@ -138,6 +139,7 @@ class RigGimbal:
         self._live = live
         self.turntable = 0.0
         self.base: BaseMap | None = None
+        self.note = ""
         self._origin = 0
         self._started = self._caught_up = False
         self._fresh_ns = 0
