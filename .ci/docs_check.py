@@ -49,6 +49,7 @@ FOREIGN = {
     "--ignore-timeline",
     "--check",
     "--bind",
+    "--key-file",
 }
 FOREIGN_NAMES = {"Batch", "analogWrite", "cyclictest", "eval", "multiprocessing", "tone"}
 SIGNAL_ROOTS = {name.partition("/")[0] for name in SIGNALS}

@@ -9,7 +9,7 @@ import sys
 
 from source_names import ROOT
 
-from hardware.protocol import MESSAGES, layout
+from hardware.protocol import MESSAGES, SESSION, layout
 from hardware.protocol.wire import C_TYPES
 
 PAGE = ROOT / "docs" / "protocol.md"
@@ -32,7 +32,7 @@ def main() -> int:
 def tables() -> str:
     """One section for each message."""
     lines: list[str] = []
-    for cls in MESSAGES:
+    for cls in (*MESSAGES, *SESSION):
         place = layout(cls)
         direction = "device → host" if place.type_id >= 0x80 else "host → device"
         title = f"### {cls.__name__} `0x{place.type_id:02x}`, {direction}, {place.size} bytes"

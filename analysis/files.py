@@ -1,10 +1,68 @@
-"""Files that appear whole or not at all."""
+"""Files of unknown origin, read within limits, and files that appear whole or not at all."""
 
 import os
+import stat
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from analysis.schema import AnalysisError
+
+
+class FileError(AnalysisError):
+    """A file that cannot be read, in one line."""
+
+
+@contextmanager
+def opened(path: Path | str, largest: int) -> Iterator[IO[bytes]]:
+    """A regular file of at most `largest` bytes, open for reading.
+
+    Devices, FIFOs, sockets and folders are refused before they are opened, which may block for
+    ever. Errors while it is read become `FileError` as well.
+
+    Raises
+    ------
+    FileError : the path and what is wrong with it
+    """
+    try:
+        _check(path, os.stat(path), largest)  # noqa: PTH116  also of a text with a zero byte
+        # a file that has become a FIFO since then must not block
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or 'cannot be read'}") from None
+    except ValueError as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"{str(path)!r}: not a file name") from None
+    with os.fdopen(descriptor, "rb") as file:
+        _check(path, os.fstat(descriptor), largest)
+        try:
+            yield file
+        except OSError as error:
+            raise FileError(f"{path}: {error.strerror or 'cannot be read'}") from None
+
+
+def _check(path: Path | str, state: os.stat_result, largest: int) -> None:
+    if not stat.S_ISREG(state.st_mode):
+        raise FileError(f"{path}: not a regular file")
+    if state.st_size > largest:
+        raise FileError(f"{path}: larger than {largest} bytes, the limit for its kind")
+
+
+def content(path: Path | str, largest: int) -> bytes:
+    """Bytes of a regular file.
+
+    Raises
+    ------
+    FileError : it cannot be read, is not a regular file, or has more than `largest` bytes
+    """
+    with opened(path, largest) as file:
+        data = file.read(largest + 1)
+    if len(data) > largest:  # of files in /proc, whose size is said to be zero
+        raise FileError(f"{path}: larger than {largest} bytes, the limit for its kind")
+    return data
 
 
 def write_text(path: Path, text: str) -> None:

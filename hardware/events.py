@@ -23,6 +23,10 @@ class Event(ABC):
         """One line for the log."""
 
 
+def _part(name: str) -> str:
+    return "servo" if name.startswith("servo_") else "sensor"
+
+
 @dataclass(frozen=True)
 class RigLost(Event):
     """The connection was lost.
@@ -63,7 +67,7 @@ class RigBack(Event):
 
 @dataclass(frozen=True)
 class SensorFault(Event):
-    """The monitor has found a sensor to be wrong.
+    """The monitor has found a sensor or servo to be wrong.
 
     Attributes
     ----------
@@ -77,19 +81,19 @@ class SensorFault(Event):
     @property
     def text(self) -> str:
         """Sensor and kind."""
-        return f"sensor fault: {self.sensor} {self.kind}"
+        return f"{_part(self.sensor)} fault: {self.sensor} {self.kind}"
 
 
 @dataclass(frozen=True)
 class SensorRecovered(Event):
-    """A sensor that was wrong is trusted again."""
+    """A sensor or servo that was wrong is trusted again."""
 
     sensor: str
 
     @property
     def text(self) -> str:
         """Sensor."""
-        return f"sensor recovered: {self.sensor}"
+        return f"{_part(self.sensor)} recovered: {self.sensor}"
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,18 @@ class HealthChanged(Event):
     def text(self) -> str:
         """The new health."""
         return self.health
+
+
+@dataclass(frozen=True)
+class ReadingsDropped(Event):
+    """Readings come faster than they are processed; the newest are used."""
+
+    level: ClassVar[Level] = "WARN"
+
+    @property
+    def text(self) -> str:
+        """What happens."""
+        return "readings come faster than they are processed: the oldest are dropped"
 
 
 @dataclass(frozen=True)

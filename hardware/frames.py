@@ -16,6 +16,12 @@ POTENTIOMETER_NAMES = (
 )
 """Names of `SensorFrame.potentiometer`, in order."""
 
+PAIR_NAMES = ("potentiometers_x", "potentiometers_y")
+"""Names of both potentiometers of an axis together."""
+
+SERVO_NAMES = ("servo_x", "servo_y")
+"""Names of the two servos of the gimbal."""
+
 
 class HardwareError(ValueError):
     """A user's mistake with a rig (port, calibration, fault name); the message is one line."""
@@ -45,7 +51,7 @@ class GimbalState:
     angle : gimbal angle about x and y [rad]
     rate : its time derivative [rad/s]
     sigma : standard deviation of the angle; zero where the state is exact [rad]
-    healthy : false while a sensor that the state depends on has a named fault
+    healthy : false while a sensor or servo of the gimbal has a named fault
     """
 
     time_ns: int

@@ -8,6 +8,7 @@ STANDARD_GRAVITY = 9.80665  # m/s², CGPM 1901
 SERVO_TRAVEL = radians(1.0) / 10.3e-6  # rad of shaft per s of pulse width
 
 POTENTIOMETER_TRAVEL = radians(240.0)  # of the track
+GIMBAL_STOP = radians(10.0)  # of the mechanism, both axes: class "axis" of mjcf/mechanism.xml
 SWITCH_ANGLE = radians(9.0)  # of the printed rig: numeric switch_angle of mjcf/bench.xml
 
 # MPU-6000/6050 product specification 6.1 and 6.2, register map revision 4.2.

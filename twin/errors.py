@@ -7,3 +7,7 @@ class TwinError(ValueError):
 
 class DivergenceError(RuntimeError):
     """A simulation that left the finite numbers; the command line maps it to exit code 1."""
+
+
+class CheckError(RuntimeError):
+    """A rig that failed a check before its run; the command line maps it to exit code 1."""

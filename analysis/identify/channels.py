@@ -9,73 +9,153 @@ from analysis.array import Array
 from analysis.identify.basis import denominator
 from analysis.identify.evidence import ChannelFit, Estimate, ServoBounds
 from analysis.identify.fit import AxisFit
-from analysis.identify.servo import ServoFit
-from analysis.identify.uncertainty import propagated
+from analysis.identify.problem import Problem
+from analysis.identify.servo_fit import ServoFit
+from analysis.identify.uncertainty import Uncertainty
 
 Figures = list[tuple[str, str, Callable[[Array], float]]]  # name, unit, value of the parameters
 
 
 def linear(
-    fit: AxisFit, cov: Array, output: str, inputs: tuple[str, ...]
+    fit: AxisFit, known: Uncertainty, output: str, inputs: tuple[str, ...], longest: float
 ) -> tuple[ChannelFit, ...]:
     """Channels into one axis."""
     layout, solution = fit.problem.layout, fit.solution
+    whole = np.concatenate([solution.theta, solution.linear])
     found = []
     for j, name in enumerate(inputs):
-        places = [*range(layout.group(j).start, layout.group(j).stop)]
-        if j in layout.free_delays:
-            places.append(layout.groups * layout.poles + layout.free_delays.index(j))
-        first = layout.size + j * (layout.zeros + 1)
-        places += range(first, first + layout.zeros + 1)
-        whole = np.concatenate([solution.theta, solution.linear])
-        parameters, own = whole[places], cov[np.ix_(places, places)]
-        if j not in layout.free_delays:
-            parameters = np.insert(parameters, layout.poles, layout.delays[j])
-            own = np.insert(np.insert(own, layout.poles, 0.0, 0), layout.poles, 0.0, 1)
-        found.append(_channel(parameters, own, layout.poles, layout.frequency, f"{output}/{name}"))
+        group, numerator = layout.group(j), layout.numerator(j)
+        places = [*range(group.start, group.stop)]
+        fixed = j not in layout.free_delays
+        if not fixed:
+            places.append(layout.delay_place(j))
+        places += range(layout.size + numerator.start, layout.size + numerator.stop)
+        given = layout.delays[j] if fixed else None
+        found.append(
+            _channel(
+                whole, places, known, f"{output}/{name}", longest, layout.poles,
+                layout.frequency, given, fit.problem.doubt,
+            )
+        )  # fmt: skip
     return tuple(found)
 
 
-def bounded(fit: ServoFit, cov: Array, output: str, command: str) -> tuple[ChannelFit, ServoBounds]:
+def bounded(
+    fit: ServoFit, known: Uncertainty, output: str, command: str, longest: float
+) -> tuple[ChannelFit, ServoBounds]:
     """Linear part and bounds of one servo."""
     n = fit.poles
-    places = [*range(n + 1), n + 4]
     whole = np.concatenate([fit.theta, fit.linear])
-    channel = _channel(whole[places], cov[np.ix_(places, places)], n, 1.0, f"{output}/{command}")
-    std = np.sqrt(np.clip(np.diag(cov), 0.0, None))
-    gain = abs(fit.gain)
-    limit = fit.rate_limit * gain
-    # limit and gain err together: the limit is that of the output
-    pair = np.ix_([n + 1, n + 4], [n + 1, n + 4])
-    slope = np.array([limit, limit / fit.gain])
-    limit_std = float(np.sqrt(max(slope @ cov[pair] @ slope, 0.0)))
-    return channel, ServoBounds(
-        fit.structure,
-        Estimate(f"{output} rate limit", limit, limit_std, "rad/s"),
-        Estimate(f"{output} dead band", fit.dead_band, float(std[n + 2]), "rad"),
-        Estimate(f"{output} backlash", fit.backlash, float(std[n + 3]) * gain, "rad"),
+    given = None if fit.problem.layout.free_delays else float(fit.theta[n])
+    count = len(fit.theta)
+    places = [*range(n + 1), count] if given is None else [*range(n), count]
+    channel = _channel(
+        whole, places, known, f"{output}/{command}", longest, n, 1.0, given, fit.problem.doubt
+    )
+    # limits and gain err together: the limits are those of the output
+    behind = fit.structure == "set-point"
+    parts = [n + 1, n + 2, n + 3, count, *([n + 4, n + 5] if behind else [])]
+
+    def bounds(p: Array) -> Array:
+        gain = abs(p[3])
+        found = [np.exp(p[0]) * gain, p[1], p[2] * gain]
+        if behind:
+            back = np.exp(p[0] + p[5]) * gain
+            if p[3] < 0.0:
+                found[0], back = back, found[0]
+            found += [back, np.exp(p[4]) * gain]
+        return np.array(found)
+
+    values = bounds(whole[parts])
+    std = known.deviations(bounds, whole[parts], parts, np.zeros(len(parts)))
+    names = (
+        ("rate limit", "rad/s"),
+        ("dead band", "rad"),
+        ("backlash", "rad"),
+        ("rate limit back", "rad/s"),
+        ("slew of the set point", "rad/s"),
+    )
+    estimates = [
+        Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
+        for (what, unit), v, s in zip(names, values, std, strict=False)
+    ]
+    return channel, ServoBounds(fit.structure, *estimates)
+
+
+def nothing(like: ChannelFit, found: tuple[Estimate, ...] = ()) -> ChannelFit:
+    """A channel that passes nothing, with what is known of its gain."""
+    return ChannelFit((0.0,), like.den, 0.0, found, np.zeros(0), np.zeros((0, 0)))
+
+
+def absent(fit: AxisFit, problem: Problem, column: int, like: ChannelFit, name: str) -> ChannelFit:
+    """A channel that the readings do not show, with the interval of its gain around zero.
+
+    Parameters
+    ----------
+    problem : with all commands
+    like : the channel whose motion the absent one's is taken to be a multiple of
+    """
+    one = problem.weighed(fit.problem.weight).channels((column,), (0,))
+    theta = fit.solution.theta[fit.problem.layout.group(0)]
+    if one.layout.free_delays:
+        theta = np.append(theta, like.delay)
+    column_of = one.driven(theta, np.ones(1)) * one.weight
+    rest = fit.solution.basis
+    column_of = column_of - rest @ np.linalg.lstsq(rest, column_of, rcond=1e-9)[0]
+    power = max(float(column_of @ column_of), 1e-300)
+    gain = float(column_of @ fit.solution.weighted) / power
+    return nothing(
+        like, (Estimate(f"{name} gain", 0.0, float(np.hypot(gain, power**-0.5)), "rad/rad"),)
     )
 
 
-def nothing(like: ChannelFit) -> ChannelFit:
-    """A channel that passes nothing."""
-    return ChannelFit((0.0,), like.den, 0.0, (), np.zeros(0), np.zeros((0, 0)))
+def _channel(
+    whole: Array,
+    places: list[int],
+    known: Uncertainty,
+    name: str,
+    longest: float,
+    poles: int,
+    frequency: float,
+    given: float | None,
+    doubt: float,
+) -> ChannelFit:
+    """One channel of the parameters at `places`; `given` is a delay that was not searched."""
 
+    def parameters_of(own: Array) -> Array:
+        return own if given is None else np.insert(own, poles, given)
 
-def _channel(parameters: Array, cov: Array, poles: int, frequency: float, name: str) -> ChannelFit:
-    num, den = polynomials(parameters, poles, frequency)
+    at = whole[places]
+    parameters = parameters_of(at)
     figures = _figures(parameters, poles, frequency)
-    values = np.array([value(parameters) for _, _, value in figures])
-    spread = propagated(lambda p: np.array([v(p) for _, _, v in figures]), parameters, cov)
-    std = np.sqrt(np.clip(np.diag(spread), 0.0, None))
+    doubts = np.zeros(len(places))
+    if given is None:
+        doubts[poles] = doubt  # the stamps of all commands are off alike
+
+    def values_of(own: Array) -> Array:
+        return np.array([value(parameters_of(own)) for _, _, value in figures])
+
+    std = known.deviations(values_of, at, places, doubts)
+    own = known.covariance[np.ix_(places, places)] + np.diag(doubts**2)
+    if given is not None:
+        own = np.insert(np.insert(own, poles, 0.0, 0), poles, 0.0, 1)
+    num, den = polynomials(parameters, poles, frequency)
     estimates = tuple(
-        Estimate(f"{name} {what}", float(v), float(s), unit)
-        for (what, unit, _), v, s in zip(figures, values, std, strict=True)
+        Estimate(f"{name} {what}", float(v), float(s), unit, _determined(what, v, s, longest))
+        for (what, unit, _), v, s in zip(figures, values_of(at), std, strict=True)
     )
     return ChannelFit(
         tuple(num.tolist()), tuple(den.tolist()), float(parameters[poles]), estimates,
-        parameters, cov,
+        parameters, own,
     )  # fmt: skip
+
+
+def _determined(what: str, value: float, std: float, longest: float) -> bool:
+    """Whether an interval leaves anything out: zero for what is positive, half of all delays."""
+    half = 1.96 * std
+    if what == "gain":
+        return True
+    return bool(half < (0.5 * longest if what == "delay" else abs(value)))
 
 
 def polynomials(parameters: Array, poles: int, frequency: float) -> tuple[Array, Array]:

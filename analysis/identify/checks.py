@@ -11,8 +11,11 @@ from analysis.identify.noise import resolution
 from analysis.recording.measurements import Measurement
 
 DEGREES = 180.0 / np.pi
+_USUAL = 1.5  # a gimbal turns about as far as commanded
+_SURELY = 1.05  # within this one no gimbal is known, and two units are
 _NEAR = 1.2  # a ratio within this factor of 57.3 is degrees, not an unusual gimbal
 _FEWEST_CHANGES = 2
+_RESTING = 10  # readings before a single step
 _MOST_MISSING = 0.5
 _CLIPPED_RUN = 5
 _REMEMBERED = 1.0  # s after which no gimbal still moves
@@ -65,9 +68,10 @@ def _check_commands(records: Sequence[Measurement]) -> None:
                 f"command '{name}' never changes while the gimbal is sampled; "
                 f"nothing can be learnt from a constant input{_before(records, j)}"
             )
-        if count < _FEWEST_CHANGES:
+        if count < _FEWEST_CHANGES and not any(_rests_first(r, j) for r in records):
             raise IdentificationError(
-                f"command '{name}' changes {count} time; {_FEWEST_CHANGES} steps or more are needed"
+                f"command '{name}' changes {count} time; {_FEWEST_CHANGES} steps or more are "
+                f"needed, or {_RESTING} readings at rest before a single one"
             )
     moves = np.concatenate([np.diff(r.command.values, axis=0) for r in records])
     lengths = np.linalg.norm(moves, axis=0)
@@ -83,6 +87,14 @@ def _felt_changes(r: Measurement, column: int) -> int:
     """Changes of a command that some sample comes after, and not long after."""
     times = r.command.time[r.command.changes(column)]
     return int(np.sum((times >= r.time[0] - _REMEMBERED) & (times <= r.time[-1])))
+
+
+def _rests_first(r: Measurement, column: int) -> bool:
+    """Whether the gimbal was read at rest before the first change of a command."""
+    times = r.command.time[r.command.changes(column)]
+    return r.initial == "rest" and bool(
+        len(times) and np.sum(r.time < times[0]) >= _RESTING and times[0] <= r.time[-1]
+    )
 
 
 def _check_readings(r: Measurement, what: str, values: Array) -> None:
@@ -165,17 +177,35 @@ def _degrees(ratio: float) -> float | None:
     return None
 
 
-def check_gain(gain: float, command: str, axis: str) -> None:
-    """Refuse a gain that is a unit and not a gimbal.
+def check_gain(gain: float, record: Measurement, command: str, axis: str) -> list[str]:
+    """Refuse a gain that is a unit and not a gimbal, unless the units were given; or doubt it.
 
     Raises
     ------
-    IdentificationError : gains near 57.3 (degrees per radian) and 0.0175
+    IdentificationError : gains near 57.3 (degrees per radian) and 0.0175, of units assumed
     """
+    if record.command.unit != "rad":
+        return []  # commands that are no angles have no expected gain
     mistaken = _degrees(gain)
     if mistaken is not None:
         sides = ("axis", "command") if mistaken > 1.0 else ("command", "axis")
-        raise IdentificationError(
+        text = (
             f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, near {mistaken:.4g}: "
             f"{sides[0]} in degrees and {sides[1]} in radians? give each its unit"
         )
+        if record.units == "assumed" and 1.0 / _SURELY < abs(gain) / mistaken < _SURELY:
+            raise IdentificationError(text)
+        return [text]
+    if gain < 0.0:
+        text = (
+            f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, negative: the axis "
+            "moves against its command; a loop closed over it diverges"
+        )
+        return [text]
+    if not 1.0 / _USUAL < gain < _USUAL:
+        text = (
+            f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, far from 1: is the "
+            "command an angle of the gimbal, and are the units right?"
+        )
+        return [text]
+    return []

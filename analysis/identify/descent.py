@@ -7,7 +7,7 @@ from analysis.identify.problem import Problem
 
 
 def descend(
-    problem: Problem, theta: Array, max_delay: float, evaluations: int
+    problem: Problem, theta: Array, max_delay: float, evaluations: int, ftol: float = 1e-10
 ) -> tuple[Array, bool]:
     """Follow the loss down from θ; returns where it ended and whether that is a minimum."""
     from scipy.optimize import least_squares
@@ -27,7 +27,7 @@ def descend(
         bounds=(low, high),
         x_scale=scales(problem),
         max_nfev=evaluations,
-        ftol=1e-10,
+        ftol=ftol,
         xtol=1e-9,
         gtol=1e-12,
     )

@@ -8,14 +8,16 @@ from analysis.identify.diagnostics import Saturation, residual_tests
 from analysis.identify.evidence import AxisEvidence, ChannelFit
 from analysis.identify.fit import AxisFit
 from analysis.identify.prediction import nrmse_fit
-from analysis.identify.servo import ServoFit
+from analysis.identify.problem import Problem
+from analysis.identify.selection import Choice
+from analysis.identify.servo_fit import ServoFit
 from analysis.identify.states import Part
+from analysis.identify.uncertainty import Uncertainty
 from analysis.recording.measurements import Measurement
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
 _FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
-SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
 
 
 def stamp_warnings(records: Sequence[Measurement]) -> list[str]:
@@ -38,7 +40,12 @@ def commanded(part: Part, own: int) -> bool:
 
 
 def evidence(
-    fit: AxisFit | ServoFit, name: str, checked: Saturation, spread: float, own: int = 0
+    fit: AxisFit | ServoFit,
+    name: str,
+    checked: Saturation,
+    known: Uncertainty,
+    stamps: float,
+    own: int = 0,
 ) -> AxisEvidence:
     """What speaks for a fit; `own` is the column of the axis' own command."""
     problem = fit.problem
@@ -62,28 +69,69 @@ def evidence(
     ]
     return AxisEvidence(
         name, int(counted.sum()), spikes, fit.noise, tuple(fits[0]), tuple(fits[1]),
-        tests[0], tests[1], checked, fit.converged, spread,
+        tests[0], tests[1], checked, fit.converged, known.spread, stamps, known.disagree,
     )  # fmt: skip
 
 
-def _std(channel: ChannelFit, figure: str) -> float:
-    return next((e.std for e in channel.estimates if e.name.endswith(figure)), 0.0)
+def selection_warnings(
+    problem: Problem,
+    choice: Choice,
+    row: tuple[ChannelFit, ...],
+    inputs: tuple[str, ...],
+    output: str,
+) -> list[str]:
+    """One line for each channel and zero that was asked for and is not in the readings."""
+    found = []
+    layout = choice.fit.problem.layout
+    for j, name in enumerate(inputs):
+        if j not in choice.columns:
+            most = 196.0 * row[j].estimates[0].std
+            found.append(
+                f"{output}/{name}: axis '{output}' shows no answer to command '{name}', gain "
+                f"within ± {most:.2g} %; the channel is left out"
+            )
+        elif (zeros := layout.zeros_of(choice.columns.index(j))) < problem.layout.zeros:
+            found.append(
+                f"{output}/{name}: the readings show {zeros or 'no'} zeros of the "
+                f"{problem.layout.zeros} asked for; the others are left out"
+            )
+    return found
 
 
 def warnings_of(
-    axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float, doubt: float
+    axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float, problem: Problem
 ) -> list[str]:
     """One line for everything a reader must know before quoting a figure."""
-    found = []
     name = f"axis '{axis.name}'"
+    found = []
+    if not axis.converged:
+        found.append(f"{name}: the search did not settle; treat the figures as a guess")
+    found += _fit_warnings(axis, name) + _residual_warnings(axis, name)
+    if axis.disagree:
+        found.append(
+            f"{name}: steps disagree {axis.spread:.1f} times more than their noise"
+            + (
+                f", as if commands were dated {1e3 * axis.stamps:.2g} ms off"
+                if axis.stamps > 0.0
+                else ""
+            )
+            + "; intervals are from the scatter of whole steps"
+        )
+    if axis.spikes:
+        found.append(f"{name}: {axis.spikes} readings set aside as spikes")
+    for channel in row:
+        found += _channel_warnings(channel, longest, problem, name)
+    return found
+
+
+def _fit_warnings(axis: AxisEvidence, name: str) -> list[str]:
+    found = []
     both = {
         what: [f for f in fits if np.isfinite(f)]
         for what, fits in (("angle", axis.fit_angle), ("rate", axis.fit_rate))
     }
     fit = float(np.median([f for fits in both.values() for f in fits] or [np.nan]))
-    if not axis.converged:
-        found.append(f"{name}: the search did not settle; treat the figures as a guess")
-    if not fit >= _POOR:
+    if not fit >= _POOR and not _noise_alone(axis):
         text = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both.items() if fits)
         found.append(f"{name}: poor fit ({text}); another order, or something unmodelled")
     if axis.saturation.saturated:
@@ -94,11 +142,26 @@ def warnings_of(
         )
     elif axis.saturation.saturated is None and axis.saturation.steps >= 4:
         found.append(f"{name}: steps of one size only; cannot distinguish saturation from slowness")
+    return found
+
+
+def _noise_alone(axis: AxisEvidence) -> bool:
+    """Whether what is left is white: then no model of this axis fits better."""
+    tests = [t for t in (axis.residual_angle, axis.residual_rate) if t is not None]
+    return all(
+        t.autocorrelation < _COLOURED and t.cross_correlation < max(t.bound, _FOLLOWS)
+        for t in tests
+    )
+
+
+def _residual_warnings(axis: AxisEvidence, name: str) -> list[str]:
+    found = []
     for what, tests in (("angle", axis.residual_angle), ("rate", axis.residual_rate)):
         if tests and tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3:
             found.append(
                 f"{name}: the {what} residual is not white (autocorrelation "
-                f"{tests.autocorrelation:.2f}); there is motion the model lacks"
+                f"{tests.autocorrelation:.2f}); motion the model lacks, or coloured noise, "
+                "which the intervals allow for"
             )
         if tests and tests.cross_correlation > max(tests.bound, _FOLLOWS):
             found.append(
@@ -106,20 +169,32 @@ def warnings_of(
                 f"{tests.cross_correlation:.2f} with its changes, noise stays below "
                 f"{tests.bound:.2f}); the model lacks an answer to it"
             )
-    if axis.spread > SPREAD:
+    return found
+
+
+def _channel_warnings(
+    channel: ChannelFit, longest: float, problem: Problem, name: str
+) -> list[str]:
+    if not any(channel.num):
+        return []
+    found = []
+    delay = next((e for e in channel.estimates if e.name.endswith("delay")), None)
+    shown = channel.estimates[0].name.removesuffix(" gain")
+    lost = [e.name for e in channel.estimates if not e.determined]
+    if lost:
+        found.append(f"{', '.join(lost)}: not determined by these readings")
+    if channel.delay > 0.98 * longest:
+        found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")
+    std = delay.std if delay else 0.0
+    slack = max(p.slack for p in problem.parts)
+    if channel.delay + 1.96 * np.sqrt(max(std**2 - problem.doubt**2, 0.0)) < 0.0:
         found.append(
-            f"{name}: steps disagree {axis.spread:.1f} times more than their noise; "
-            "intervals are from the bootstrap"
+            f"{name}: delay {1e3 * channel.delay:.1f} ms: the command came before the sample "
+            "that first shows it; give commands stamps of their own"
         )
-    if axis.spikes:
-        found.append(f"{name}: {axis.spikes} readings set aside as spikes")
-    for channel in row:
-        if channel.delay > 0.98 * longest:
-            found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")
-        std = _std(channel, "delay")
-        if channel.delay + 1.96 * np.sqrt(max(std**2 - doubt**2, 0.0)) < 0.0:
-            found.append(
-                f"{name}: delay {1e3 * channel.delay:.1f} ms: the command came before the sample "
-                "that first shows it; give commands stamps of their own"
-            )
+    elif std > 0.0 and channel.delay < 1e-5 - slack:
+        found.append(
+            f"{shown}: delay at its lower bound, {-1e3 * slack:.3g} ms: the gimbal answers no "
+            "later than commanded; are commands dated late, or is the order too high?"
+        )
     return found

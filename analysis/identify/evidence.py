@@ -18,7 +18,9 @@ class Estimate(Plain):
     ----------
     name, unit : e.g. `x/x natural frequency`, `rad/s`; channels are named output/input
     value : as estimated
-    std : standard deviation, from the Jacobian or, where that is larger by half, the bootstrap
+    std : standard deviation, so that 1.96 of it are a 95 % interval; from the noise or, where they
+        are larger, its colour or the scatter of whole steps
+    determined : whether the readings say more than nothing of it
     interval : of 95 % confidence
     """
 
@@ -26,6 +28,7 @@ class Estimate(Plain):
     value: float
     std: float
     unit: str
+    determined: bool = True
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -33,7 +36,9 @@ class Estimate(Plain):
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
     def to_dict(self) -> dict[str, object]:
-        """Plain numbers for JSON."""
+        """Plain numbers for JSON; a value that is not determined is None."""
+        if not self.determined:
+            return {**Plain.to_dict(self), "value": None, "std": None, "low": None, "high": None}
         low, high = self.interval
         return {**Plain.to_dict(self), "low": plain(low), "high": plain(high)}
 
@@ -53,7 +58,10 @@ class AxisEvidence(Plain):
     residual_angle, residual_rate : tests of the residual
     saturation : does the speed grow with the amplitude
     converged : the search ended at a minimum
-    spread : bootstrap over Jacobian standard deviation, median over the parameters, NaN if unknown
+    spread : deviation over whole steps, over that of the noise: median over the parameters, NaN if
+        unknown
+    stamps : how far each step's time is off beyond the noise, rms [s]; NaN if unknown
+    disagree : steps scatter more than noise explains, and the intervals are theirs
     """
 
     name: str
@@ -67,6 +75,8 @@ class AxisEvidence(Plain):
     saturation: Saturation
     converged: bool
     spread: float
+    stamps: float
+    disagree: bool
 
     @property
     def fit(self) -> tuple[float, ...]:
@@ -80,16 +90,27 @@ class ServoBounds:
 
     Attributes
     ----------
-    structure : `speed`: the servo's own loop saturates; `command`: ramps ahead of the linear part
-    rate_limit : of the output [rad/s]
+    structure : `speed`: the servo's own loop saturates; `command`: ramps ahead of the linear part;
+        `set-point`: as `speed`, behind a set point of bounded speed and with a limit each way
+    rate_limit : of the output [rad/s]; upward with `set-point`
     dead_band : half width, on the command [rad]
     backlash : total width at the output [rad]
+    rate_limit_back, slew : of `set-point`, else None: of the output downward, and of the set point
+        at the output [rad/s]
     """
 
     structure: Structure
     rate_limit: Estimate
     dead_band: Estimate
     backlash: Estimate
+    rate_limit_back: Estimate | None = None
+    slew: Estimate | None = None
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """All that the structure has."""
+        every = (self.rate_limit, self.rate_limit_back, self.slew, self.dead_band, self.backlash)
+        return tuple(e for e in every if e is not None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,21 +1,18 @@
 """The fit of one axis: each sensor weighed by its own noise, single spikes set aside."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.array import Array
 from analysis.identify import noise as sensor_noise
 from analysis.identify.descent import descend
-from analysis.identify.noise import Mask, Pair, typical, weights
+from analysis.identify.noise import Mask, Pair, weights
 from analysis.identify.problem import Problem, Solution
-from analysis.identify.starts import best_start, follow
+from analysis.identify.spikes import outstanding, spikes
+from analysis.identify.starts import best_start, follow, jumps
 
 _ROUNDS = 5  # of noise estimation; two or three settle it to a percent
-_SPIKE = 6.0  # sigma; one Gaussian reading in 5e8 lies beyond
-_SKIRT = 3.0  # sigma: a reading next to a spike that lies this far is part of it
-_SPIKE_RUN = 3  # readings: a longer run is motion the model lacks, not a spike
-_SPIKE_SHARE = 0.02  # of all readings
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,73 +42,35 @@ def search(
 ) -> AxisFit:
     """Fit one axis; readings outside `keep` (rows,) do not count."""
     kept = np.ones(len(problem.measured), dtype=bool) if keep is None else keep
+    problem, aside = prepared(problem, kept)
+    return settled(
+        problem, best_start(problem, max_delay) if start is None else start, kept, aside, max_delay
+    )
+
+
+def prepared(problem: Problem, kept: Mask) -> tuple[Problem, Mask]:
+    """The problem weighed by a first guess of the noise, outstanding readings set aside."""
     floor = sensor_noise.quantisation(problem)
-    first = sensor_noise.from_differences(problem, kept, floor)
-    problem = problem.weighed(weights(problem, first, kept))
-    theta = best_start(problem, max_delay) if start is None else start
-    fit = _settle(problem, theta, kept, floor, max_delay)
-    far = _far(fit, floor)
-    if not far.any() or far.sum() > max(_SPIKE_RUN, 3.0 * _SPIKE_SHARE * kept.sum()):
-        return fit
-    return _without_spikes(fit, problem, floor, max_delay)
+    noise = sensor_noise.from_differences(problem, kept, floor)
+    aside = outstanding(problem, noise, kept)
+    return problem.weighed(weights(problem, noise, kept & ~aside)), aside
 
 
-def _settle(problem: Problem, theta: Array, kept: Mask, floor: Pair, max_delay: float) -> AxisFit:
-    """Descend and estimate the noise in turns until the noise stays."""
-    noise, converged = (np.nan, np.nan), False
-    counted = problem.weight > 0.0
-    for _ in range(_ROUNDS):
+def settled(problem: Problem, theta: Array, kept: Mask, aside: Mask, max_delay: float) -> AxisFit:
+    """Descend from θ, estimate the noise and set spikes aside in turns until both stay."""
+    floor = sensor_noise.quantisation(problem)
+    noise: Pair = (np.nan, np.nan)
+    converged = False
+    for turn in range(_ROUNDS):
+        if jumps(problem):
+            theta = follow(problem, theta, max_delay, 1e-6)
         theta, converged = descend(problem, theta, max_delay, 60)
-        last = noise
-        noise = sensor_noise.from_residual(problem, problem.solve(theta), counted, floor)
-        problem = problem.weighed(weights(problem, noise, counted))
+        solution = problem.solve(theta)
+        last, before = noise, aside
+        noise = sensor_noise.from_residual(problem, solution, kept & ~aside, floor)
+        aside = spikes(problem, solution.residual, noise, kept)
+        problem = problem.weighed(weights(problem, noise, kept & ~aside))
         change = [abs(a / b - 1.0) for a, b in zip(noise, last, strict=True) if np.isfinite(a)]
-        if np.isfinite(change).all() and max(change) < 0.01:
+        if turn and (aside == before).all() and max(change) < 0.01:
             break
-    return AxisFit(problem, problem.solve(theta), noise, kept & ~counted, kept, converged)
-
-
-def _far(fit: AxisFit, floor: Pair) -> Mask:
-    """Readings far outside what the others agree on."""
-    far = np.zeros(len(fit.kept), dtype=bool)
-    for is_rate in (False, True):
-        rows = fit.kept & (fit.problem.is_rate == is_rate)
-        if rows.any():
-            limit = _SPIKE * typical(fit.solution.residual[rows], floor[int(is_rate)])
-            far |= rows & (np.abs(fit.solution.residual) > limit)
-    return far
-
-
-def _without_spikes(fit: AxisFit, first: Problem, floor: Pair, max_delay: float) -> AxisFit:
-    """Refit without far readings, unless they are motion the model lacks rather than spikes."""
-    theta = follow(first, best_start(first, max_delay, robust=True), max_delay, robust=True)
-    trial = replace(fit, problem=first, solution=first.solve(theta))
-    spikes = np.zeros(len(fit.kept), dtype=bool)
-    for _ in range(6):
-        far = _far(trial, floor)
-        if spikes.any():  # the noise is known by now
-            far = _with_skirts(far, trial)
-        if not _isolated(far) or far.sum() > max(_SPIKE_RUN, _SPIKE_SHARE * fit.kept.sum()):
-            return fit
-        if (far == spikes).all():
-            break
-        spikes = far
-        problem = first.weighed(np.where(far, 0.0, first.weight))
-        trial = _settle(problem, trial.solution.theta, fit.kept, floor, max_delay)
-    return trial
-
-
-def _with_skirts(spikes: Mask, fit: AxisFit) -> Mask:
-    """Spikes and the neighbours they pulled along: what disturbs one reading may smear the next."""
-    sigma = np.where(fit.problem.is_rate, fit.noise[1], fit.noise[0])
-    off = fit.kept & (np.abs(fit.solution.residual) > _SKIRT * sigma)
-    beside = np.zeros_like(spikes)
-    beside[1:] |= spikes[:-1]
-    beside[:-1] |= spikes[1:]
-    return spikes | (beside & off)
-
-
-def _isolated(far: Mask) -> bool:
-    """No run of far readings is longer than a spike."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], far.astype(int), [0]])))
-    return bool((edges[1::2] - edges[::2] <= _SPIKE_RUN).all()) if len(edges) else True
+    return AxisFit(problem, problem.solve(theta), noise, aside, kept, converged)

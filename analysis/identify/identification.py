@@ -10,20 +10,28 @@ from analysis.array import Array
 from analysis.identify import channels, checks
 from analysis.identify.assemble import assemble
 from analysis.identify.diagnostics import Saturation, saturation
-from analysis.identify.doubts import SPREAD, evidence, stamp_warnings, warnings_of
+from analysis.identify.doubts import evidence, selection_warnings, stamp_warnings, warnings_of
 from analysis.identify.errors import IdentificationError
-from analysis.identify.fit import search
+from analysis.identify.fit import AxisFit
 from analysis.identify.layout import Layout
 from analysis.identify.model import IdentifiedModel
+from analysis.identify.noise import level_errors
 from analysis.identify.problem import Problem
-from analysis.identify.segments import step_of_row
+from analysis.identify.segments import series_of, step_of_row
+from analysis.identify.selection import select
 from analysis.identify.servo import search_servo
-from analysis.identify.uncertainty import bootstrap, covariance, whole_jacobian
+from analysis.identify.servo_fit import ServoFit
+from analysis.identify.uncertainty import (
+    Uncertainty,
+    stamp_error,
+    uncertainty,
+    whole_jacobian,
+)
 from analysis.recording.measurements import Measurement
+from analysis.transfer_function.file import LONGEST_DELAY
 from analysis.transfer_function.servo import Structure
 
 _MOST_POLES = 6
-LONGEST_DELAY = 10.0  # s
 
 
 def identify(
@@ -64,8 +72,10 @@ def identify(
         for i in range(len(first.outputs))
     ]
     if servo:
-        return _bounded(problems, records, longest, None if servo is True else servo)
-    return _linear(problems, records, longest)
+        model = _bounded(problems, records, longest, None if servo is True else servo)
+    else:
+        model = _linear(problems, records, longest)
+    return model.per_command(first.command.unit)
 
 
 def longest_delay(records: Sequence[Measurement], asked: float | None) -> float:
@@ -129,18 +139,32 @@ def _linear(
     first = records[0]
     rows, axes, warnings = [], [], []
     for i, problem in enumerate(problems):
-        fit = search(problem, max_delay=longest)
-        cov, spread = _covariance(whole_jacobian(fit.solution), fit.solution.weighted, fit.problem)
-        searched = problem.layout.groups * problem.layout.poles
-        delays = slice(searched, searched + len(problem.layout.free_delays))
-        _doubt(cov, delays, problem.doubt)
-        row = channels.linear(fit, cov, first.outputs[i], first.inputs)
+        output = first.outputs[i]
+        choice = select(problem, longest)
+        fit = choice.fit
+        known, stamps = _known(
+            fit,
+            whole_jacobian(fit.solution),
+            fit.solution.weighted,
+            fit.problem.layout.size + fit.problem.layout.numerators,
+            _delay_place(fit.problem),
+        )
+        found = channels.linear(
+            fit, known, output, tuple(first.inputs[j] for j in choice.columns), longest
+        )
+        row = tuple(
+            found[choice.columns.index(j)] if j in choice.columns
+            else channels.absent(fit, problem, j, found[0], f"{output}/{name}")
+            for j, name in enumerate(first.inputs)
+        )  # fmt: skip
         checked = saturation(fit.problem, fit.problem.measured - fit.solution.residual)
         rows.append(row)
-        axes.append(evidence(fit, first.outputs[i], checked, spread, i))
-        k = min(i, len(first.inputs) - 1)
-        checks.check_gain(row[k].num[-1] / row[k].den[-1], first.inputs[k], first.outputs[i])
-        warnings += warnings_of(axes[-1], row, longest, problem.doubt)
+        axes.append(evidence(fit, output, checked, known, stamps, i))
+        warnings += selection_warnings(problem, choice, row, first.inputs, output)
+        warnings += warnings_of(axes[-1], row, longest, problem)
+        if (k := min(i, len(first.inputs) - 1)) in choice.columns:
+            gain = row[k].num[-1] / row[k].den[-1]
+            warnings += checks.check_gain(gain, first, first.inputs[k], output)
     warnings += stamp_warnings(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), None, tuple(axes), tuple(warnings)
@@ -165,36 +189,41 @@ def _bounded(
             replace(problem.layout, inputs=1, delays=problem.layout.delays[:1])
         )
         fit = search_servo(alone, i, max_delay=longest, structure=structure)
-        cov, spread = _covariance(fit.jacobian, fit.residual * fit.problem.weight, fit.problem)
-        if problem.layout.free_delays:
-            _doubt(cov, slice(problem.layout.poles, problem.layout.poles + 1), problem.doubt)
-        channel, limits = channels.bounded(fit, cov, first.outputs[i], first.inputs[i])
+        own = len(fit.theta) + 1
+        known, stamps = _known(
+            fit, fit.jacobian, fit.residual * fit.problem.weight, own,
+            fit.poles if alone.layout.free_delays else None,
+        )  # fmt: skip
+        channel, limits = channels.bounded(fit, known, first.outputs[i], first.inputs[i], longest)
         rows.append(
             tuple(channel if j == i else channels.nothing(channel) for j in range(len(problems)))
         )
         bounds.append(limits)
         none = Saturation(float("nan"), float("nan"), 0, 1.0, None)
-        axes.append(evidence(fit, first.outputs[i], none, spread))
-        checks.check_gain(fit.gain, first.inputs[i], first.outputs[i])
-        warnings += warnings_of(axes[-1], (channel,), longest, problem.doubt)
+        axes.append(evidence(fit, first.outputs[i], none, known, stamps))
+        warnings += warnings_of(axes[-1], (channel,), longest, problem)
+        warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])
     warnings += stamp_warnings(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), tuple(bounds), tuple(axes), tuple(warnings)
     )
 
 
-def _covariance(jacobian: Array, weighted: Array, problem: Problem) -> tuple[Array, float]:
-    """Covariance of all parameters, and how much larger the bootstrap's deviations are."""
-    cov = covariance(jacobian)
-    drawn = bootstrap(jacobian, weighted, step_of_row(problem))
-    if drawn is None:
-        return cov, float("nan")
-    searched = problem.layout.size
-    ratio = np.sqrt(np.diag(drawn)[:searched] / np.maximum(np.diag(cov)[:searched], 1e-300))
-    spread = float(np.median(ratio[np.isfinite(ratio)])) if np.isfinite(ratio).any() else np.nan
-    return (drawn if spread > SPREAD else cov), spread
+def _delay_place(problem: Problem) -> int | None:
+    layout = problem.layout
+    return layout.delay_place(layout.free_delays[0]) if layout.free_delays else None
 
 
-def _doubt(cov: Array, delays: slice, doubt: float) -> None:
-    """Widen the variances of delays by what the commands' own stamps leave open."""
-    cov[delays, delays] += doubt**2  # the stamps of all commands are off alike
+def _known(
+    fit: AxisFit | ServoFit, jacobian: Array, weighted: Array, own: int, delay: int | None
+) -> tuple[Uncertainty, float]:
+    """Uncertainty of all parameters, of which `own` are no offsets; error of the stamps."""
+    problem = fit.problem
+    steps = step_of_row(problem)
+    known = uncertainty(
+        jacobian, weighted, series_of(problem), steps, range(own), level_errors(problem, fit.noise)
+    )
+    late = float("nan")
+    if delay is not None and known.disagree:
+        late = stamp_error(jacobian[:, delay], weighted, steps)
+    return known, late

@@ -1,7 +1,7 @@
 """The identified gimbal: channels, uncertainty, evidence, and what to beware of."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class IdentifiedModel:
         """Every estimated number with its uncertainty."""
         found = [e for row in self.channels for c in row for e in c.estimates]
         for bounds in self.servo or ():
-            found += [bounds.rate_limit, bounds.dead_band, bounds.backlash]
+            found += bounds.estimates
         return tuple(found)
 
     @property
@@ -46,6 +46,28 @@ class IdentifiedModel:
         values = [f for a in self.axes for f in a.fit_angle if np.isfinite(f)]
         values = values or [f for a in self.axes for f in a.fit_rate if np.isfinite(f)]
         return float(np.median(values)) if values else float("nan")
+
+    def per_command(self, unit: str) -> "IdentifiedModel":
+        """The model with its figures in the unit of commands that are no angles."""
+        if unit == "rad":
+            return self
+        rows = tuple(
+            tuple(
+                replace(
+                    c,
+                    estimates=tuple(
+                        replace(e, unit=f"rad/{unit}") if e.unit == "rad/rad" else e
+                        for e in c.estimates
+                    ),
+                )
+                for c in row
+            )
+            for row in self.channels
+        )
+        bounds = self.servo and tuple(
+            replace(b, dead_band=replace(b.dead_band, unit=unit)) for b in self.servo
+        )
+        return replace(self, channels=rows, servo=bounds)
 
     def estimate(self, name: str) -> Estimate:
         """One estimated number by name.
@@ -64,19 +86,23 @@ class IdentifiedModel:
         """The model file's content: what a flight with `--model` flies.
 
         A delay below zero becomes zero: the command was only sampled. One file has one servo block,
-        so that of several axes holds their means, and the structure most of them have (`speed`, the
-        common one, at a tie).
+        so that of several axes holds the structure most of them have (at a tie that of the first)
+        and the means of the figures of those axes.
         """
         channels = tuple(
             tuple(Channel(c.num, c.den, max(c.delay, 0.0)) for c in row) for row in self.channels
         )
         servo = None
         if self.servo is not None:
+            structure = _structure(self.servo)
+            alike = [b for b in self.servo if b.structure == structure]
             servo = Servo(
-                float(np.mean([b.rate_limit.value for b in self.servo])),
-                float(np.mean([b.dead_band.value for b in self.servo])),
-                float(np.mean([b.backlash.value for b in self.servo])),
-                _structure(self.servo),
+                _mean([b.rate_limit for b in alike]),
+                _mean([b.dead_band for b in alike]),
+                _mean([b.backlash for b in alike]),
+                structure,
+                _mean([b.rate_limit_back for b in alike]),
+                _mean([b.slew for b in alike]),
             )
         return TransferFunctionModel(
             channels,
@@ -102,6 +128,12 @@ class IdentifiedModel:
         }
 
 
+def _mean(estimates: Sequence[Estimate | None]) -> float:
+    values = [e.value for e in estimates if e is not None]
+    return float(np.mean(values)) if values else 0.0
+
+
 def _structure(bounds: Sequence[ServoBounds]) -> Structure:
-    speed = sum(b.structure == "speed" for b in bounds)
-    return "speed" if 2 * speed >= len(bounds) else "command"
+    """The structure of most axes; at a tie that of the first."""
+    found = [b.structure for b in bounds]
+    return max(found, key=lambda s: (found.count(s), -found.index(s)))

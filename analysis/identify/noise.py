@@ -13,12 +13,15 @@ _NORMAL = 1.4826  # sigma per median absolute deviation of a Gaussian
 
 
 def resolution(values: Array) -> float:
-    """Step of a quantised signal, 0 if it is not visibly quantised."""
+    """Step of a quantised signal, 0 if it is not visibly quantised: the smallest gap of its levels.
+
+    Levels far apart are those that a fast motion left out.
+    """
     levels = np.unique(values)
     if len(levels) < 2 or len(levels) > len(values) / 3:
         return 0.0
     gaps = np.diff(levels)
-    return float(np.median(gaps[gaps > 1e-3 * gaps.max()]))
+    return float(gaps[gaps > 1e-9 * np.ptp(levels)].min())
 
 
 def quantisation(problem: Problem) -> Pair:
@@ -28,6 +31,26 @@ def quantisation(problem: Problem) -> Pair:
         values = problem.measured[problem.is_rate == is_rate]
         both.append(resolution(values) / np.sqrt(12.0) / 2.0 if len(values) else 0.0)
     return both[0], both[1]
+
+
+def level_errors(problem: Problem, noise: Pair) -> tuple[NDArray[np.intp], Array]:
+    """Group of each reading that shares its rounding, and that error over sigma (rows,).
+
+    A sensor quieter than its step reads the same value at every return to an angle: its rounding
+    is an error of that value, not noise of each reading. Noise makes it one (L. Schuchman, IEEE
+    Trans. Commun. Technol. 12, 1964): by the factor exp(−2π²(σ/step)²).
+    """
+    group = np.arange(len(problem.measured))
+    size = np.zeros(len(problem.measured))
+    for is_rate in (False, True):
+        rows = problem.is_rate == is_rate
+        step = resolution(problem.measured[rows]) if rows.any() else 0.0
+        if step > 0.0:
+            dither = max(noise[int(is_rate)] ** 2 / step**2 - 1.0 / 12.0, 0.0)
+            _, number = np.unique(problem.measured[rows], return_inverse=True)
+            group[rows] = len(group) * (1 + int(is_rate)) + number
+            size[rows] = step / np.sqrt(12.0) * np.exp(-2.0 * np.pi**2 * dither)
+    return group, size * problem.weight
 
 
 def weights(problem: Problem, noise: Pair, counted: Mask) -> Array:
@@ -63,13 +86,6 @@ def from_residual(problem: Problem, solution: Solution, counted: Mask, floor: Pa
         power = float(np.mean(solution.residual[rows] ** 2)) / max(1.0 - share, 0.1)
         both.append(max(float(np.sqrt(power)), floor[int(is_rate)], 1e-12))
     return both[0], both[1]
-
-
-def typical(residual: Array, floor: float) -> float:
-    """Sigma that spikes and stretches of perfect rest cannot move."""
-    size = np.abs(residual)
-    busy = size[size > 1e-3 * size.max(initial=0.0)]
-    return max(_NORMAL * float(np.median(busy)) if len(busy) else 0.0, 2.0 * floor, 1e-12)
 
 
 def _clipped_rms(bend: Array) -> float:

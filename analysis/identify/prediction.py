@@ -7,9 +7,12 @@ import numpy as np
 from analysis.array import Array
 from analysis.identify.basis import Denominator, denominator, over_single, parameters_of
 from analysis.identify.errors import IdentificationError
+from analysis.identify.layout import Layout
 from analysis.identify.modal import modal_response
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.servo_response import servo_motion_of
+from analysis.identify.states import free_motion
+from analysis.identify.weights import free_weights
 from analysis.recording.measurements import Measurement
 
 
@@ -48,8 +51,9 @@ def predict(model: IdentifiedModel, record: Measurement) -> tuple[Array, Array]:
 def fit_to(model: IdentifiedModel, records: Sequence[Measurement]) -> Array:
     """NRMSE fit [%] of the prediction (records, outputs); NaN where nothing was measured.
 
-    Around each record's own offset, which is the sensor's and not the model's; of the angle where
-    it was measured, otherwise of the rate.
+    Around each record's own offset, which is the sensor's and not the model's, and with the motion
+    in which a record with a free start began; of the angle where it was measured, otherwise of the
+    rate.
     """
     return np.array([_fit_percent(model, r) for r in records])
 
@@ -64,11 +68,33 @@ def _fit_percent(model: IdentifiedModel, record: Measurement) -> Array:
         for what, series in record.sensors:
             measured = series.select((name,)).known()
             if len(measured.time) > 1:
-                said = angle if what == "angle" else rate
+                said = (angle if what == "angle" else rate)[:, i]
                 at = np.searchsorted(record.time, measured.time)
-                found[i] = nrmse_fit(measured.value, said[at, i])
+                moved = said[at]
+                if record.initial == "free" and model.servo is None:
+                    moved = moved + _free_motion(
+                        model, i, measured.time - record.time[0], measured.value - moved, what
+                    )
+                found[i] = nrmse_fit(measured.value, moved)
                 break
     return found
+
+
+def _free_motion(model: IdentifiedModel, axis: int, time: Array, left: Array, what: str) -> Array:
+    """Motion (n,) with which a record began, as far as the poles of an axis explain what is left.
+
+    As the fit takes it (`problem`): one of each channel's poles, beside the sensor's offset.
+    """
+    columns = [np.ones((len(time), 1))]
+    for channel in model.channels[axis]:
+        if any(channel.num):
+            den = denominator(parameters_of(np.roots(channel.den)))
+            layout = Layout(den.order, 0, 1, own=True, delays=(0.0,), frequency=abs(den.poles[0]))
+            states = free_motion(time, den)
+            columns.append(states @ free_weights(den, layout)[what == "rate"])
+    basis = np.hstack(columns)
+    found = np.linalg.lstsq(basis, left, rcond=1e-9)[0]
+    return np.asarray(basis[:, 1:] @ found[1:])
 
 
 def nrmse_fit(measured: Array, predicted: Array) -> float:

@@ -70,10 +70,10 @@ class Problem:
         """How far the stamps of all commands may be off together [s], root mean square."""
         return max(p.doubt for p in self.parts)
 
-    @property
-    def numerators(self) -> int:
-        """Number of numerator coefficients: they come first among the linear parameters."""
-        return self.layout.inputs * (self.layout.zeros + 1)
+    def channels(self, columns: tuple[int, ...], zeros: tuple[int, ...]) -> "Problem":
+        """The same samples, for the channels of some commands only, with these numbers of zeros."""
+        parts = tuple(replace(p, input=p.input[:, list(columns)]) for p in self.parts)
+        return replace(self, parts=parts, layout=self.layout.of(columns, zeros), cache={})
 
     def solve(self, theta: Array) -> Solution:
         """Best linear parameters and derivatives at θ."""
@@ -97,9 +97,30 @@ class Problem:
         projected = -(slope - q @ (q.T @ slope))
         return Solution(theta, linear, residual, residual * self.weight, projected, basis, slope)
 
+    def loss(self, theta: Array) -> float:
+        """Sum of weighted squares at θ, without derivatives; infinite where it is none."""
+        phi = self._columns([self._signals(theta, part).values for part in self.parts])
+        basis, target = phi * self.weight[:, None], self.measured * self.weight
+        # half the digits of an orthogonal solution, which is enough to rank starts
+        gram = basis.T @ basis
+        scale = np.sqrt(np.diag(gram))
+        scale[scale == 0.0] = 1.0
+        found = np.linalg.lstsq(
+            gram / np.outer(scale, scale), basis.T @ target / scale, rcond=1e-10
+        )[0]
+        left = target - basis @ (found / scale)
+        power = float(left @ left)
+        return power if np.isfinite(power) else np.inf
+
     def predict(self, theta: Array, linear: Array) -> Array:
         """Model output of every row at given parameters (rows,)."""
         return self._columns([self._signals(theta, p).values for p in self.parts]) @ linear
+
+    def driven(self, theta: Array, linear: Array) -> Array:
+        """What the commands alone make of every row, sensors' offsets and free motion left out."""
+        columns = self._columns([self._signals(theta, p).values for p in self.parts])
+        count = self.layout.numerators
+        return np.asarray(columns[:, :count] @ linear[:count])
 
     # The layout of the linear parameters: numerators of each command, angle offset(s), gyro bias of
     # each record, then the initial motion of each record that has one.
@@ -136,7 +157,7 @@ class Problem:
         for j in range(layout.inputs):
             den = dens[j if layout.own else 0]
             state = part_states(part, den, j, layout.delay(theta, j))
-            weights_a, weights_r = channel_weights(den, layout)
+            weights_a, weights_r = channel_weights(den, layout, layout.zeros_of(j))
             columns = state[part.angle_rows] @ weights_a
             columns[:, 0] += part.input[0, j]
             angle.append(columns)
@@ -157,7 +178,6 @@ class Problem:
 
     def _slope(self, signals: Sequence["_Signals"], linear: Array) -> Array:
         layout = self.layout
-        coefficients = linear[: self.numerators].reshape(layout.inputs, layout.zeros + 1)
         free_at = len(linear) - sum(layout.groups * layout.poles for p in self.parts if p.free)
         angle, rate = [], []
         for part, signal in zip(self.parts, signals, strict=True):
@@ -165,11 +185,10 @@ class Problem:
             r = np.zeros((len(part.rate_rows), layout.size))
             for j in range(layout.inputs):
                 den, state = signal.dens[j if layout.own else 0], signal.states[j]
-                wa, wr = gradient_weights(den, layout, coefficients[j])
+                wa, wr = gradient_weights(den, layout, linear[layout.numerator(j)])
                 where = np.arange(layout.size)[layout.group(j)]
                 if j in layout.free_delays:
-                    column = layout.groups * layout.poles + layout.free_delays.index(j)
-                    where = np.append(where, column)
+                    where = np.append(where, layout.delay_place(j))
                 else:
                     wa, wr = wa[:, : layout.poles], wr[:, : layout.poles]
                 a[:, where] += state[part.angle_rows] @ wa

@@ -22,11 +22,13 @@ from analysis.recording.series import Recording, TimeSeries
 
 FRAME = 0.02  # s; `hardware.protocol` PWM_PERIOD_US
 PULSE, CLOCK = "sensors/pulse", "sensors/device_time"
+FLAGS, PULSE_UNTIMED = "sensors/flags", 1 << 8  # `hardware.protocol` Flags
 _FEWEST = 4  # frames with a new pulse
 _GAP = 1.5  # readings; a pulse seen after a longer one may be older
 _LATEST = 0.008  # s; a command on its way to the device: wire, loop, interrupt
 _POWERS = 3  # the linkage's bend; beyond, 0.002° on the shipped one
 _TICK = 0.5e-6  # s; of the timer that makes the pulses
+_SHARE_OF_TICK = 0.2  # finer differences of what pulses asked for are the map's, not the pulses'
 _ROUNDS = 8
 # s; how much earlier than its stamp a pulse may have been in force: half a reading, and what a
 # simulated rig's semi-implicit step is ahead of continuous time
@@ -77,6 +79,9 @@ def by_pulses(run: Measurement) -> Measurement:
     """
     frames = pulse_frames(run.recording, run.inputs, run.name)
     values, _ = asked(frames, run.command.held, run.name)
+    # an axis whose pulse stays is not commanded, whatever the map makes of the other's
+    step = _SHARE_OF_TICK * _TICK * values.std(axis=0) / np.maximum(frames.pulse.std(axis=0), _TICK)
+    values = np.round(values / np.maximum(step, 1e-12)) * step
     return replace(
         run,
         command=replace(run.command, time=frames.begin, values=values),
@@ -91,13 +96,20 @@ def pulse_frames(recording: Recording, components: tuple[str, ...], name: str) -
 
     Raises
     ------
-    IdentificationError : a recording without pulses or with too few of them
+    IdentificationError : a recording without pulses, with too few of them, or of a rig that does
+        not report when they are in force
     """
     for signal in (PULSE, CLOCK):
         if signal not in recording.series:
             raise IdentificationError(
                 f"{name}: no {signal}; only a recording of a rig tells when pulses were in force"
             )
+    flags = recording.series.get(FLAGS)
+    if flags is not None and np.any(np.nan_to_num(flags.values).astype(int) & PULSE_UNTIMED):
+        raise IdentificationError(
+            f"{name}: its rig (a Raspberry Pi) does not report when pulses are in force; identify"
+            " from commands"
+        )
     series, clock = recording[PULSE], recording[CLOCK]
     pulse = np.stack([series.column(c) for c in components], axis=1)
     device = np.interp(series.time, clock.time, clock.values[:, 0])

@@ -46,3 +46,14 @@ def _cuts(time: Array, command: Array, column: int | None, most: int) -> Array:
     if len(rows) > most:
         rows = rows[np.linspace(0, len(rows) - 1, most).astype(np.intp)]
     return time[rows]
+
+
+def series_of(problem: Problem) -> list[NDArray[np.intp]]:
+    """Rows of each sensor of each record that count, in the order of time."""
+    counted = problem.weight > 0.0
+    every = [
+        np.flatnonzero(counted & (problem.is_rate == is_rate) & (problem.owner == index))
+        for is_rate in (False, True)
+        for index in range(len(problem.parts))
+    ]
+    return [rows for rows in every if len(rows)]

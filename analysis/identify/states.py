@@ -57,6 +57,11 @@ def command_changes(input_time: Array, command: Array) -> tuple[Array, Array]:
 
 def free_states(part: Part, den: Denominator) -> Array:
     """Real and imaginary parts of the modes' free motion, columns as `part_states`."""
-    single, double = impulse_response(part.time - part.time[0], den.poles)
-    none = np.zeros((len(part.time), 1))
+    return free_motion(part.time - part.time[0], den)
+
+
+def free_motion(time: Array, den: Denominator) -> Array:
+    """Columns of `free_states` at times (n,) since the start."""
+    single, double = impulse_response(time, den.poles)
+    none = np.zeros((len(time), 1))
     return np.hstack([single.real, -single.imag, double.real, -double.imag, none])

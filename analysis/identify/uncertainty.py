@@ -1,7 +1,14 @@
-"""How far the estimates may be off: Jacobian covariance, and bootstrap over whole steps."""
+"""How far estimates may be off: noise of the sensors, its colour, whole steps that disagree.
+
+Three covariances of the parameters, each right under assumptions of its own. White noise: (JᵀJ)⁻¹.
+Coloured noise: the sandwich (JᵀJ)⁻¹JᵀRJ(JᵀJ)⁻¹ with R of an autoregression of the residual. Steps
+that disagree (late stamps, rounding of a quiet sensor, friction): the jackknife over whole steps.
+"""
 
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +16,110 @@ from numpy.typing import NDArray
 from analysis.array import Array
 from analysis.identify.problem import Solution
 
-_DRAWS = 400
-_FEWEST_STEPS = 6  # below, drawing steps says nothing
+_FEWEST_STEPS = 4  # below, leaving steps out says nothing
+_ORDER = 4  # of the autoregression
+_NORMAL = 1.96  # deviations of a 95 % interval, which every interval is printed with
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Covariances of all parameters (all, all) of one axis.
+
+    Attributes
+    ----------
+    white : under white noise and the rounding of sensors quieter than their step
+    colour : under noise as coloured as the residual, or None where that is white
+    steps : over whole steps, or None with too few
+    freedom : degrees of freedom of `colour` and of `steps`
+    spread : deviation over whole steps, over that under white noise: median of the channels'
+        parameters, NaN if unknown
+    """
+
+    white: Array
+    colour: Array | None
+    steps: Array | None
+    freedom: tuple[float, float]
+    spread: float
+
+    @property
+    def limit(self) -> float:
+        """Ratio of deviations from which steps disagree: chance stays below in 99 of 100 cases."""
+        return 1.0 + 2.3 / math.sqrt(2.0 * max(self.freedom[1], 1.0))
+
+    @property
+    def disagree(self) -> bool:
+        """Whether steps disagree more than their noise explains."""
+        return self.spread > self.limit
+
+    def deviations(
+        self, function: Callable[[Array], Array], at: Array, places: Sequence[int], doubt: Array
+    ) -> Array:
+        """Standard deviations (m,) of a function of some parameters.
+
+        The largest of those that the readings speak for, so that 1.96 of it are a 95 % interval.
+
+        Parameters
+        ----------
+        at : the parameters (places,), and where they stand
+        doubt : deviations known from elsewhere (places,)
+        """
+
+        def of(cov: Array) -> Array:
+            own = cov[np.ix_(places, places)] + np.diag(doubt**2)
+            return np.sqrt(np.clip(np.diag(propagated(function, at, own)), 0.0, None))
+
+        std = white = of(self.white)
+        if self.colour is not None:
+            std = np.maximum(std, of(self.colour) * few(self.freedom[0]))
+        if self.steps is not None:
+            steps = of(self.steps)
+            far = steps > self.limit * white
+            std = np.where(far, np.maximum(std, steps * few(self.freedom[1])), std)
+        return np.asarray(std)
+
+    @property
+    def covariance(self) -> Array:
+        """The one that covers the others on the median."""
+        every = [
+            c
+            for c in (self.white, self.colour, self.steps if self.disagree else None)
+            if c is not None
+        ]
+        return max(
+            every,
+            key=lambda c: float(np.median(np.diag(c) / np.maximum(np.diag(self.white), 1e-300))),
+        )
+
+
+def uncertainty(
+    jacobian: Array,
+    weighted: Array,
+    series: Sequence[NDArray[np.intp]],
+    steps: NDArray[np.intp],
+    own: Sequence[int],
+    levels: tuple[NDArray[np.intp], Array],
+) -> Uncertainty:
+    """All covariances of a weighted fit.
+
+    Parameters
+    ----------
+    jacobian : ∂model/∂parameters (rows, all)
+    weighted : residual (rows,)
+    series : rows of each sensor of each record, in the order of time
+    steps : number of the step of each row (rows,)
+    own : parameters that are no sensor's offset
+    levels : group of each row that shares a rounding, and that error over sigma (rows,)
+    """
+    white = covariance(jacobian)
+    white = white + of_levels(jacobian, white, *levels)
+    colour, freedom = of_colour(jacobian, weighted, series)
+    found = of_steps(jacobian, weighted, steps)
+    count = len(np.unique(steps)) - 1
+    spread = float("nan")
+    if found is not None:
+        ratio = np.sqrt(np.diag(found)[own] / np.maximum(np.diag(white)[own], 1e-300))
+        spread = float(np.median(ratio))
+    return Uncertainty(white, colour, found, (freedom, float(count)), spread)
 
 
 def whole_jacobian(solution: Solution) -> Array:
@@ -29,14 +138,23 @@ def covariance(jacobian: Array) -> Array:
     return np.asarray(np.linalg.pinv(normal, rcond=1e-13, hermitian=True) / np.outer(scale, scale))
 
 
-def bootstrap(
-    jacobian: Array, weighted: Array, steps: NDArray[np.intp], seed: int = 0
-) -> Array | None:
-    """Covariance of the parameters over steps drawn with replacement (all, all).
+def of_levels(jacobian: Array, cov: Array, group: NDArray[np.intp], size: Array) -> Array:
+    """Covariance of the parameters by errors that all readings of a group share (all, all)."""
+    shared = size > 0.0
+    if not shared.any():
+        return np.zeros_like(cov)
+    _, number = np.unique(group[shared], return_inverse=True)
+    pull = np.zeros((int(number.max()) + 1, jacobian.shape[1]))
+    np.add.at(pull, number, jacobian[shared] * size[shared, None])
+    return np.asarray(cov @ (pull.T @ pull) @ cov)
 
-    Each draw takes one Gauss–Newton step from the estimate, so hundreds cost as much as one fit; no
-    assumption on the noise is made but that one step does not know of another. None with fewer than
-    six steps.
+
+def of_steps(jacobian: Array, weighted: Array, steps: NDArray[np.intp]) -> Array | None:
+    """Covariance of the parameters by leaving out one step after the other (all, all).
+
+    Each takes one Gauss–Newton step from the estimate; no assumption on the noise is made but that
+    one step does not know of another (MacKinnon and White, J. Econometrics 29, 1985, by clusters).
+    None with fewer than four.
 
     Parameters
     ----------
@@ -56,15 +174,92 @@ def bootstrap(
     blocks = [slice(a, b) for a, b in itertools.pairwise(edges)]
     normal = np.array([j[b].T @ j[b] for b in blocks])  # (steps, all, all)
     pull = np.array([j[b].T @ r[b] for b in blocks])  # (steps, all)
-    rng = np.random.default_rng(seed)
-    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=_DRAWS).astype(float)
-    # an offset whose record was not drawn has no equation: a trace of the whole keeps it in place
-    anchor = 1e-6 * normal.sum(axis=0)
+    whole = normal.sum(axis=0)
+    # an offset whose record is left out has no equation: a trace of the whole keeps it in place
+    anchor = 1e-6 * whole
     anchor[np.diag_indices_from(anchor)] += np.where(np.diag(anchor) == 0.0, 1.0, 1e-12)
-    moves = np.linalg.solve(
-        np.tensordot(drawn, normal, axes=1) + anchor, (drawn @ pull)[:, :, None]
-    )[:, :, 0]
-    return np.asarray(np.cov(moves / scale, rowvar=False))
+    moves = np.linalg.solve(whole - normal + anchor, -pull[:, :, None])[:, :, 0] / scale
+    spread = np.cov(moves, rowvar=False, bias=True) * (count - 1)
+    return np.asarray(np.atleast_2d(spread))
+
+
+def of_colour(
+    jacobian: Array, weighted: Array, series: Sequence[NDArray[np.intp]]
+) -> tuple[Array | None, float]:
+    """Covariance of the parameters under noise as coloured as the residual; degrees of freedom.
+
+    Corrected for what the fit took from the residual. None where the residual is white.
+
+    Parameters
+    ----------
+    series : rows of each sensor of each record, in the order of time
+    """
+    cov = covariance(jacobian)
+    middle = np.zeros_like(cov)
+    independent, coloured = 0.0, False
+    for rows in series:
+        known = autoregression(weighted[rows])
+        if known is None:
+            middle += jacobian[rows].T @ jacobian[rows]
+            independent += len(rows)
+            continue
+        coefficients, power, rho = known
+        shaped = _shaped(jacobian[rows], coefficients)
+        middle += power * shaped.T @ shaped
+        independent += len(rows) * (1.0 - rho) / (1.0 + rho)
+        coloured |= rho > 3.0 / np.sqrt(len(rows))
+    if not coloured:
+        return None, np.inf
+    freedom = max(independent - jacobian.shape[1], 3.0)
+    return cov @ middle @ cov * (1.0 + jacobian.shape[1] / freedom), freedom
+
+
+def autoregression(values: Array) -> tuple[Array, float, float] | None:
+    """Coefficients (order,), power of the innovation and first autocorrelation; None if too few."""
+    from scipy.linalg import solve_toeplitz
+
+    n = len(values)
+    if n < 10 * _ORDER:
+        return None
+    centred = values - values.mean()
+    lags = np.array([centred[k:] @ centred[: n - k] / n for k in range(_ORDER + 1)])
+    if lags[0] <= 0.0:
+        return None
+    lags[0] *= 1.0 + 1e-9
+    found = np.asarray(solve_toeplitz(lags[:-1], lags[1:]))
+    rho = float(np.clip(lags[1] / lags[0], 0.0, 0.995))
+    return found, float(lags[0] - found @ lags[1:]), rho
+
+
+def _shaped(jacobian: Array, coefficients: Array) -> Array:
+    """Lᵀ·J, where L makes noise of the autoregression out of white noise."""
+    from scipy.signal import lfilter
+
+    filtered = lfilter([1.0], np.concatenate([[1.0], -coefficients]), jacobian[::-1], axis=0)
+    return np.asarray(filtered[::-1])
+
+
+def few(freedom: float) -> float:
+    """How much wider an interval is for a deviation that is itself estimated (Student's t)."""
+    from scipy.special import stdtrit
+
+    return max(float(stdtrit(min(max(freedom, 1.0), 1e6), 0.975)) / _NORMAL, 1.0)
+
+
+def stamp_error(slope: Array, weighted: Array, steps: NDArray[np.intp]) -> float:
+    """How far each step's time is off beyond what its noise explains, root mean square [s].
+
+    Parameters
+    ----------
+    slope : of the weighted model over the delay (rows,)
+    """
+    _, steps = np.unique(steps, return_inverse=True)
+    power = np.bincount(steps, slope**2)
+    told = power > 0.05 * power.max()
+    if told.sum() < 2:
+        return float("nan")
+    late = np.bincount(steps, slope * weighted)[told] / power[told]
+    return float(np.sqrt(max(np.var(late, ddof=1) - np.mean(1.0 / power[told]), 0.0)))
 
 
 def propagated(function: Callable[[Array], Array], at: Array, cov: Array) -> Array:

@@ -28,11 +28,11 @@ def _powers(den: Denominator, layout: Layout, highest: int, extra: int) -> Array
     return rows
 
 
-def channel_weights(den: Denominator, layout: Layout) -> tuple[Array, Array]:
+def channel_weights(den: Denominator, layout: Layout, zeros: int) -> tuple[Array, Array]:
     """Weights of the numerator columns on the states: φₖ = a₀ (s/ω)ᵏ/A for angle, sφₖ for rate."""
     pair = []
     for extra in (0, 1):
-        single, through = over_single(_powers(den, layout, layout.zeros, extra), den)
+        single, through = over_single(_powers(den, layout, zeros, extra), den)
         pair.append(_stack(single, None, through))
     return pair[0], pair[1]
 
@@ -41,7 +41,7 @@ def gradient_weights(den: Denominator, layout: Layout, b: Array) -> tuple[Array,
     """Weights of ∂(Σ bₖφₖ)/∂θ of the channel and, in the last column, ∂/∂delay = −s·."""
     pair = []
     for extra in (0, 1):
-        powers = _powers(den, layout, layout.zeros, extra)
+        powers = _powers(den, layout, len(b) - 1, extra)
         numerator = b @ powers  # includes a₀
         a0 = den.coefficients[-1]
         rows = []

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.identify.evidence import Estimate
-from analysis.identify.uncertainty import bootstrap
+from analysis.identify.uncertainty import of_steps
 from analysis.linkage.problem import (
     DELAY,
     HELD_OUT,
@@ -32,7 +32,7 @@ _PLANES = (
     (3.0, 1e-3), (3.0, 1e-3), (3.0, 5e-4), (3.0, 5e-4),
 )  # fmt: skip
 _LAST = 4  # planes whose mean is the estimate: their scatter is what the dents leave open
-_SPREAD = 1.5  # bootstrap over Jacobian: beyond, the Jacobian is wrong
+_SPREAD = 1.5  # deviation over moves, over the Jacobian's: beyond, the Jacobian is wrong
 _VAGUE = 0.5  # deviation over value: beyond, the recording does not tell the parameter
 _POOR = 80.0  # percent of fit
 _LONGEST_DELAY = 0.06  # s
@@ -47,7 +47,7 @@ class LinkageFit:
     estimates : one per knob
     fit, held_out : NRMSE fit [%] per axis, of the moves fitted and of those held out
     start : the same of all moves before anything was fitted
-    spread : bootstrap over moves over the Jacobian's deviation, median; NaN if unknown
+    spread : deviation over moves, over the Jacobian's, median; NaN if unknown
     warnings : everything a reader must know before using a value
     """
 
@@ -103,7 +103,7 @@ def fit_linkage(
 
 
 def _estimates(problem: LinkageProblem, x: Array) -> tuple[tuple[Estimate, ...], float, Array]:
-    """Values with deviations: from the Jacobian or, where moves disagree more, the bootstrap.
+    """Values with deviations: from the Jacobian or, where moves disagree more, from them.
 
     The loss is rough, and its lowest dent is not its minimum. Planes through many places around x
     see past the dents; where they end one after the other scatters by what the dents leave open.
@@ -120,7 +120,7 @@ def _estimates(problem: LinkageProblem, x: Array) -> tuple[tuple[Estimate, ...],
     covariance, _ = sysid_module().calculate_intervals([residual], jacobian)
     std = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
     moves = np.repeat(problem.moves.move[:, None], len(problem.joints), axis=1)
-    drawn = bootstrap(jacobian, residual, moves[problem.train][problem.read[problem.train]])
+    drawn = of_steps(jacobian, residual, moves[problem.train][problem.read[problem.train]])
     spread = math.nan
     if drawn is not None:
         other = np.sqrt(np.clip(np.diag(np.atleast_2d(drawn)), 0.0, None))
@@ -158,6 +158,6 @@ def _warnings(
     if spread > _SPREAD:
         found.append(
             f"moves disagree {spread:.1f} times more than their noise; intervals are from the"
-            " bootstrap"
+            " scatter of whole moves"
         )
     return tuple(found)

@@ -159,7 +159,11 @@ class LinkageProblem:
         return [flat], None, None
 
     def left(self, x: Array, parameters: Any = None) -> Array:  # noqa: ANN401
-        """Model minus reading (n, 2, candidates), the sensors' offsets taken out."""
+        """Model minus reading (n, 2, candidates), through the sensor's own offset and scale.
+
+        The scale of a potentiometer is known through a filter's estimate only, and 1 % of it looks
+        like friction and dead band: each axis' model is laid on its readings by a straight line.
+        """
         columns = x.reshape(len(self.knobs), -1)
         parameters = self.parameters.copy() if parameters is None else parameters
         found, _, _ = sysid_module().model_residual(
@@ -167,8 +171,18 @@ class LinkageProblem:
             modify_residual=self._compare, n_threads=_THREADS, resample_true=False,
         )  # fmt: skip
         shaped = np.asarray(found).reshape(len(self.moves.time), len(self.joints), -1)
-        seen = np.where((self.read & self.train[:, None])[:, :, None], shaped, np.nan)
-        return np.asarray(shaped - np.nanmean(seen, axis=0))
+        counted = (self.read & self.train[:, None])[:, :, None]
+        reading = np.where(self.read, self.moves.angle, 0.0)[:, :, None]
+        model = shaped + self.moves.angle[:, :, None]
+        total = counted.sum(axis=0)
+
+        def centred(values: Array) -> Array:
+            return np.asarray(values - np.sum(values, axis=0, where=counted) / total)
+
+        model, reading = centred(model), centred(reading)
+        power = np.sum(model**2, axis=0, where=counted)
+        scale = np.sum(model * reading, axis=0, where=counted) / np.maximum(power, 1e-300)
+        return np.asarray(scale * model - reading)
 
     def _compare(
         self,

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from analysis.recording.loader import measurement_of as measurement_of
     from analysis.recording.measurements import Measurement as Measurement
     from analysis.recording.measurements import aligned as aligned
+    from analysis.recording.reader import properties as properties
     from analysis.recording.reader import read as read
     from analysis.recording.series import Event as Event
     from analysis.recording.series import Recording as Recording
@@ -28,6 +29,7 @@ _HOMES = {
     "load": "loader",
     "measurement": "arrays",
     "measurement_of": "loader",
+    "properties": "reader",
     "read": "reader",
 }
 

@@ -29,6 +29,7 @@ def measurement(
     before: ArrayLike | None = None,
     scale: float = 1.0,
     input_scale: float | None = None,
+    input_unit: str = "rad",
     gyro_delay: float = 0.0,
     initial: Initial = "rest",
     name: str = "record",
@@ -53,6 +54,7 @@ def measurement(
     before : the command (p,) in force before the first stamp, where it was another
     scale : radians per unit of angle, and of rate per second (pi/180 for degrees)
     input_scale : the same for the command; as `scale` if left out
+    input_unit : of the command after scaling: `rad`, or what it is if it is not an angle
     gyro_delay : delay of the gyro's own filter [s]; taken out of the rate readings
 
     Raises
@@ -92,10 +94,11 @@ def measurement(
             (both[1], RATE, samples - gyro_delay, "rad/s"),
         )
     )
-    given = TimeSeries(COMMAND, own, values, "rad", tuple(inputs) or _names(values.shape[1]))
+    given = TimeSeries(COMMAND, own, values, input_unit, tuple(inputs) or _names(values.shape[1]))
     return Measurement(
-        given, angles, rates, initial, slack, "exact" if command_time is not None else stamps, name
-    )
+        given, angles, rates, initial, slack, "exact" if command_time is not None else stamps,
+        name=name,
+    )  # fmt: skip
 
 
 def _first_shown(samples: Array, stamps: InputStamps) -> tuple[Array, float]:

@@ -22,8 +22,12 @@ from analysis.recording.series import Recording, TimeSeries
 from analysis.schema import AnalysisError, unknown
 
 UNITS: Mapping[str, float] = MappingProxyType(
-    {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "turn": 2.0 * math.pi, "1": 1.0}
-)
+    {
+        "rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "turn": 2.0 * math.pi,
+        "us": 1.0, "percent": 1.0, "counts": 1.0, "1": 1.0,
+    }
+)  # fmt: skip
+NO_ANGLES = ("us", "percent", "counts", "1")  # pulse width [µs], of full travel, of a converter
 _SLOWEST = 0.5  # s between samples; no gimbal's motion is sampled that seldom
 
 
@@ -35,7 +39,7 @@ class Columns:
     ----------
     time : column of stamps
     inputs, angle, rate : columns of commands, potentiometer, and gyro (per second)
-    unit : of angle, rate and command: one of `UNITS`
+    unit : of angle, rate and command: one of `UNITS`; `rad` without it
     input_unit : of the command, where it is another
     time_scale : seconds per unit of the time column (1e-3 for milliseconds); 1 without it
     commands : table of the commands with a time column of the same name; without it they change
@@ -48,7 +52,7 @@ class Columns:
     inputs: tuple[str, ...]
     angle: tuple[str, ...] = ()
     rate: tuple[str, ...] = ()
-    unit: str = "rad"
+    unit: str | None = None
     input_unit: str | None = None
     time_scale: float | None = None
     commands: Path | None = None
@@ -76,7 +80,9 @@ def measurement_of_table(
     AnalysisError : unknown columns and units, stamps that are hardly in seconds, and what no
         `Measurement` may hold
     """
-    scale, own = _scale(columns.unit), _scale(columns.input_unit or columns.unit)
+    unit = columns.unit or "rad"
+    input_unit = columns.input_unit or unit
+    scale, own = _scale(unit), _scale(input_unit)
     seconds = columns.time_scale
     if seconds is not None and not 0.0 < seconds < math.inf:
         raise AnalysisError(f"{table.source}: a time scale of {seconds:g} s; must be more than 0 s")
@@ -94,13 +100,16 @@ def measurement_of_table(
         before=columns.before,
         scale=scale,
         input_scale=own,
+        input_unit=input_unit if input_unit in NO_ANGLES else "rad",
         gyro_delay=gyro_delay,
         initial=initial,
         name=name or table.source,
         inputs=columns.inputs if len(columns.inputs) > 2 else (),
     )
     # reports name a run by the gimbal seat of its recording; a table has only its file name
-    return replace(run, recording=Recording({"configuration": {"gimbal": table.source}}, {}))
+    named = Recording({"configuration": {"gimbal": table.source}}, {})
+    both = columns.unit is not None and columns.input_unit is not None
+    return replace(run, recording=named, units="given" if both else "assumed")
 
 
 def commands_of_table(

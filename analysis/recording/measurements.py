@@ -20,6 +20,7 @@ FOLLOWED, RATE = "gimbal/followed", "gimbal/rate/measured"
 FEWEST_READINGS, FEWEST_COMMANDS = 16, 2  # of an axis that figures are made of
 _MAX_SAMPLES = 20_000_000
 _LARGEST = 1e9  # no gimbal reads more, in any unit: a larger number is a broken file
+LONGEST_REST = 1.0  # s; kept before the first and after the last change of a command
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class Measurement:
         the command was only sampled
     stamps : what commands are dated by: when they were given (`exact`), the sample that first
         shows them (`shown`), or half-way between that and the sample before (`sampled`)
+    units : whether the units of readings and commands were both given, or one was assumed
     name : used in messages and reports
     recording : the recording it was taken from; empty for a table
     shift : added to the recording's stamps to align it with another [s]
@@ -52,6 +54,7 @@ class Measurement:
     initial: Initial = "rest"
     slack: float = 0.0
     stamps: InputStamps = "exact"
+    units: Literal["given", "assumed"] = "assumed"
     name: str = "record"
     recording: Recording = field(default_factory=lambda: Recording({}, {}), repr=False)
     shift: float = 0.0
@@ -195,7 +198,7 @@ class Measurement:
         return next((a for a in self.axes if a.inputs[0] == name), None)
 
     def active(self) -> "Measurement":
-        """The part of one axis in which it is commanded, and as long a rest after it as before.
+        """The part of one axis in which it is commanded, with a rest of at most 1 s at each end.
 
         Both axes are usually excited in turn; motion under the other axis' command is left out.
         """
@@ -203,8 +206,9 @@ class Measurement:
         rows = u.changes()
         if len(rows) == 0:
             return self
-        rest = float(np.diff(u.time[rows]).max(initial=0.2))
-        low, high = u.time[rows[0]] - min(rest, 1.0), u.time[rows[-1]] + min(rest, 1.0)
+        rest = min(float(np.diff(u.time[rows]).max(initial=0.2)), LONGEST_REST)
+        rest = rest if len(rows) > 1 else LONGEST_REST
+        low, high = u.time[rows[0]] - rest, u.time[rows[-1]] + rest
         # the command in force at the beginning may have been given long before
         first = max(int(np.searchsorted(u.time, low, side="right")) - 1, 0)
         near = (u.time >= u.time[first]) & (u.time <= high)

@@ -54,6 +54,28 @@ def read(path: Path | str, *, growing: bool = False) -> Recording:
     return content.recording()
 
 
+def properties(path: Path) -> dict[str, object]:
+    """Properties of a recording of the twin, also of one without an end; nothing else is read.
+
+    Raises
+    ------
+    RecordingError : the file is not a recording of the twin
+    """
+    content = _Content(path)
+    try:
+        for entity, batch in rrd.batches(path, {PROPERTIES}, growing=True):
+            content.take(entity, batch)
+            if "json" in content.texts:
+                break
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from None
+    except (ValueError, pa.ArrowException) as error:
+        raise RecordingError(f"{path}: not a Rerun recording, or damaged ({error})") from None
+    if "json" not in content.texts:
+        raise RecordingError(f"{path}: a Rerun file, but no recording of the twin")
+    return _properties(path, content.texts["json"])
+
+
 @dataclass
 class _Content:
     """What has been read so far, still as stored."""

@@ -9,10 +9,11 @@ Data frames hold a protobuf message: store (1), compression (2), uncompressed si
 and an Arrow stream (5); the last frame is the footer. Layout read off the files of rerun-sdk 0.41.
 """
 
-import mmap
+import os
 import struct
 from collections.abc import Container, Iterator
 from pathlib import Path
+from typing import IO
 
 import pyarrow as pa
 
@@ -51,10 +52,10 @@ def batches(
     FormatError : at the first unsound byte met; `CutOffError` if the file ends before its footer
     OSError : the file cannot be read
     """
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+    with path.open("rb") as file:
         store = None
-        for start, end in _data_frames(content, growing=growing):
-            found = _fields(content, start, end)
+        for start, end in _data_frames(file, growing=growing):
+            found = _fields(_read(file, start, end), 0, end - start)
             name = found.get(1)
             if not isinstance(name, bytes) or _store_kind(name) != RECORDING:
                 continue
@@ -70,22 +71,34 @@ def complete(path: Path) -> bool:
     """Tell whether a file is a Rerun recording to its last byte; OSError if it cannot be read."""
     with path.open("rb") as file:
         try:
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-                for _ in _data_frames(content):
-                    pass
-                return content[-12:-4] == TRAILER  # and a count of footers
-        except ValueError:  # FormatError, or an empty file, which cannot be mapped
+            for _ in _data_frames(file):
+                pass
+        except FormatError:
             return False
+        size = _size(file)
+        return _read(file, size - 12, size - 4) == TRAILER  # and a count of footers
 
 
-def _data_frames(content: mmap.mmap, *, growing: bool = False) -> Iterator[tuple[int, int]]:
-    if content[: len(MAGIC)] != MAGIC:
+def _size(file: IO[bytes]) -> int:
+    return os.fstat(file.fileno()).st_size
+
+
+def _read(file: IO[bytes], start: int, end: int) -> bytes:
+    """Bytes from start to end; fewer at the end of the file."""
+    file.seek(start)
+    return file.read(end - start)
+
+
+def _data_frames(file: IO[bytes], *, growing: bool = False) -> Iterator[tuple[int, int]]:
+    """Places of the data in a file; it is not mapped, since pages of a map count as memory."""
+    size = _size(file)
+    if _read(file, 0, len(MAGIC)) != MAGIC:
         raise FormatError("not a Rerun recording (.rrd)")
     at = HEADER_BYTES
-    while at + _FRAME.size <= len(content):
-        kind, length = _FRAME.unpack_from(content, at)
+    while at + _FRAME.size <= size:
+        kind, length = _FRAME.unpack(_read(file, at, at + _FRAME.size))
         at += _FRAME.size
-        if at + length > len(content):
+        if at + length > size:
             break
         if kind == END:
             return
@@ -125,7 +138,7 @@ def _store_kind(store: bytes) -> int | bytes:
     return _fields(store, 0, len(store)).get(1, 0)
 
 
-def _fields(data: mmap.mmap | bytes, at: int, end: int) -> dict[int, int | bytes]:
+def _fields(data: bytes, at: int, end: int) -> dict[int, int | bytes]:
     """Protobuf fields of data[at:end] by number: integers, and byte strings."""
     found: dict[int, int | bytes] = {}
     while at < end:
@@ -144,7 +157,7 @@ def _fields(data: mmap.mmap | bytes, at: int, end: int) -> dict[int, int | bytes
     return found
 
 
-def _varint(data: mmap.mmap | bytes, at: int, end: int) -> tuple[int, int]:
+def _varint(data: bytes, at: int, end: int) -> tuple[int, int]:
     value = shift = 0
     while at < end and shift < 64:
         byte = data[at]

@@ -1,6 +1,8 @@
 """Measurements as tables: CSV and MATLAB files with named columns, from anybody's rig."""
 
 import csv
+import io
+import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,10 +12,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+from analysis import limited
 from analysis.array import Array
+from analysis.files import opened
 from analysis.schema import AnalysisError, unknown
 
 LARGEST_FILE = 1 << 30  # bytes
+LARGEST_MAT = 200_000_000  # bytes, of which 20 million values take 160
+MAT_SECONDS, MAT_MEGABYTES = 20.0, 800
 MOST_COLUMNS = 512
 MOST_ROWS = 20_000_000
 LONGEST_FIELD = 256  # characters
@@ -72,14 +78,6 @@ def read(path: Path | str) -> Table:
     AnalysisError : a file that is missing, too large, of another kind, or not a table
     """
     path = Path(path)
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise AnalysisError(f"{path}: {error.strerror or 'cannot be read'}") from error
-    if not path.is_file():
-        raise AnalysisError(f"{path}: not a file")
-    if size > LARGEST_FILE:
-        raise AnalysisError(f"{path}: {size} bytes; {LARGEST_FILE} at most")
     kind = path.suffix.lower()
     if kind not in KINDS:
         raise AnalysisError(f"{path}: '{kind}' is no table; .csv, .tsv, .txt and .mat are")
@@ -88,7 +86,10 @@ def read(path: Path | str) -> Table:
 
 def _read_csv(path: Path) -> Table:
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with (
+            opened(path, LARGEST_FILE) as content,
+            io.TextIOWrapper(content, encoding="utf-8-sig", newline="") as file,
+        ):
             sample = file.read(8192)
             if "\0" in sample:
                 raise AnalysisError(f"{path}: holds zero bytes; not a text file")
@@ -98,8 +99,6 @@ def _read_csv(path: Path) -> Table:
         raise AnalysisError(f"{path}: not UTF-8 text (byte {error.start})") from error
     except csv.Error as error:
         raise AnalysisError(f"{path}: not a table: {error}") from error
-    except OSError as error:
-        raise AnalysisError(f"{path}: {error.strerror or 'cannot be read'}") from error
 
 
 class _Lines:
@@ -204,58 +203,24 @@ def _number(text: str, *, decimal_comma: bool) -> float:
 
 
 def _read_mat(path: Path) -> Table:
-    from scipy.io import loadmat, whosmat
-    from scipy.io.matlab import MatReadError
-
+    with opened(path, LARGEST_MAT) as file:
+        content = file.read()
     try:
-        listing = whosmat(str(path))
-        total = sum(math.prod(shape) for _, shape, _ in listing)
-        if len(listing) > MOST_COLUMNS or total > MOST_ROWS:
-            raise AnalysisError(f"{path}: {len(listing)} variables with {total} values; too many")
-        content = loadmat(str(path), squeeze_me=True, struct_as_record=True, chars_as_strings=True)
-    except NotImplementedError:
-        raise AnalysisError(f"{path}: a MATLAB 7.3 file; save it with -v7 instead") from None
-    except AnalysisError:
-        raise
-    except (MatReadError, ValueError, TypeError, KeyError, OSError, EOFError, MemoryError,
-            IndexError, OverflowError, AttributeError) as error:  # fmt: skip
-        # hostile bytes fail anywhere in the reader
-        raise AnalysisError(
-            f"{path}: not a readable MATLAB file ({type(error).__name__})"
-        ) from error
-    columns: dict[str, Array] = {}
-    for name, value in content.items():
-        if not name.startswith("__"):
-            _collect(columns, name, value, depth=0)
-    if not columns:
-        raise AnalysisError(f"{path}: holds no numeric columns")
+        answer = limited.run(
+            "analysis.recording.mat", content, seconds=MAT_SECONDS, megabytes=MAT_MEGABYTES
+        )
+    except limited.LimitError as error:
+        raise AnalysisError(f"{path}: {error}") from None
+    head, _, values = answer.partition(b"\n")
+    lengths = json.loads(head)
+    ends = np.cumsum(list(lengths.values()))
+    columns = dict(zip(lengths, np.split(np.frombuffer(values), ends[:-1]), strict=True))
     unusable = {
         name: f"{path}: column '{name}' holds infinite values"
-        for name, values in columns.items()
-        if np.isinf(values).any()
+        for name, column in columns.items()
+        if np.isinf(column).any()
     }
     return _frozen(path, columns, unusable)
-
-
-def _collect(columns: dict[str, Array], name: str, value: object, depth: int) -> None:
-    """Vectors as columns, matrices as name(1), name(2) …, fields of structs as name.field."""
-    if len(columns) >= MOST_COLUMNS or not isinstance(value, np.ndarray | np.void):
-        return
-    if value.dtype.names is not None:
-        if depth < 3 and value.ndim == 0:
-            for key in value.dtype.names:
-                part = value[key]
-                inner = part.item() if part.dtype == object and part.ndim == 0 else part
-                _collect(columns, f"{name}.{key}", inner, depth + 1)
-        return
-    if value.dtype.kind not in "fiub" or value.ndim not in (1, 2):
-        return
-    table = np.asarray(value, dtype=np.float64)
-    if table.ndim == 1:
-        columns[name] = table
-    elif table.shape[1] <= MOST_COLUMNS:
-        for i in range(table.shape[1]):
-            columns[f"{name}({i + 1})"] = table[:, i].copy()
 
 
 def _frozen(path: Path, columns: dict[str, Array], unusable: dict[str, str]) -> Table:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from analysis.recording.measurements import COMMAND, SIMULATED, Measurement, aligned
 from analysis.recording.series import Recording, TimeSeries
+from analysis.report.initial import with_initial_step
 from analysis.report.numbers import ReportNumbers, numbers_of
 from analysis.report.page import render
 from analysis.report.sections import SECTIONS
@@ -48,7 +50,7 @@ def report(
     if out.suffix.lower() not in (".html", ".htm"):
         raise AnalysisError(f"{out}: a report is an .html file")
     sources = [*(r.name for r in runs), *("" for _ in models)]
-    named = labelled(runs, labels)
+    named, begun = zip(*map(with_initial_step, labelled(runs, labels)), strict=True)
     whose = [*(None for _ in named), *models.values()]
     answers = [simulated(named[0], name, model) for name, model in models.items()]
     runs = aligned((*named, *answers))
@@ -57,6 +59,7 @@ def report(
     numbers = replace(
         numbers,
         page=str(out),
+        notes=(*chain(*begun), *numbers.notes),
         runs=tuple(entries),
         margins={name: margins(loops, model) for name, model in models.items() if loops},
     )

@@ -8,6 +8,7 @@ from html import escape
 from importlib.util import find_spec
 from pathlib import Path
 
+from analysis import schema
 from analysis.files import write_text
 from analysis.report.parts import Cell, Plot, Section, Table, Verdicts
 from analysis.schema import AnalysisError
@@ -38,6 +39,7 @@ def render(
     library, script = _plotly(), _own("page.js")
     page = _own("page.html")
     content = {
+        "generator": schema.APPLICATION,
         "policy": " ".join(map(_hash, (library, script))),
         "title": escape(title),
         "style": _own("page.css"),

@@ -12,7 +12,7 @@ SCHEMA = "tvc-twin/transfer-function/1"
 LARGEST_FILE = 1 << 20  # bytes; a 4×4 model of order 20 with its report takes under 20 kB
 LARGEST_ORDER = 20
 LARGEST_SIZE = 8  # inputs or outputs
-LONGEST_DELAY = 1.0  # s; a gimbal slower than this cannot be what was identified
+LONGEST_DELAY = 10.0  # s; the longest that an identification searches
 
 
 class ModelFileError(AnalysisError):

@@ -1,8 +1,7 @@
-"""Where a host connects to a device: a pseudo-terminal, or a TCP port on loopback."""
+"""Where a host connects to a device, and a pseudo-terminal for that; TCP is in `tcp`."""
 
 import contextlib
 import os
-import socket
 import tempfile
 from array import array
 from collections.abc import Callable
@@ -69,6 +68,7 @@ class PtyPort:
         """Open a terminal and point the link at it."""
         self._ours, self._theirs = self._make()
         self._raw(self._theirs)
+        os.fchmod(self._theirs, 0o600)  # some systems let the group tty write
         os.set_blocking(self._ours, False)
         try:
             self._link.symlink_to(os.ttyname(self._theirs))
@@ -116,93 +116,3 @@ def _waiting(terminal: int) -> int:
     count = array("i", [0])
     fcntl.ioctl(terminal, termios.FIONREAD, count)
     return count[0]
-
-
-class TcpPort:
-    """A listening socket on loopback, one host at a time.
-
-    Parameters
-    ----------
-    port : 0 takes a free one
-
-    Raises
-    ------
-    ServerError : the port is taken or forbidden
-    """
-
-    def __init__(self, port: int = 0) -> None:
-        if not 0 <= port <= 65535:
-            raise ServerError(f"TCP port {port}: must be 0…65535")
-        self._port = port
-        self._host: socket.socket | None = None
-        self._listener: socket.socket | None = None
-        self.restore()
-
-    def restore(self) -> None:
-        """Listen, again on the same port number."""
-        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listener.bind(("127.0.0.1", self._port))
-        except OSError as error:
-            listener.close()
-            raise ServerError(
-                f"cannot listen on 127.0.0.1:{self._port}: {error.strerror}"
-            ) from None
-        listener.listen(1)
-        listener.setblocking(False)
-        self._listener = listener
-        self._port = listener.getsockname()[1]
-        self.url = f"socket://127.0.0.1:{self._port}"
-
-    def _accept(self) -> None:
-        if self._listener is None:
-            return
-        with contextlib.suppress(BlockingIOError, OSError):
-            host, _ = self._listener.accept()
-            self._leave()  # a new host replaces the old one, which may have died
-            host.setblocking(False)
-            host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._host = host
-
-    def read(self) -> bytes:
-        """Return what the host has sent."""
-        self._accept()
-        if self._host is None:
-            return b""
-        try:
-            data = self._host.recv(_CHUNK)
-        except BlockingIOError:
-            return b""
-        except OSError:
-            data = b""
-        if not data:
-            self._leave()
-        return data
-
-    def write(self, data: bytes) -> None:
-        """Send to the host."""
-        if self._host is None:
-            return
-        try:
-            self._host.send(data)
-        except BlockingIOError:
-            pass
-        except OSError:
-            self._leave()
-
-    def drop(self) -> None:
-        """Close the connection and refuse new ones."""
-        self._leave()
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
-
-    def _leave(self) -> None:
-        if self._host is not None:
-            self._host.close()
-            self._host = None
-
-    def close(self) -> None:
-        """Stop listening."""
-        self.drop()

@@ -8,7 +8,10 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from hardware.device.device import LOOP_US
-from hardware.device.ports import Port, PtyPort, TcpPort
+from hardware.device.inbox import Inbox
+from hardware.device.ports import Port, PtyPort
+from hardware.device.tcp import TcpPort, refusals
+from hardware.key import configured
 
 TICK_NS = 1000 * LOOP_US
 LONGEST_LAG_NS = 200_000_000  # after a longer pause of the machine the device does not catch up
@@ -34,10 +37,15 @@ class Server:
     ----------
     device : the rig
     port : where hosts connect
+
+    Attributes
+    ----------
+    inbox : what the host has sent and the device has not taken yet
     """
 
     def __init__(self, device: SteppedDevice, port: Port) -> None:
         self.device, self.port = device, port
+        self.inbox = Inbox()
         self._next = time.monotonic_ns()
         self._stopped = False
         self._pulled = False
@@ -52,6 +60,11 @@ class Server:
         trace: TracebackType | None,
     ) -> None:
         self.port.close()
+
+    @property
+    def strangers(self) -> str:
+        """What the port has refused and dropped so far in one line, "" for nothing."""
+        return refusals(self.port, self.inbox)
 
     def stop(self) -> None:
         """End `run` after the current tick; for another thread."""
@@ -71,7 +84,9 @@ class Server:
 
     def tick(self) -> None:
         """Pass the host's bytes on, advance one millisecond, pass the answers back."""
-        incoming = b"" if self._pulled else self.port.read()
+        if not self._pulled:
+            self.inbox.add(self.port.read())
+        incoming = self.inbox.take(LOOP_US)
         try:
             if incoming:
                 self.device.write(incoming)
@@ -101,7 +116,8 @@ def serve(device: SteppedDevice, *, tcp: int | None = None, link: Path | None = 
     Raises
     ------
     ServerError : the port is taken
+    KeyFileError : the session key of a TCP port cannot be written
     """
     if tcp is None and os.name == "posix":
         return Server(device, PtyPort(link))
-    return Server(device, TcpPort(tcp or 0))
+    return Server(device, TcpPort(tcp or 0, configured()))

@@ -13,11 +13,12 @@ from hardware.emulator.emulator import Emulator, identity
 from hardware.emulator.injection import FaultNameError, Injection, parse, valid_names
 from hardware.emulator.nano import FirmwareRig
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters
-from hardware.emulator.servo import Servo, ServoParameters
+from hardware.emulator.servo import Drive, Servo, ServoParameters
 
 __all__ = [
     "AnalyticPlant",
     "Bench",
+    "Drive",
     "Emulator",
     "FaultNameError",
     "FirmwareRig",

@@ -5,12 +5,13 @@ from math import radians
 
 import numpy as np
 
+from hardware.emulator.actuation import Actuation
 from hardware.emulator.injection import Injection
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters, sample_parameters
 from hardware.emulator.sensors import Gaussian, ImuPair, SensorParameters
 from hardware.emulator.sensors import sample as sample_sensors
 from hardware.emulator.servo import ServoParameters
-from hardware.frames import POTENTIOMETER_NAMES, Pair, Triple
+from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, Pair, Triple
 from hardware.parts import GYRO_DELAY_S, POTENTIOMETER_TRAVEL
 from hardware.protocol import constants as c
 
@@ -59,6 +60,11 @@ class Bench:
     plant : physics with its own servos; the analytic plant if omitted
     injections : faults
     seed : of the sensors' noise
+
+    Attributes
+    ----------
+    time : rig time [s]
+    paused : whether the time of faults stands still, as during a check before a run
     """
 
     def __init__(
@@ -72,7 +78,8 @@ class Bench:
         self.plant: Plant = plant or AnalyticPlant(self.parameters.plant)
         self.injections = injections
         self.joystick = self.parameters.joystick
-        self.time = 0.0
+        self.time = self._fault_time = 0.0
+        self.paused = False
         self.dlpf = c.DLPF
         rng = np.random.default_rng([seed, 2])
         self._uniform = np.random.default_rng([seed, 3])
@@ -83,7 +90,13 @@ class Bench:
         self._dips = [f for f in injections if (f.target, f.kind) == ("supply", "reset")]
         self._closed = [False] * 4
         self._shaft: Triple = (0.0, 0.0, 0.0)
+        self._actuation = Actuation(self.plant, injections)
         self._watch_switches()
+
+    @property
+    def delay(self) -> float:
+        """By how much the time of faults is behind the rig's [s]."""
+        return self.time - self._fault_time
 
     def set_pulses(self, pulses: Triple) -> None:
         """Apply pulse widths [s]; call it when a PWM frame begins."""
@@ -95,8 +108,13 @@ class Bench:
 
     def advance(self, dt: float) -> None:
         """Advance everything by dt [s], about 1 ms."""
-        self.plant.advance(dt, self._shaft)
+        shaft = self._shaft
+        if self._actuation.faulty:
+            shaft = self._actuation.shafts(shaft, self._fault_time, dt)
+        self.plant.advance(dt, shaft)
         self.time += dt
+        if not self.paused:
+            self._fault_time += dt
         self._watch_switches()
         gyro, force = self.plant.holder_imu()
         base_gyro, base_force = self.plant.base_imu()
@@ -105,6 +123,7 @@ class Bench:
         if jump:
             truth[:3] += jump
         if self.injections:
+            truth[:3] *= 1.0 + self._value("gyro", "gain")
             truth[6:9] += radians(self._value("base_gyro", "bias"))
         self._imus.advance(dt, truth, GYRO_DELAY_S[self.dlpf])
 
@@ -120,7 +139,7 @@ class Bench:
             if (
                 injection.target == target
                 and injection.kind == kind
-                and injection.active(self.time)
+                and injection.active(self._fault_time)
             ):
                 return injection.strength
         return 0.0
@@ -131,7 +150,9 @@ class Bench:
         angles = self.plant.angles()
         supply = 1.0 + s.supply_ripple * self._gaussian()
         if self.injections:
-            supply *= 1.0 - self._value("supply", "sag")
+            lost = self._value("supply", "sag") + self._risen("supply", "droop")
+            supply *= max(0.0, 1.0 - lost)
+            angles = self._displaced(angles[0], 0), self._displaced(angles[1], 1)
         codes = []
         for i, sensor in enumerate(s.potentiometers):
             fraction = sensor.fraction(angles[i // 2]) * supply
@@ -141,11 +162,30 @@ class Bench:
             codes.append(min(max(int(code), 0), c.ADC_LEVELS - 1))
         return (codes[0], codes[1], codes[2], codes[3])
 
+    def _risen(self, target: str, kind: str) -> float:
+        """Return what a fault that grows at a constant rate has grown to."""
+        for f in self.injections:
+            if f.target == target and f.kind == kind and f.active(self._fault_time):
+                return f.value * (self._fault_time - f.start)
+        return 0.0
+
+    def _displaced(self, angle: float, axis: int) -> float:
+        """Return the angle that both potentiometers of an axis are turned to [rad]."""
+        name = PAIR_NAMES[axis]
+        for fault in self.injections:
+            if fault.target != name or fault.kind != "stuck":
+                continue
+            if fault.active(self._fault_time):
+                angle = self._held.setdefault(fault, angle)
+            else:
+                self._held.pop(fault, None)
+        return angle + radians(self._value(name, "slipped") + self._risen(name, "drift"))
+
     def _broken(self, name: str, fraction: float) -> float:
         for fault in self.injections:
             if fault.target != name:
                 continue
-            if not fault.active(self.time):
+            if not fault.active(self._fault_time):
                 self._held.pop(fault, None)
             elif fault.kind == "glitch":
                 if self._uniform.random() < fault.value:
@@ -153,9 +193,14 @@ class Bench:
             elif fault.kind == "stuck":
                 fraction = self._held.setdefault(fault, fraction)
             elif fault.kind == "open":
-                fraction *= float(np.exp(-(self.time - fault.start) / OPEN_WIRE_TIME))
+                fraction *= float(np.exp(-(self._fault_time - fault.start) / OPEN_WIRE_TIME))
             elif fault.kind == "offset":
                 fraction += radians(fault.value) / POTENTIOMETER_TRAVEL
+            elif fault.kind == "drift":
+                turned = radians(fault.value) * (self._fault_time - fault.start)
+                fraction += turned / POTENTIOMETER_TRAVEL
+            elif fault.kind == "gain":
+                fraction += (fraction - 0.5) * fault.value
         return fraction
 
     def imu_counts(self, age: Pair = (0.0, 0.0)) -> list[int]:
@@ -181,7 +226,7 @@ class Bench:
 
     def supply_dipped(self) -> bool:
         """Return whether a dip of the supply resets the board now; true once for each."""
-        past = [f for f in self._dips if f.start <= self.time]
+        past = [f for f in self._dips if f.start <= self._fault_time]
         self._dips = [f for f in self._dips if f not in past]
         return bool(past)
 

@@ -73,6 +73,10 @@ class Emulator:
         """World time [ns], the clock of a lockstep link."""
         return self.time_us * 1000
 
+    @property
+    def _fault_time(self) -> float:
+        return self.time_us * 1e-6 - self.bench.delay
+
     def truth(self) -> tuple[Pair, Pair]:
         """Return the true gimbal angles [rad] and rates [rad/s]."""
         return self.bench.plant.angles(), self.bench.plant.rates()
@@ -84,9 +88,9 @@ class Emulator:
         ------
         UnpluggedError : the cable is unplugged
         """
-        self._cable.check(self.time_us * 1e-6)
+        self._cable.check(self._fault_time)
         at = max(self._wire_free[0], self.time_us)
-        for byte in self._cable.carry(data, self.time_us * 1e-6):
+        for byte in self._cable.carry(data, self._fault_time):
             at += BYTE_US
             self._incoming.append((at, byte))
         self._wire_free[0] = at
@@ -101,8 +105,8 @@ class Emulator:
         pieces = []
         while self._outgoing and self._outgoing[0][0] <= self.time_us:
             pieces.append(self._outgoing.popleft()[1])
-        self._cable.check(self.time_us * 1e-6)
-        return self._cable.carry(b"".join(pieces), self.time_us * 1e-6) if pieces else b""
+        self._cable.check(self._fault_time)
+        return self._cable.carry(b"".join(pieces), self._fault_time) if pieces else b""
 
     def close(self) -> None:
         """Do nothing: there is no port to close."""

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from hardware.frames import POTENTIOMETER_NAMES, HardwareError
+from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, SERVO_NAMES, HardwareError
 
 
 class FaultNameError(HardwareError):
@@ -11,30 +11,52 @@ class FaultNameError(HardwareError):
 
 
 _UNPLUG = {"unplug": (2.0, 0.0, 3600.0, "seconds")}
+_NONE = (0.0, 0.0, 0.0, "none")
 # kind → (default value, lowest, highest, meaning of the value)
 _POTENTIOMETER = {
     "glitch": (0.2, 0.0, 1.0, "fraction of readings that are wrong"),
-    "stuck": (0.0, 0.0, 0.0, "none"),
-    "open": (0.0, 0.0, 0.0, "none"),
+    "stuck": _NONE,
+    "open": _NONE,
     "offset": (5.0, -180.0, 180.0, "degrees"),
+    "drift": (0.1, -90.0, 90.0, "degrees per second"),
+    "gain": (0.05, -1.0, 1.0, "deviation of the scale"),
+}
+_PAIR = {
+    "slipped": (5.0, -90.0, 90.0, "degrees"),
+    "stuck": _NONE,
+    "drift": (0.3, -90.0, 90.0, "degrees per second"),
+}
+_SERVO = {
+    "reversed": _NONE,
+    "jammed": _NONE,
+    "dead": _NONE,
+    "hard_over": (40.0, -90.0, 90.0, "degrees of the shaft"),
+    "slipped": (10.0, -90.0, 90.0, "degrees of the horn on its shaft"),
+    "slow": (0.1, 0.001, 1.0, "fraction of its speed"),
+    "contact": (1.0, 0.01, 50.0, "times a second without power, half of the time"),
 }
 VALID: dict[str, dict[str, tuple[float, float, float, str]]] = {
     **dict.fromkeys(POTENTIOMETER_NAMES, _POTENTIOMETER),
+    **dict.fromkeys(PAIR_NAMES, _PAIR),
+    **dict.fromkeys(SERVO_NAMES, _SERVO),
+    "servos": {"swapped": _NONE},
     "supply": {
         "sag": (0.1, 0.0, 0.9, "fraction of the supply that is missing"),
-        "reset": (0.0, 0.0, 0.0, "none"),
+        "droop": (0.01, 0.0, 0.9, "fraction of the supply lost per second"),
+        "reset": _NONE,
     },
     "gyro": {
         "bias": (20.0, -500.0, 500.0, "degrees per second"),
-        "frozen": (0.0, 0.0, 0.0, "none"),
+        "gain": (0.05, -1.0, 1.0, "deviation of the scale"),
+        "frozen": _NONE,
     },
     "base_gyro": {
         "bias": (20.0, -500.0, 500.0, "degrees per second"),
-        "frozen": (0.0, 0.0, 0.0, "none"),
+        "frozen": _NONE,
     },
     "imu": _UNPLUG,
     "base_imu": _UNPLUG,
-    "turntable": {"stuck": (0.0, 0.0, 0.0, "none")},
+    "turntable": {"stuck": _NONE},
     "link": {
         "drop": (0.001, 0.0, 1.0, "fraction of bytes"),
         "corrupt": (0.001, 0.0, 1.0, "fraction of bytes"),

@@ -55,6 +55,10 @@ class FirmwareRig:
         """World time [ns], the clock of a lockstep link."""
         return self.time_us * 1000
 
+    @property
+    def _fault_time(self) -> float:
+        return self.time_us * 1e-6 - self.bench.delay
+
     def truth(self) -> tuple[Pair, Pair]:
         """Return the true gimbal angles [rad] and rates [rad/s]."""
         return self.bench.plant.angles(), self.bench.plant.rates()
@@ -66,8 +70,8 @@ class FirmwareRig:
         ------
         UnpluggedError : the cable is unplugged
         """
-        self._cable.check(self.time_us * 1e-6)
-        self.nano.write(self._cable.carry(data, self.time_us * 1e-6))
+        self._cable.check(self._fault_time)
+        self.nano.write(self._cable.carry(data, self._fault_time))
 
     def read(self) -> bytes:
         """Return the bytes that have arrived from the rig.
@@ -77,8 +81,8 @@ class FirmwareRig:
         UnpluggedError : the cable is unplugged
         """
         data = self.nano.read()
-        self._cable.check(self.time_us * 1e-6)
-        return self._cable.carry(data, self.time_us * 1e-6)
+        self._cable.check(self._fault_time)
+        return self._cable.carry(data, self._fault_time)
 
     def close(self) -> None:
         """Free the simulator."""

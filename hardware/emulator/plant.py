@@ -1,16 +1,15 @@
 """Physics of a simulated rig: the interface that any plant implements, and an analytic plant."""
 
 from dataclasses import dataclass, field
-from math import cos, pi, radians, sin
+from math import cos, pi, sin
 from typing import Protocol
 
 import numpy as np
 
-from hardware.emulator.servo import Servo, ServoParameters, sample
+from hardware.emulator.servo import Drive, Servo, ServoParameters, sample
 from hardware.frames import Pair, Triple
+from hardware.parts import GIMBAL_STOP as STOP
 from hardware.parts import STANDARD_GRAVITY as GRAVITY
-
-STOP = radians(10.0)
 
 
 class Plant(Protocol):
@@ -18,6 +17,9 @@ class Plant(Protocol):
 
     def advance(self, dt: float, shaft: Triple) -> None:
         """Advance by dt [s] with the commanded shaft angles of servos x, y and turntable [rad]."""
+
+    def set_drive(self, servo: int, drive: Drive) -> None:
+        """Change how servo 0 (x) or 1 (y) is driven from now on."""
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""
@@ -100,6 +102,10 @@ class AnalyticPlant:
         before = self.servos[2].angle
         self._turn = self.servos[2].advance(dt, shaft[2])
         self._turn_rate = (self._turn - before) / dt
+
+    def set_drive(self, servo: int, drive: Drive) -> None:
+        """Change how a servo is driven; see `Plant`."""
+        self.servos[servo].drive = drive
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""

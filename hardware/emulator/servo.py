@@ -1,6 +1,7 @@
 """A 9 g servo: pulse to shaft angle, with dead band, motor, friction, slew limit and backlash."""
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from math import radians
 
 import numpy as np
@@ -9,6 +10,14 @@ from hardware.parts import SERVO_TRAVEL
 from hardware.protocol import constants
 
 PULSE_CENTRE = constants.PULSE_NEUTRAL * constants.TICK  # s
+
+
+class Drive(StrEnum):
+    """How a servo is driven."""
+
+    NORMAL = "normal"
+    LIMP = "limp"  # no power
+    JAMMED = "jammed"  # its gear train is blocked
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +87,7 @@ class Servo:
 
     def __init__(self, parameters: ServoParameters) -> None:
         self.parameters = parameters
+        self.drive = Drive.NORMAL
         self.shaft = 0.0
         self.speed = 0.0  # of the shaft
         self.angle = 0.0
@@ -89,7 +99,10 @@ class Servo:
     def advance(self, dt: float, command: float) -> float:
         """Advance by dt [s] towards a shaft angle [rad]; return the horn angle [rad]."""
         p = self.parameters
-        error = command - self.shaft
+        if self.drive is Drive.JAMMED:
+            self.speed = 0.0
+            return self.angle
+        error = command - self.shaft if self.drive is Drive.NORMAL else 0.0
         volts = 0.0 if abs(error) < p.dead_band else p.gain * error
         volts = min(max(volts, -p.voltage), p.voltage)
         # Backward Euler: stable however short the motor's time constant is.

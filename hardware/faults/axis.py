@@ -28,6 +28,7 @@ class Axis:
     outlying, railed : share of each potentiometer's readings that are outliers, or at a rail [1]
     innovation : smoothed mean innovation [rad]
     doubtful : time for which the potentiometers disagree and neither can be named [s]
+    common : time for which both disagree with the gyro and neither side can be named [s]
     """
 
     free: float = 0.0
@@ -37,11 +38,12 @@ class Axis:
     railed: list[float] = field(default_factory=lambda: [0.0, 0.0])
     innovation: float = 0.0
     doubtful: float = 0.0
+    common: float = 0.0
 
     def begin(self) -> None:
         """Start again on a first frame, or after a gap."""
         self.distance = [0.0, 0.0]
-        self.innovation = self.doubtful = 0.0
+        self.innovation = self.doubtful = self.common = 0.0
 
     def count(self, k: int, railed: bool, bad: bool, dt: float) -> None:
         """Update the shares of bad readings of potentiometer `k`; `bad` includes `railed`."""

@@ -20,6 +20,8 @@ class Reading(NamedTuple):
     gyro : raw reading of the holder gyro [rad/s]
     rate : calibrated x rate · cos y, and y rate, bias not removed [rad/s]
     fresh : the gyro was read for this frame; else its last reading is repeated
+    command : gimbal angles of the pulse widths in force; None while the servos are not driven [rad]
+    switches : closed limit switches +x, −x, +y, −y
     """
 
     dt: float
@@ -29,6 +31,8 @@ class Reading(NamedTuple):
     gyro: Triple
     rate: Pair
     fresh: bool = True
+    command: Pair | None = None
+    switches: tuple[bool, bool, bool, bool] = (False, False, False, False)
 
 
 class Prediction(NamedTuple):

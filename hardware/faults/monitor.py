@@ -1,9 +1,10 @@
-"""Which sensor is wrong: parity, innovations and plausibility, and what to do about it.
+"""Which sensor or servo is wrong: parity, innovations and plausibility, and what to do about it.
 
 Three sensors measure each axis: two potentiometers and the gyro. Two that agree against the third
-name it. A supply error moves all four potentiometers by one common factor, which no other single
-fault does. Frame by frame, a reading further than `GATE` from the prediction is an outlier; slowly,
-each potentiometer is compared with an angle dead-reckoned from the gyro.
+name it; between both potentiometers and the gyro, the servo's command decides. A supply error moves
+all four potentiometers by one common factor, which no other single fault does. Frame by frame, a
+reading further than `GATE` from the prediction is an outlier; slowly, each potentiometer is
+compared with an angle dead-reckoned from the gyro.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,6 +12,7 @@ from dataclasses import asdict
 from math import cos, degrees, exp, radians
 from typing import Any
 
+from hardware.faults.actuation import MISREAD, Actuation
 from hardware.faults.axis import DRIFT, FORGOTTEN, LAG, LEAK, MOSTLY, SMOOTHING, STRANDED, Axis
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
 from hardware.faults.memory import filled, number
@@ -18,8 +20,10 @@ from hardware.faults.states import (
     GYRO,
     NAMED,
     ODD_SCORE,
+    PAIR,
     SCORE_TIME,
     SENSORS,
+    SERVO,
     SUPPLY,
     TRANSITIONS,
     Fault,
@@ -36,14 +40,26 @@ SETTLING = 1.5  # s; the gyro's bias is not yet known before
 FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit every time
 FROZEN_DELAYS = 5.5  # delays of its low-pass; a healthy one at rest for 600 s stood still for 2.0
 COMMON_DRIFT = radians(0.3)  # of both potentiometers of an axis together, when at rest
+UNDECIDED = 0.2  # s of disagreement with the gyro that the servo's command does not decide
 DOUBTFUL = 0.5  # s of disagreement in which no sensor can be named, until health reports it
 
 
 class Monitor:
-    """Monitors the sensors of one rig; calls `listener(sensor, old, new, kind)` on every change."""
+    """Monitors one rig; calls `listener(sensor, old, new, kind)` on every change.
 
-    def __init__(self, listener: Callable[[str, State, State, str], None] | None = None) -> None:
+    Parameters
+    ----------
+    listener : as above; `sensor` may be a servo
+    actuation : comparison of the servos with their commands
+    """
+
+    def __init__(
+        self,
+        listener: Callable[[str, State, State, str], None] | None = None,
+        actuation: Actuation | None = None,
+    ) -> None:
         self.listener = listener
+        self.actuation = actuation or Actuation()
         self.time = 0.0
         self._tracks = tuple(Track(i) for i in range(len(SENSORS)))
         self._axes = (Axis(), Axis())
@@ -56,19 +72,19 @@ class Monitor:
 
     @property
     def healthy(self) -> bool:
-        """No sensor is named and no axis is in doubt."""
+        """No sensor or servo is named and no axis is in doubt."""
         return not any(self._out) and all(a.doubtful < DOUBTFUL for a in self._axes)
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """The sensors that are named."""
+        """The sensors and servos that are named."""
         return tuple(
             Fault(SENSORS[t.index], t.kind, t.since) for t in self._tracks if t.state in NAMED
         )
 
     @property
     def states(self) -> dict[str, State]:
-        """State of every sensor by name."""
+        """State of every sensor and servo by name."""
         return {SENSORS[t.index]: t.state for t in self._tracks}
 
     def describe(self) -> str:
@@ -101,6 +117,7 @@ class Monitor:
             "last_gyro": None if self._last_gyro is None else list(self._last_gyro),
             "tracks": [asdict(track) for track in self._tracks],
             "axes": [asdict(axis) for axis in self._axes],
+            "actuation": self.actuation.snapshot(),
         }
 
     def restore(self, memory: Mapping[str, Any]) -> None:
@@ -114,6 +131,7 @@ class Monitor:
         x, y = (filled(Axis, values) for values in memory["axes"])
         if [track.index for track in tracks] != list(range(len(SENSORS))):
             raise ValueError("tracks of other sensors")
+        self.actuation.restore(memory["actuation"])
         self._tracks, self._axes = tracks, (x, y)
         self.time, self._running = number(memory["time"]), number(memory["running"])
         self._equal = int(number(memory["equal"]))
@@ -131,6 +149,7 @@ class Monitor:
         self._last_gyro, self._equal = None, 0
         for axis in self._axes:
             axis.begin()
+        self.actuation.begin()
         return (a, b, c, d)
 
     def inspect(self, reading: Reading, prediction: Prediction) -> Remedy:
@@ -146,9 +165,11 @@ class Monitor:
         rest, supply = self._without_supply(reading, prediction)
         use = self._outliers(reading, prediction, rest)
         self._frozen(reading, prediction)
+        self.actuation.advance(reading.command, prediction.angle, dt)
         self._dead_reckon(reading, prediction, rest, use)
         if self._running > SETTLING:
             self._compare(reading, prediction)
+        self._watch_servos(reading, prediction)
         lost = self._advance(prediction, dt)
         usable = reading.fresh and not (self._out[GYRO] and self._is_frozen())
         marginal = supply or self._out[SUPPLY]
@@ -286,7 +307,42 @@ class Monitor:
             if abs(a - b) > DRIFT + moving:
                 self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
             elif min(abs(a), abs(b)) > COMMON_DRIFT + moving and a * b > 0 and not self._mute(r, k):
-                self._accuse(GYRO, 0.2, "bias")
+                self._part(k, p.angle[k], 0.5 * (a + b), r.dt)
+            elif axis.common:
+                axis.common = max(0.0, axis.common - r.dt)
+
+    def _part(self, k: int, angle: float, apart: float, dt: float) -> None:
+        """Name gyro or both potentiometers of an axis: whichever the servo's command contradicts.
+
+        Parameters
+        ----------
+        angle : of the potentiometers [rad]
+        apart : how far it is from the angle dead-reckoned by the gyro [rad]
+        """
+        axis = self._axes[k]
+        axis.common += dt
+        by_gyro = abs(self.actuation.excess(k, angle - apart))
+        excess = abs(self.actuation.excess(k, angle))
+        if self._out[PAIR + k] or excess > 2 * by_gyro:
+            self._accuse(PAIR + k, 0.2, "deviating")
+        elif self._out[GYRO] or by_gyro > 2 * excess or axis.common > UNDECIDED:
+            self._accuse(GYRO, 0.2, "bias")
+
+    def _watch_servos(self, r: Reading, p: Prediction) -> None:
+        """Name servos that do not obey, or the potentiometers that only make it look so."""
+        actuation = self.actuation
+        turned = None
+        if not self._out[GYRO]:
+            u, v = (rate - axis.bias for rate, axis in zip(r.rate, self._axes, strict=True))
+            turned = (u / cos(p.angle[1]) * r.dt, v * r.dt)
+        actuation.inspect(p.angle, p.rate, turned, r.dt, r.switches)
+        for k, kind in enumerate(actuation.kinds):
+            if not kind:
+                continue
+            if kind == MISREAD or self._out[PAIR + k]:
+                self._accuse(PAIR + k, 1.0, "deviating")
+            else:
+                self._accuse(SERVO + k, 1.0, kind)
 
     def _disagree(
         self, index: int, a: float, b: float, margin: float, dt: float, separable: bool
@@ -311,7 +367,7 @@ class Monitor:
         for track in self._tracks:
             if track.score <= ODD_SCORE and track.state is State.OK:
                 continue
-            angle = p.angle[min(track.index, 3) // 2]
+            angle = p.angle[track.index // 2 if track.index < GYRO else track.index % 2]
             track.clean = 0.0 if track.score > ODD_SCORE else track.clean + dt
             if track.clean == 0.0:
                 track.lowest = track.highest = angle

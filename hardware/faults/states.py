@@ -4,19 +4,26 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import radians
 
-from hardware.frames import POTENTIOMETER_NAMES
+from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, SERVO_NAMES
 
-SENSORS = (*POTENTIOMETER_NAMES, "gyro", "supply")
+SENSORS = (
+    *POTENTIOMETER_NAMES,
+    "gyro",
+    "supply",
+    *PAIR_NAMES,
+    *SERVO_NAMES,
+)
 GYRO, SUPPLY = len(POTENTIOMETER_NAMES), len(POTENTIOMETER_NAMES) + 1
+PAIR, SERVO = SUPPLY + 1, SUPPLY + 1 + len(PAIR_NAMES)  # of x; that of y is the next
 
 ODD_SCORE, BAD_SCORE = 0.05, 1.0
 SCORE_TIME = 0.1  # s; evidence fades with it
 CLEAN_TIME = 2.0  # s without evidence before a sensor is trusted again
-PROOF = radians(1.0)  # motion a potentiometer must have followed before it is trusted again
+PROOF = radians(1.0)  # motion a potentiometer or servo must have followed to be trusted again
 
 
 class State(StrEnum):
-    """Health of one sensor."""
+    """Health of one sensor or servo."""
 
     OK = "ok"
     SUSPECT = "suspect"
@@ -30,7 +37,7 @@ class Sign(StrEnum):
     CLEAN = "clean"
     ODD = "odd"
     BAD = "bad"
-    PROVEN = "proven"  # clean for `CLEAN_TIME` and, for a potentiometer, moved with the gimbal
+    PROVEN = "proven"  # clean for `CLEAN_TIME` and, but for gyro and supply, moved with the gimbal
 
 
 # A missing pair leaves the state unchanged.
@@ -50,12 +57,13 @@ NAMED = (State.FAULTY, State.RECOVERING)
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A sensor that was named as wrong.
+    """A sensor or servo that was named as wrong.
 
     Attributes
     ----------
     sensor : one of `SENSORS`
-    kind : glitch, open, deviating, frozen, bias or sag
+    kind : of a sensor glitch, open, deviating, frozen, bias or sag; of a servo not following,
+        reversed, swapped with y, stuck at 3.1° or offset by 4.0°
     since : time of the monitor at which it was named [s]
     """
 
@@ -66,7 +74,7 @@ class Fault:
 
 @dataclass(slots=True)
 class Track:
-    """Evidence on one sensor and the state that follows from it."""
+    """Evidence on one sensor or servo and the state that follows from it."""
 
     index: int
     state: State = State.OK
@@ -83,5 +91,5 @@ class Track:
             return Sign.BAD
         if self.score > ODD_SCORE:
             return Sign.ODD
-        moved = self.index >= GYRO or self.highest - self.lowest >= PROOF
+        moved = self.index in (GYRO, SUPPLY) or self.highest - self.lowest >= PROOF
         return Sign.PROVEN if self.clean >= CLEAN_TIME and moved else Sign.CLEAN

@@ -7,10 +7,19 @@ from typing import Any
 import numpy as np
 
 from hardware.calibration.result import Calibration
-from hardware.faults import POTENTIOMETERS, Monitor, Prediction, Reading, Remedy
+from hardware.faults import (
+    POTENTIOMETERS,
+    Actuation,
+    Monitor,
+    Prediction,
+    Reading,
+    Remedy,
+    ServoLimits,
+)
 from hardware.faults.memory import number
 from hardware.frames import GimbalState, HardwareError, Pair, SensorFrame, Triple
 from hardware.fusion.base import BaseMap
+from hardware.fusion.commands import Commands, tolerances
 from hardware.fusion.kalman import (
     ANGLE,
     BIAS,
@@ -35,11 +44,12 @@ class Fusion:
     calibration : maps from readings to angles
     noise : assumptions on sensors and motion
     base : map of the base's IMU where the base turns: its rate is then taken out of the holder's
+    servos : limits of the servos; those of hobby servos if omitted
 
     Attributes
     ----------
     filter : states and covariances of both axes
-    monitor : health of the sensors
+    monitor : health of sensors and servos
     """
 
     def __init__(
@@ -47,11 +57,15 @@ class Fusion:
         calibration: Calibration,
         noise: Noise | None = None,
         base: BaseMap | None = None,
+        servos: ServoLimits | None = None,
     ) -> None:
         self.calibration = calibration
         self.base = base
         self.filter = GimbalFilter(noise or Noise())
-        self.monitor = Monitor()
+        limits = servos or ServoLimits()
+        actuation = Actuation(tolerances(calibration, limits), limits)
+        self.monitor = Monitor(actuation=actuation)
+        self._commands = Commands(calibration)
         self._last_us: int | None = None
         sigmas = [calibration.potentiometer_sigma(i, _MAP_ANGLE) for i in range(POTENTIOMETERS)]
         self._tolerance = (3 * sigmas[0], 3 * sigmas[1], 3 * sigmas[2], 3 * sigmas[3])
@@ -135,6 +149,8 @@ class Fusion:
             frame.gyro,
             self._rate(frame),
             bool(frame.flags & _HOLDER_IMU),
+            self._commands.angles(frame),
+            frame.switches,
         )
 
     def _rate(self, frame: SensorFrame) -> Pair:

@@ -6,6 +6,7 @@ import os
 import socket
 from collections.abc import Callable
 from functools import partial
+from urllib.parse import urlsplit
 
 import serial
 
@@ -34,6 +35,7 @@ def open_port(url: str, *, reset: bool) -> serial.SerialBase:
     ------
     LinkError : the port cannot be opened
     """
+    _check_address(url)
     try:
         port = serial.serial_for_url(
             url,
@@ -43,6 +45,8 @@ def open_port(url: str, *, reset: bool) -> serial.SerialBase:
             write_timeout=_WRITE_TIMEOUT_S,
             exclusive=None if "://" in url else True,
         )
+        if url.startswith("socket://"):
+            port.reset_input_buffer = lambda: None  # on opening it would discard CHALLENGE
         if not reset:
             port.dtr = False
         port.open()
@@ -52,6 +56,22 @@ def open_port(url: str, *, reset: bool) -> serial.SerialBase:
     return port
 
 
+def _check_address(url: str) -> None:
+    """Refuse what pyserial would answer with a message about Python's types or its own options."""
+    address = urlsplit(url)
+    if address.scheme != "socket":
+        return
+    try:
+        valid = bool(address.hostname) and bool(address.port)
+    except ValueError:  # not a number, or above 65535
+        valid = False
+    if not valid or address.query or address.path not in ("", "/"):
+        raise LinkError(
+            f"{url}: must be socket://HOST:PORT with a port from 1 to 65535; give"
+            " socket://127.0.0.1:5555, for example"
+        )
+
+
 def writer(port: serial.SerialBase) -> Callable[[bytes], int]:
     """Return a function that writes as many bytes as there is room for and returns their number.
 
@@ -59,11 +79,11 @@ def writer(port: serial.SerialBase) -> Callable[[bytes], int]:
     more. On a terminal that waits for the kernel's worker just as reading does, see `Link.poll`;
     writing itself only puts the bytes into a buffer (92 µs at most in the same measurement).
     """
-    line = getattr(port, "_socket", None)
+    line = _socket(port)
     native = os.name == "posix" and type(port) is serial.Serial
-    if not native and not isinstance(line, socket.socket):
+    if not native and line is None:
         return lambda data: _written(port, data)  # Windows, rfc2217:// and others
-    raw = line.send if isinstance(line, socket.socket) else partial(os.write, port.fileno())
+    raw = partial(os.write, port.fileno()) if line is None else line.send
 
     def write(data: bytes) -> int:
         try:
@@ -72,6 +92,16 @@ def writer(port: serial.SerialBase) -> Callable[[bytes], int]:
             return 0
 
     return write
+
+
+def is_socket(port: serial.SerialBase) -> bool:
+    """Return whether a port is a TCP connection (`socket://`)."""
+    return _socket(port) is not None
+
+
+def _socket(port: serial.SerialBase) -> socket.socket | None:
+    line = getattr(port, "_socket", None)
+    return line if isinstance(line, socket.socket) else None
 
 
 def _written(port: serial.SerialBase, data: bytes) -> int:
@@ -84,8 +114,7 @@ def _written(port: serial.SerialBase, data: bytes) -> int:
 
 def close_port(port: serial.SerialBase) -> None:
     """Close at once: pyserial sleeps 0.3 s after closing a socket, which would delay the loop."""
-    line = getattr(port, "_socket", None)
-    if isinstance(line, socket.socket):
+    if (line := _socket(port)) is not None:
         line.close()
         port._socket, port.is_open = None, False
     else:
@@ -98,9 +127,23 @@ def _lower_latency(port: serial.SerialBase) -> None:
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
         port.set_low_latency_mode(True)
     # Nagle's algorithm would delay a command until the previous one is acknowledged.
-    line = getattr(port, "_socket", None)
-    if isinstance(line, socket.socket):
+    if (line := _socket(port)) is not None:
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+def closed_at_once(url: str, error: Exception, *, begun: bool) -> str:
+    """Return the message about a TCP connection that ended during the greeting.
+
+    Parameters
+    ----------
+    begun : the server has sent CHALLENGE
+    """
+    if begun:
+        return f"{url}: the server closed the connection ({error})"
+    return (
+        f"{url}: the connection was closed at once: a tunnel without a gateway behind it; start"
+        " `python -m hardware.raspberry_pi` on the Pi"
+    )
 
 
 def _explain(url: str, error: Exception) -> str:
@@ -109,8 +152,6 @@ def _explain(url: str, error: Exception) -> str:
     if "://" in url:
         if "refused" in text:
             return f"{url}: nothing listens there; start one with `twin rig`, or check the address"
-        if "debug|info" in text:  # pyserial's own message about a bad address
-            text = "no host and port from 1 to 65535"
         return f"{url}: cannot be opened ({text}); must be like {_EXAMPLES}"
     if number in {errno.EBUSY, errno.EAGAIN} or "exclusively lock" in text:
         return f"{url}: in use by another program; close that program"

@@ -8,7 +8,7 @@ from typing import Any
 
 from cobs import cobs  # type: ignore[import-untyped]
 
-from hardware.protocol.messages import MESSAGES, Hello, Message
+from hardware.protocol.messages import MESSAGES, SESSION, Hello, Message
 from hardware.protocol.wire import layout
 
 DELIMITER = b"\0"
@@ -102,7 +102,7 @@ class _Codec:
         return message
 
 
-_CODECS = {layout(cls).type_id: _Codec(cls) for cls in MESSAGES}
+_CODECS = {layout(cls).type_id: _Codec(cls) for cls in (*MESSAGES, *SESSION)}
 
 
 def encode(message: Message, sequence: int) -> bytes:
@@ -110,7 +110,7 @@ def encode(message: Message, sequence: int) -> bytes:
 
     Parameters
     ----------
-    message : any class of `MESSAGES`
+    message : any class of `MESSAGES` or `SESSION`
     sequence : 0…65535, one counter per direction
 
     Raises
@@ -164,6 +164,12 @@ class Decoder:
             self._start = 0
         self._buffer += data
 
+    def skip(self) -> None:
+        """Forget the frame begun: what follows is not its continuation, and no loss is counted."""
+        self._start = len(self._buffer)
+        self._skipping = False
+        self._expected = None
+
     def next_event(self) -> Frame | None:
         """Return the next frame, or None until more data is received."""
         while (end := self._buffer.find(0, self._start)) >= 0:
@@ -208,7 +214,8 @@ class Decoder:
             self._unknown += 1
         else:
             message = codec.unpack(payload)
-        self._count(sequence, message)
+        if not isinstance(message, SESSION):  # these are not numbered
+            self._count(sequence, message)
         return Frame(sequence, message)
 
     def _count(self, sequence: int, message: Message | Unknown) -> None:

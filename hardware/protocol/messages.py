@@ -74,6 +74,7 @@ class Flags(IntFlag):
     HOLDER_IMU = 1 << 5  # this frame has a new reading of 0x68
     BASE_IMU = 1 << 6  # this frame has a new reading of 0x69
     RECEIVE_OVERRUN = 1 << 7  # bytes from the host were lost; set until HELLO_REQUEST
+    PULSE_UNTIMED = 1 << 8  # `pulse` is the one wanted; when it goes into force is not known
 
 
 Pair = tuple[int, int]
@@ -144,7 +145,7 @@ class Hello:
     serial: Annotated[int, Wire("I", "", "serial number of the board; 0 without one")]
     board: Annotated[int, Wire("B", "", "1 Nano, 2 emulator, 3 Raspberry Pi")]
     reset_cause: Annotated[
-        int, Wire("B", "", "MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog")
+        int, Wire("B", "", "MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog; 0 unknown")
     ]
     servo_pins: Annotated[Triple, Wire("B", "", _pulse, 3)]
     potentiometer_pins: Annotated[Quad, Wire("B", "", "x_a, x_b, y_a, y_b", 4)]
@@ -195,7 +196,66 @@ class Pong:
     sent_us: Annotated[int, Wire("I", "µs", "device clock at PONG's first byte")]
 
 
-Message = HelloRequest | Command | Ping | Arm | Disarm | Config | Name | Hello | Telemetry | Pong
+class Refusal(IntEnum):
+    """Reason why a server on TCP refuses a host."""
+
+    KEY = 1  # the host has another key
+    BUSY = 2  # another host is connected
+
+
+_nonce = "random number of this connection"
+
+
+@message(0x10)
+class Proof:
+    """First frame of a host on TCP: proof that it has the session key."""
+
+    nonce: Annotated[tuple[int, ...], Wire("B", "", _nonce, 16)]
+    proof: Annotated[
+        tuple[int, ...], Wire("B", "", "HMAC-SHA256 of `tvc host`, CHALLENGE's nonce, nonce", 32)
+    ]
+
+
+@message(0x90)
+class Challenge:
+    """First frame of a server on TCP: asks the host for PROOF."""
+
+    nonce: Annotated[tuple[int, ...], Wire("B", "", _nonce, 16)]
+
+
+@message(0x91)
+class Welcome:
+    """The host is connected; proof that the server has the session key too."""
+
+    proof: Annotated[
+        tuple[int, ...], Wire("B", "", "HMAC-SHA256 of `tvc device`, CHALLENGE's nonce, nonce", 32)
+    ]
+
+
+@message(0x92)
+class Refused:
+    """The host is not connected; the server closes the connection."""
+
+    reason: Annotated[int, Wire("B", "", "1 another session key, 2 in use by another host")]
+
+
+SessionMessage = Proof | Challenge | Welcome | Refused
+SESSION: tuple[type[SessionMessage], ...] = (Proof, Challenge, Welcome, Refused)
+"""Messages between the ends of a TCP connection; no board sees them, and LAYOUT omits them."""
+
+Message = (
+    HelloRequest
+    | Command
+    | Ping
+    | Arm
+    | Disarm
+    | Config
+    | Name
+    | Hello
+    | Telemetry
+    | Pong
+    | SessionMessage
+)
 MESSAGES: tuple[type[Message], ...] = (
     HelloRequest,
     Command,

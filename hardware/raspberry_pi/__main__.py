@@ -3,9 +3,11 @@
 import argparse
 import signal
 import sys
+from pathlib import Path
 
-from hardware.device import TcpPort
+from hardware.device import TcpPort, refusals
 from hardware.frames import HardwareError
+from hardware.key import VARIABLE, configured, folders, kept_name
 from hardware.raspberry_pi.gateway import PORT, Gateway, serial_number
 from hardware.raspberry_pi.pwm import KernelPwm
 from hardware.raspberry_pi.sensors import open_adc, open_bus
@@ -15,11 +17,18 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the gateway; return the exit code, 2 if the Pi's hardware cannot be used."""
     parser = argparse.ArgumentParser(prog="python -m hardware.raspberry_pi", description=__doc__)
     parser.add_argument("--port", type=int, default=PORT, help="TCP port on 127.0.0.1")
+    parser.add_argument(
+        "--key-file",
+        type=Path,
+        help="session key that hosts must have, written if missing; else that of"
+        f" {VARIABLE}, or {folders()[-1]}/gateway-PORT.key",
+    )
     parser.add_argument("--bus", type=int, default=1, help="number of the I²C bus")
     options = parser.parse_args(arguments)
+    key = options.key_file or configured() or folders()[-1] / kept_name(options.port)
     try:
         bus = open_bus(options.bus)
-        port = TcpPort(options.port)
+        port = TcpPort(options.port, key)
         gateway = Gateway(KernelPwm(), bus, port, open_adc(), serial=serial_number())
     except HardwareError as error:
         print(error, file=sys.stderr)
@@ -27,8 +36,9 @@ def main(arguments: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: gateway.stop())
     print(
-        f"gimbal at {gateway.port.url}; reach it with `ssh -L {options.port}:127.0.0.1:"
-        f"{options.port} PI`",
+        f"gimbal at {gateway.port.url}, session key {key}; copy the key to the other"
+        f" computer, set {VARIABLE} to it there, and run"
+        f" `ssh -N -L {options.port}:127.0.0.1:{options.port} PI`",
         file=sys.stderr,
     )
     try:
@@ -36,6 +46,9 @@ def main(arguments: list[str] | None = None) -> int:
     except HardwareError as error:
         print(error, file=sys.stderr)
         return 2
+    finally:
+        if closed := refusals(port, gateway.inbox):
+            print(closed, file=sys.stderr)
     return 0
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware.device import LOOP_US, Device, Port, Sample
-from hardware.protocol import Board, constants
+from hardware.device import LOOP_US, Device, Inbox, Port, Sample
+from hardware.protocol import Board, Flags, constants
 from hardware.raspberry_pi.pwm import KernelPwm
 from hardware.raspberry_pi.sensors import Bus, Imu, Mcp3008, Sampler
 
@@ -18,7 +18,6 @@ _SLEEPLESS_US = 200_000  # after a longer pause the deadlines restart
 _IMUS_S = 20e-3  # both take 1 to 4 ms; the potentiometers do not wait longer
 _HELD_US = 50_000  # a sample that takes longer is given up
 _CHANNELS = 6  # of the ADC: four potentiometers, two axes of the joystick
-_MOST_READS = 64  # of the port in one step, so that a flood does not delay the servos
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +80,9 @@ class Gateway:
         serial: int = constants.SERIAL_NONE,
     ) -> None:
         self.pwm, self.port, self.adc = pwm, port, adc
+        self.inbox = Inbox()
         self.device = Device(Board.RASPBERRY_PI, BUILD, serial=serial)
+        self.device.flags |= Flags.PULSE_UNTIMED  # the kernel does not say when a pulse begins
         self._imus = [Imu(bus, address) for address in constants.IMU_ADDRESSES]
         self._motion = Sampler(self._read_imus, _Motion((0,) * 12, (0, 0), (False, False)))
         self._codes = Sampler(self._read_adc, _Codes((None,) * _CHANNELS, 0))
@@ -110,18 +111,15 @@ class Gateway:
             self.device.transmit.clear()
 
     def _listen(self) -> None:
-        data = self.port.read()
+        self.inbox.add(self.port.read())
         now = self.now_us()
         pause, self._stepped_us = now - self._stepped_us, now
         self.device.update(now)
-        for _ in range(_MOST_READS):
-            if not data:
-                return
+        if data := self.inbox.take(max(pause, LOOP_US)):
             self.device.receive(data, now, now)
             # It may have waited in the socket since the step before: a command that timed out
             # during a long pause must not drive the servos.
             self.device.update(now + pause)
-            data = self.port.read()
 
     def _sense(self) -> None:
         """Start a sample when due, and report it when complete."""
@@ -157,7 +155,7 @@ class Gateway:
         self.device.report(
             Sample(
                 device_us=sample_us,
-                frame_us=sample_us % constants.PWM_PERIOD_US,
+                frame_us=0,
                 potentiometer=(wired[0], wired[1], wired[2], wired[3]),
                 imu=list(motion.counts),
                 imu_age_us=(age[0], age[1]),

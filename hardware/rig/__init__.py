@@ -11,7 +11,8 @@ from typing import Protocol
 
 from hardware.calibration.result import Calibration
 from hardware.rig.clock import ClockEstimate
-from hardware.rig.connection import Connection, RigError
+from hardware.rig.connection import Connection
+from hardware.rig.hello import RigError
 from hardware.rig.line import Endpoint, Line, LockstepLine
 from hardware.rig.phases import Phase, RigStatistics
 from hardware.rig.reading import Converter, unwrap

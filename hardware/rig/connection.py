@@ -7,10 +7,7 @@ the greeting without a thread and without the caller's help. Nothing here blocks
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from hardware.frames import HardwareError
 from hardware.protocol import (
-    LAYOUT,
-    PROTOCOL,
     Arm,
     Flags,
     Frame,
@@ -20,9 +17,11 @@ from hardware.protocol import (
     Pong,
     Unknown,
     constants,
+    default_config,
     layout,
 )
 from hardware.rig.clock import ClockEstimate
+from hardware.rig.hello import RigError, check, settings
 from hardware.rig.line import Line
 from hardware.rig.phases import TRANSITIONS, Phase, Sign
 from hardware.rig.reading import Converter, unwrap
@@ -37,12 +36,9 @@ SILENCE_NS = 300_000_000  # without a frame on an open line: hung, or only half 
 ARM_NS, ARMING_NS = 100_000_000, 500_000_000  # between ARMs, and until the rig is given up
 # No stamp is so much older than the one before it, or from so far in the future.
 BACK_US, AHEAD_NS = 50_000, 50_000_000
+MOST_CORRECTIONS = 20  # answers that arrive late count as well
 CAUSES = ("power-up", "a reset", "a brown-out", "its watchdog")  # bits of HELLO's reset_cause
 _POLL_NS = 1_000_000
-
-
-class RigError(HardwareError):
-    """The device behind the port is not a rig of this version, or does not answer."""
 
 
 class Connection(ABC):
@@ -54,10 +50,11 @@ class Connection(ABC):
     serial : number of the board to accept; 0 accepts any
     clock : experiment time [ns], the one the line uses
     wait : lets time pass [ns] while `connect` waits
-    arm : arm the servos once connected
+    arm : arm the servos once connected, with the device's settings restored; else both are left
 
     Attributes
     ----------
+    settings : that the device must have
     hello : latest HELLO of the device
     phase : state of the connection
     estimate : the device's clock against the experiment's
@@ -76,6 +73,7 @@ class Connection(ABC):
         arm: bool,
     ) -> None:
         self.line = line
+        self.settings = default_config()
         self.hello: Hello | None = None
         self.phase = Phase.AWAY
         self.estimate = ClockEstimate()
@@ -85,6 +83,7 @@ class Connection(ABC):
         self._clock, self._wait, self._arm = clock, wait, arm
         self._converter: Converter | None = None
         self._generation = 0
+        self._corrections = 0  # CONFIGs sent since the settings were last right
         self._next_ns = 0
         self._received_ns = 0
         self._device_us: int | None = None
@@ -232,17 +231,33 @@ class Connection(ABC):
             )
 
     def _greet(self, hello: Hello, sequence: int) -> None:
-        _check(hello, self._serial)
+        check(hello, self._serial)
         # Within a session only a low-pass that was set anew makes the gyro later.
         self._delay_known &= self.hello is not None and self.hello.dlpf == hello.dlpf
         self.hello = hello
         self._converter = Converter(hello)
         # Number 0 is a boot; any other answers a request and changes nothing once the rig is ready.
-        if self.phase is Phase.GREETING or sequence == 0:
+        right = self._restored(hello)
+        if (self.phase is Phase.GREETING and right) or sequence == 0:
             self._lose(Sign.HELLO, "it started again")
         if sequence == 0:
             causes = [c for bit, c in enumerate(CAUSES) if hello.reset_cause >> bit & 1]
             self.started = f"after {' and '.join(causes) or 'a start'}"
+
+    def _restored(self, hello: Hello) -> bool:
+        """Whether the device has the settings of this run; else send them and ask again.
+
+        Another host may have left its own, such as a neutral position or limits.
+        """
+        if not self._arm or settings(hello) == self.settings:
+            self._corrections = 0
+            return True
+        if self._corrections >= MOST_CORRECTIONS:
+            raise RigError("the rig does not take this run's settings; restart it")
+        self._corrections += 1
+        self.line.send(self.settings)
+        self.line.send(HelloRequest())
+        return False
 
     def _sync(self, pong: Pong) -> None:
         self._pong_until = 0
@@ -279,22 +294,3 @@ class Connection(ABC):
         if not early:
             self._device_us = max(self._device_us, time_us)
         return time_us
-
-
-def _check(hello: Hello, serial: int) -> None:
-    """Refuse a HELLO of another protocol, of another board than `serial`, or with a zero scale."""
-    if hello.protocol != PROTOCOL or hello.layout != LAYOUT:
-        major, minor, patch = hello.firmware
-        raise RigError(
-            f"the rig speaks protocol {hello.protocol} (layout {hello.layout:04x}, firmware "
-            f"{major}.{minor}.{patch}), this program protocol {PROTOCOL} (layout "
-            f"{LAYOUT:04x}); flash the firmware in hardware/firmware"
-        )
-    if serial not in (0, hello.serial):
-        this = f"{hello.serial:08x}" if hello.serial else "without a number"
-        raise RigError(
-            f"the calibration is of rig {serial:08x}, this one is {this}; run"
-            " `twin calibrate` on it"
-        )
-    if 0 in (hello.tick_ns, hello.adc_levels, hello.gyro_range_dps):
-        raise RigError("the rig's HELLO has a scale of zero; flash the firmware in hardware/")

@@ -52,6 +52,7 @@ class RigStatistics:
     device_lost, device_crc_errors : of what it was sent, by its own count
     skipped : frames it had no room to send
     refused : messages the line did not take
+    dropped : bytes received and not processed, because they came faster than they were polled
     gaps : times without a connection
     round_trips : answered PINGs of this session
     round_trip_ns, shortest_ns : of the last PING, and without the slow ones [ns]
@@ -70,3 +71,4 @@ class RigStatistics:
     round_trip_ns: int
     shortest_ns: int
     skew: float
+    dropped: int = 0

@@ -126,6 +126,7 @@ class Rig(Connection):
 
     def configure(self, config: Config) -> None:
         """Change the device's settings and request its HELLO, which shows those in force."""
+        self.settings = config
         self.line.send(config)
         self.line.send(HelloRequest())
 
@@ -171,6 +172,7 @@ class Rig(Connection):
             round_trip_ns=self.estimate.round_trip_ns,
             shortest_ns=self.estimate.shortest_ns,
             skew=self.estimate.skew,
+            dropped=s.dropped,
         )
 
     def _restart(self) -> None:

@@ -84,6 +84,7 @@ _SIGNATURES: dict[str, tuple[object, list[object]]] = {
     "open": (ctypes.c_void_p, [ctypes.c_char_p, ctypes.c_uint32]),
     "close": (None, []),
     "reset": (None, []),
+    "boot": (None, [ctypes.c_uint32]),
     "cycle": (ctypes.c_uint64, []),
     "run_until": (ctypes.c_int, [ctypes.c_uint64]),
     "write": (ctypes.c_uint32, [ctypes.c_char_p, ctypes.c_uint32]),
@@ -182,6 +183,10 @@ class SimulatedNano:
     def reset(self) -> None:
         """Pull the reset line, as opening the port of a real Nano does; the clock continues."""
         self._c.nano_reset(self._open())
+
+    def boot(self, r2: int) -> None:
+        """Reset through a bootloader that clears MCUSR and leaves a value in r2."""
+        self._c.nano_boot(self._open(), r2)
 
     def write(self, data: bytes) -> int:
         """Send bytes at 20 µs each, beginning now; return how many the queue had room for."""

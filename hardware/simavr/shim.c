@@ -337,6 +337,13 @@ void nano_reset(nano_t *n) {
   settle(n);
 }
 
+/* A reset through Optiboot, which clears MCUSR and passes it on in r2. */
+void nano_boot(nano_t *n, uint32_t mcusr) {
+  nano_reset(n);
+  n->avr->data[MCUSR_] = 0;
+  n->avr->data[2] = (uint8_t)mcusr;
+}
+
 uint64_t nano_cycle(nano_t *n) { return n->avr->cycle; }
 
 static avr_cycle_count_t stop_here(avr_t *avr, avr_cycle_count_t when, void *param) {

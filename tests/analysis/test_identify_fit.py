@@ -313,7 +313,7 @@ def test_a_model_survives_its_file_and_its_numbers_are_json(tmp_path):
     assert read.channel("x", "x").frequency_response(w) == pytest.approx(ratio)
 
 
-def test_wrong_stamps_show_in_the_bootstrap_not_in_the_jacobian():
+def test_wrong_stamps_show_in_the_scatter_of_steps_not_in_the_noise():
     """Every command 0 to 20 ms late, as behind a 50 Hz frame: steps disagree, noise does not."""
     rng = np.random.default_rng(12)
     g = studies.Gimbal(40.0, 0.6, 0.01, 1.0)
@@ -325,7 +325,7 @@ def test_wrong_stamps_show_in_the_bootstrap_not_in_the_jacobian():
     model = identify([measurement(t, u, command_time=at, before=[0.0], angle=angle, rate=rate)])
     e = model.estimate("x/x delay")
     assert model.axes[0].spread > 1.5
-    assert any("bootstrap" in w for w in model.warnings)
+    assert any("scatter of whole steps" in w for w in model.warnings)
     assert abs(e.value - 0.02) < 4.0 * e.std  # 10 ms of the servo, 10 ms of mean waiting
     # 30 waits of 20/√12 ms each; the Jacobian takes thousands of residuals for independent
     assert e.std > 0.02 / np.sqrt(12.0 * 30.0) / 2.0

@@ -9,6 +9,7 @@ import pytest
 from analysis.identify import IdentificationError, identify_gimbal
 from analysis.identify.pulses import asked, by_pulses, pulse_frames
 from analysis.recording import Recording, TimeSeries, measurement_of
+from hardware.protocol import Flags
 
 FRAME, OMEGA, ZETA, DELAY = 0.02, 60.0, 0.6, 0.004
 
@@ -130,6 +131,21 @@ def test_pulses_that_follow_no_command_are_refused():
     recording = Rig().recording(spoil=0.5)
     with pytest.raises(IdentificationError, match="% of the pulses do not follow the commands"):
         by_pulses(measurement_of(recording))
+
+
+def test_pulses_of_a_board_that_does_not_report_when_they_begin_are_refused():
+    whole = Rig().recording()
+    time = whole["sensors/pulse"].time
+    flags = np.full((len(time), 1), float(Flags.ARMED | Flags.PULSE_UNTIMED))
+    flags[0] = np.nan
+    series = {
+        **whole.series,
+        "sensors/flags": TimeSeries("sensors/flags", time, flags, "1", ("f",)),
+    }
+    with pytest.raises(IdentificationError, match="Raspberry Pi"):
+        by_pulses(measurement_of(Recording({}, series)))
+    sure = TimeSeries("sensors/flags", time, np.ones_like(flags), "1", ("f",))
+    by_pulses(measurement_of(Recording({}, {**series, "sensors/flags": sure})))
 
 
 def test_a_recording_without_a_rig_has_no_pulses():

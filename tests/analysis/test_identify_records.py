@@ -1,6 +1,7 @@
 """Records: what is refused, and in which words."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,11 +72,16 @@ def test_commands_of_another_time_are_no_commands():
             identify([r])
 
 
-def test_a_single_step_is_too_few():
+def test_a_single_step_is_too_few_without_readings_at_rest_before_it():
     u = np.where(T < 1.0, 0.0, 0.1)
-    r = measurement(T, u, angle=noisy(first_order(u=u)))
+    y = noisy(0.1 * (1.0 - np.exp(-np.clip(T - 1.0 - 0.013, 0.0, None) / 0.05)))
+    model = identify([measurement(T, u, angle=y, stamps="exact")], 1)
+    for what, true in (("gain", 1.0), ("time constant", 0.05)):
+        e = model.estimate(f"x/x {what}")
+        assert abs(e.value - true) < 4.0 * e.std < 0.5 * true
+    late = T > 0.97
     with pytest.raises(IdentificationError, match="changes 1 time; 2 steps or more"):
-        identify([r])
+        identify([measurement(T[late], u[late], angle=y[late])])
 
 
 def test_missing_readings_are_counted():
@@ -104,6 +110,17 @@ def test_a_gain_that_is_a_unit_is_said_to_be_one(scale, said):
     r = measurement(T, STEPS, angle=noisy(first_order(scale=scale), 1e-3 * scale))
     with pytest.raises(IdentificationError, match=rf"is {said}.*degrees.*radians"):
         identify([r], 1)
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"), [(180 / math.pi, "near 57"), (-1.0, "negative"), (3, "far from 1")]
+)
+def test_a_gain_that_is_unlike_a_gimbal_is_doubted_where_the_units_were_given(scale, said):
+    y = noisy(first_order(scale=scale), 1e-3 * abs(scale))
+    r = replace(measurement(T, STEPS, angle=y), units="given")
+    assert any(said in w for w in identify([r], 1).warnings)
+    volts = measurement(T, STEPS, angle=y, input_unit="1")
+    assert not any("gain from" in w for w in identify([volts], 1).warnings)
 
 
 def test_gyro_in_degrees_beside_angle_in_radians_is_noticed():

@@ -110,6 +110,28 @@ def test_play_is_that_of_the_flown_model():
     assert set(rate) == {0.0, 1.0}
 
 
+def test_a_servo_is_the_same_in_every_unit_of_its_command():
+    """0.5 %: the search ends within 1e-9 of the loss; pulses here grow the other way."""
+    rng = np.random.default_rng(4)
+    t = np.arange(0.0, 5.0, 0.01)
+    at = np.arange(0.2, 5.0, 0.6)
+    u = np.radians([2.0, -4.0, 8.0, -10.0, 5.0, -2.0, 10.0, -10.0])[: len(at)]
+    angle = studies.rate_limited(t, at, u, 40.0, 0.8, 0.01, 1.5, step=2e-4)[0]
+    angle = angle + 1e-4 * rng.normal(size=len(t))
+    models = [
+        identify(
+            [measurement(t, a + b * u, command_time=at, before=[a], angle=angle, input_unit=unit)],
+            servo="speed",
+        )
+        for a, b, unit in ((0.0, 1.0, "rad"), (1500.0, -600.0, "us"))
+    ]
+    one, other = (m.to_transfer_function() for m in models)
+    assert other.servo.rate_limit == pytest.approx(one.servo.rate_limit, rel=0.005)
+    gains = [m.estimate("x/x gain") for m in models]
+    assert gains[1].value * -600.0 == pytest.approx(gains[0].value, rel=0.005)
+    assert gains[1].unit == "rad/us"
+
+
 def test_zeros_and_servo_exclude_each_other():
     rng = np.random.default_rng(1)
     r = studies.servo_record(rng, studies.Gimbal(40.0, 0.7, 0.01, 1.0), duration=3.0)
@@ -117,7 +139,7 @@ def test_zeros_and_servo_exclude_each_other():
         identify([r], 2, 1, servo=True)
 
 
-@pytest.mark.parametrize("structure", ["speed", "command"])
+@pytest.mark.parametrize("structure", ["speed", "command", "set-point"])
 def test_an_identified_servo_is_flown_as_the_structure_it_was_found_to_be(structure):
     """The file's own simulation against the identification's; steps of 1 ms, hence 0.5 % of 0.2."""
     g = studies.Gimbal(45.0, 0.8, 0.012, 1.0)

@@ -354,6 +354,24 @@ def test_flights_are_shown_without_figures_their_commands_cannot_give(tmp_path):
     assert "was shifted by" not in text  # ignition is their common time
 
 
+def test_a_record_that_begins_with_its_command_has_the_figures_of_that_step(tmp_path):
+    """Second order from rest at 0 to 0.1 rad, one axis, no row before the command."""
+    commands = np.full((400, 1), 0.1)
+    angles = answered(np.repeat(commands, 2, axis=1))[:, :1]
+    run = measurement(DT * np.arange(400), commands, angle=angles, inputs=("x",), outputs=("x",))
+    numbers = report([run], tmp_path / "a.html")
+    told = figures_of(numbers.runs[0], "x")
+    overshoot = 100.0 * math.exp(-math.pi * ZETA / math.sqrt(1.0 - ZETA**2))
+    assert told["overshoot up"].value == pytest.approx(overshoot, abs=0.2)
+    peak = math.pi / (OMEGA * math.sqrt(1.0 - ZETA**2)) + DELAY
+    assert told["peak_time up"].value == pytest.approx(peak, abs=DT)
+    assert any("begins with its command" in note for note in numbers.notes)
+    still = measurement(
+        DT * np.arange(400), 0 * commands, angle=0 * angles, inputs=("x",), outputs=("x",)
+    )
+    assert report([still], tmp_path / "b.html").runs[0].kind("x") == "still"
+
+
 def test_the_page_leads_with_the_answer_and_at_most_twelve_figures(three, tmp_path):
     """The linkage's gain is 1.1: 10 % of a motion of ±0.1 rad is 0.57°, a fit of about 90 %."""
     recordings, models = three

@@ -211,7 +211,7 @@ def with_channel(**changes):
         (with_channel(num=[10**400]), "finite"),
         (with_channel(den=[1.0] * 40), "1 to 21"),
         (with_channel(delay_s=-0.001), "delay_s is -0.001"),
-        (with_channel(delay_s=3.0), "delay_s is 3"),
+        (with_channel(delay_s=30.0), "delay_s is 30"),
         (with_channel(delay=0.1), "unknown key 'delay'"),
         (changed(servo={"rate": 1}), "unknown key 'rate'"),
         (changed(servo={"backlash_rad": -1}), "backlash is -1"),

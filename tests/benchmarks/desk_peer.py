@@ -30,7 +30,10 @@ def main() -> None:
 
 def _wait(port: PtyPort | TcpPort, seconds: float | None) -> None:
     """Until the host has sent something."""
-    files = [port._ours] if isinstance(port, PtyPort) else [port._listener, port._host]
+    if isinstance(port, PtyPort):
+        files = [port._ours]
+    else:
+        files = [port._listener, port._host, *(guest.line for guest in port._guests)]
     select.select([f for f in files if f is not None], [], [], seconds)
 
 

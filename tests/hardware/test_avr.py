@@ -133,6 +133,13 @@ def test_hello_after_the_reset_line_reports_it(armed):
     assert [g.reset_cause for g in greetings] == [2]  # EXTRF
 
 
+@pytest.mark.parametrize(("r2", "cause"), [(2, 2), (4, 4), (8, 8), (0, 0), (0xA5, 0)])
+def test_hello_after_a_bootloader_has_the_cause_that_optiboot_passes_on(armed, r2, cause):
+    armed.nano.boot(r2)
+    greetings = [f.message for f in armed.run(50) if isinstance(f.message, Hello)]
+    assert [g.reset_cause for g in greetings] == [cause]
+
+
 def test_sensors_reach_telemetry_unchanged(bench):
     bench.nano.set_adc([1, 200, 511, 1023, 0, 0, 300, 1000])
     bench.nano.set_switches([True, False, False, True])

@@ -16,6 +16,7 @@ from hardware.protocol import (
     LAYOUT,
     PROTOCOL,
     Arm,
+    Board,
     Command,
     Config,
     Disarm,
@@ -101,7 +102,8 @@ def test_telemetry_is_sent_every_2_ms_without_a_gap(rig):
     assert all(abs(b - a - 2000) < 200 for a, b in pairwise(stamps))
     last = frames[-1].message
     assert (last.crc_errors, last.lost, last.overruns, last.skipped) == (0, 0, 0, 0)
-    assert Flags(last.flags) == Flags.HOLDER_IMU | Flags.BASE_IMU
+    untimed = Flags.PULSE_UNTIMED if rig.kind is Board.RASPBERRY_PI else Flags(0)
+    assert Flags(last.flags) == Flags.HOLDER_IMU | Flags.BASE_IMU | untimed
 
 
 def test_commands_are_refused_and_not_acknowledged_before_arm(rig):

@@ -13,7 +13,7 @@ import pytest
 import serial
 
 from hardware.frames import HardwareError
-from hardware.link import Link, LinkError
+from hardware.link import Link, LinkError, session
 from hardware.link import port as port_module
 from hardware.link.link import RETRY_NS
 from hardware.protocol import (
@@ -254,8 +254,13 @@ def test_a_forbidden_port_is_told_with_the_group_to_join(monkeypatch):
     ("url", "message"),
     [
         ("nonsense://x", "protocol 'nonsense' not known"),
-        ("socket://127.0.0.1", "cannot be opened"),
+        ("socket://127.0.0.1", "must be socket://HOST:PORT"),
+        ("socket://", "must be socket://HOST:PORT"),
+        ("socket://:5555", "must be socket://HOST:PORT"),
+        ("socket://127.0.0.1:0", "port from 1 to 65535"),
+        ("socket://127.0.0.1:x", "port from 1 to 65535"),
         ("socket://127.0.0.1:99999", "port from 1 to 65535"),
+        ("socket://127.0.0.1:9?logging=debug", "must be socket://HOST:PORT"),
     ],
 )
 def test_a_bad_url_is_reported_with_examples_in_one_line(url, message):
@@ -267,7 +272,9 @@ def test_a_bad_url_is_reported_with_examples_in_one_line(url, message):
 
 
 @pytest.fixture
-def server():
+def server(monkeypatch):
+    # it asks for no session key, which a link else waits a second for
+    monkeypatch.setattr(session, "GREETING_NS", 20_000_000)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         yield listener
 
@@ -281,6 +288,16 @@ def test_an_address_without_a_listener_is_reported_with_the_command_to_start():
         url = _url(listener)
     with pytest.raises(LinkError, match="twin rig"):
         Link(url)
+
+
+def test_a_connection_that_closes_at_once_is_a_tunnel_without_a_gateway(server):
+    def close():
+        server.accept()[0].close()
+
+    threading.Thread(target=close).start()
+    with pytest.raises(LinkError, match="tunnel without a gateway behind it") as caught:
+        Link(_url(server))
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.realtime
@@ -316,9 +333,9 @@ def test_a_server_that_goes_and_comes_back_is_a_gap(server):
         link.poll()
         peer, _ = server.accept()
         with peer:
-            assert link.connected
             peer.sendall(encode(Ping(6), 0))
             assert [f.message for f in _poll(link)] == [Ping(6)]
+            assert link.connected
 
 
 @posix
@@ -340,6 +357,27 @@ def test_a_500_hz_stream_arrives_whole(pty):
         source.join()
         assert [f.sequence for f in frames] == list(range(250))
         assert link.statistics.decoder.lost == 0
+
+
+def test_of_a_flood_only_the_newest_frames_are_processed_and_no_loss_is_counted(server):
+    count = 60_000
+    with Link(_url(server)) as link:
+        peer, _ = server.accept()
+        sender = threading.Thread(
+            target=peer.sendall, args=(b"".join(encode(Ping(k), k & 0xFFFF) for k in range(count)),)
+        )
+        sender.start()
+        newest, polls, processed = 0, 0, 0
+        while newest < count - 1:
+            if frames := link.poll():
+                polls, processed = polls + 1, processed + len(frames)
+                newest = frames[-1].message.host_ns
+        sender.join()
+        peer.close()
+        counted = link.statistics
+    assert counted.dropped > counted.received / 2
+    assert (counted.decoder.lost, counted.decoder.crc_errors) == (0, 0)
+    assert processed <= polls * 1024 // len(encode(Ping(0), 1)) + polls
 
 
 @pytest.mark.realtime

@@ -114,6 +114,34 @@ def test_end_of_the_gateway_stops_the_pulses(pi, sysfs):
     assert pi.port.closed
 
 
+def test_a_duty_that_another_program_left_does_not_stop_the_period(sysfs, monkeypatch):
+    """The kernel refuses a period below the duty, a duty above it, and a start without one."""
+    write = type(sysfs).write_text
+
+    def as_the_kernel(path, text):
+        def value(name):
+            return int(path.with_name(name).read_text())
+
+        wanted = int(text)
+        refused = (
+            (path.name == "period" and wanted < value("duty_cycle"))
+            or (path.name == "duty_cycle" and wanted > value("period"))
+            or (path.name == "enable" and wanted and not value("period"))
+        )
+        if refused:
+            raise OSError(22, "Invalid argument")
+        return write(path, text)
+
+    for channel in (0, 1):
+        for name, value in (("period", 100_000_000), ("duty_cycle", 50_000_000), ("enable", 1)):
+            (sysfs / "pwmchip2" / f"pwm{channel}" / name).write_text(f"{value}\n")
+    monkeypatch.setattr(type(sysfs), "write_text", as_the_kernel)
+    pwm = KernelPwm(find_chip(sysfs))
+    pwm.set((3000, 3100, 0))
+    assert [pwm_value(sysfs, k, "period") for k in (0, 1)] == [20_000_000] * 2
+    assert [pwm_value(sysfs, k, "duty_cycle") for k in (0, 1)] == [1_500_000, 1_550_000]
+
+
 def test_forbidden_files_are_reported_with_the_remedy(sysfs, monkeypatch):
     def refuse(self, *_args, **_kwargs):
         raise PermissionError(13, "Permission denied")
@@ -165,12 +193,6 @@ def test_command_that_waited_longer_than_its_timeout_is_not_obeyed(pi, sysfs):
 
 
 def test_all_that_waited_is_taken_at_once_and_what_is_no_command_is_obeyed(pi, sysfs):
-    class Slow(FakePort):
-        def read(self):
-            data, self.inbox = self.inbox[:16], self.inbox[16:]
-            return data
-
-    pi.port = pi.gateway.port = Slow()
     pi.run(Arm())
     pi.time_ns += 2_000_000_000
     stale = [Command((3500, 3500, 0), 100, Mode.DRIVE)] * 20
@@ -351,7 +373,7 @@ def test_refused_pulse_is_one_line_and_the_other_servo_is_still_sent_to_neutral(
     monkeypatch.setattr(command, "open_bus", lambda _: FakeBus())
     monkeypatch.setattr(command, "open_adc", lambda: None)
     monkeypatch.setattr(command, "KernelPwm", lambda: KernelPwm(chip))
-    monkeypatch.setattr(command, "TcpPort", lambda _: port)
+    monkeypatch.setattr(command, "TcpPort", lambda *_: port)
     monkeypatch.setattr(command.signal, "signal", lambda *_: None)
     assert main([]) == 2
     lines = capsys.readouterr().err.splitlines()

@@ -72,7 +72,7 @@ MISTAKES = [
     ("step --gimbal transfer-function --set gimbal_backlash=0.1", "no servos"),
     ("fly --set gimbal_propellant.mass=0.2", "motor_propellant_mass"),
     ("fly --set gimbal_x.damping=-1", "0 or more"),
-    ("fly --integrator ab4 --dt 0.002", "0.001 s"),
+    ("fly --integrator ab4 --dt 0.002", "0.0005 s"),
     ("fly --dt 0", "from 1e-06 to 0.005 s"),
     ("fly --dt -0.001", "from 1e-06 to 0.005 s"),
     ("fly --dt 0.1", "from 1e-06 to 0.005 s"),
@@ -87,7 +87,7 @@ MISTAKES = [
     ("fly --dt 0.01 --control-hz 100", "0.005"),
     ("fly --off-axis-deg 15 0", "no effect with --programme hold; it is for point"),
     ("step --duration-s 5", "no effect with --signal steps"),
-    ("fly --programme step --at-s 130", "must be before the end, --duration-s 120"),
+    ("fly --programme step --at-s 700", "must be before the end, --duration-s 600"),
     ("fly --programme step --target 300 0 350", "exclude"),
     ("fly --model other.json", "transfer-function"),
     ("fly --set-from deep.json", "deep.json"),
@@ -181,7 +181,7 @@ def test_json_is_one_object_with_the_documented_numbers_and_nothing_else(capsys,
 def test_a_run_that_diverges_ends_with_1_and_keeps_its_recording_up_to_there(capsys, here):
     from analysis.recording import reader as recording
 
-    code, _, err = run(capsys, "fly", "--set", "gimbal_holder.mass=1e9", "--out", "bad.rrd")
+    code, _, err = run(capsys, "fly", "--set", "ramp_stiffness=1e9", "--out", "bad.rrd")
     assert code == 1
     assert "diverged at" in err
     kept = recording.read(here / "bad.rrd")

@@ -1,5 +1,6 @@
 """What becomes of a run whose rig fails: commands, events, endings, exit codes."""
 
+from dataclasses import replace
 from math import radians
 
 import numpy as np
@@ -9,8 +10,11 @@ from analysis.recording import read
 from hardware.events import RigLost
 from hardware.faults import Fault
 from hardware.frames import GimbalState
+from hardware.rig import Rig
 from tests.hardware.test_base import STILL
 from tests.twin.test_cli import run as command
+from twin.config import Fly
+from twin.experiments.fly import fly
 from twin.hil.failsafe import Guard
 from twin.loop.readings import Readings
 
@@ -70,6 +74,19 @@ def test_a_short_silence_is_no_fault():
     guard.update(0.0, WELL)
     readings.frames = []
     assert guard.update(0.09, WELL) == (0.1, -0.1)
+
+
+def test_readings_that_stay_old_are_a_fault_and_a_pause_is_not():
+    guard, readings = guarded("end")
+    guard.update(0.0, WELL)
+    readings.age_ns = 290_000_000
+    guard.update(0.2, WELL)
+    assert guard.fault is None
+    readings.age_ns = 5_400_000_000  # frames come, but each is old
+    guard.update(0.25, WELL)
+    assert guard.fault is None
+    assert guard.update(0.31, WELL) == (0.0, 0.0)
+    assert guard.fault == "readings are 5.4 s old"
 
 
 def test_neutral_stays_neutral_when_the_rig_is_back():
@@ -134,3 +151,26 @@ def test_while_the_rig_is_away_the_joints_go_where_its_servos_go(capsys, tmp_pat
     assert angle[away & (time < begin + 0.18)].min() > radians(0.05)
     held = run["gimbal/followed"].values[away & (time > begin + 0.01) & (time < begin + 0.18)]
     assert np.ptp(held, axis=0).max() < radians(0.01)
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 1.0])
+def test_impossible_readings_end_in_a_fault_and_not_in_a_diverged_simulation(
+    begin_s, monkeypatch, tmp_path
+):
+    def garbled(rig, telemetry):
+        if telemetry.device_us >= begin_s * 1e6:
+            telemetry = replace(
+                telemetry,
+                potentiometer=(65535,) * 4,
+                holder_gyro=(-32768,) * 3,
+                base_gyro=(32767,) * 3,
+                imu_age_us=(65535,) * 2,
+                flags=65535,
+            )
+        return received(rig, telemetry)
+
+    received = Rig._telemetry
+    monkeypatch.setattr(Rig, "_telemetry", garbled)
+    result = fly(Fly(gimbal="emulator", duration_s=0.3, out=tmp_path / "fly.rrd"))
+    assert not result.passed
+    assert "potentiometer_x_a" in result.fault

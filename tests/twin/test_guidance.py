@@ -74,6 +74,80 @@ def test_passes_within_5_m_of_a_point_500_m_away_anywhere_in_the_cone(reference,
     assert np.linalg.norm(a + share[:, None] * d - target, axis=1).min() < 5.0
 
 
+def closest(off, wind, azimuth, gusts, seed, gimbal="transfer-function"):
+    """Closest approach [m] to a point at 500 m in wind, whose mean the programme has."""
+    air = {"wind_speed": wind, "wind_azimuth": azimuth, "wind_turbulence": gusts}
+    twin = load(ModelConfig(gimbal=gimbal, seed=seed, overrides=air))
+    programme = fixed_point(twin.mj, *np.radians(off))
+    target, away = np.array(programme.target), [500.0]
+
+    def watch(plant, _):
+        away.append(float(np.linalg.norm(plant.position - target)))
+        return away[-1] > min(away) + 20.0
+
+    fly(twin, programme, 18.0, watch)
+    return min(away)
+
+
+@pytest.mark.parametrize("off", [(0, 0), (0, 30)], ids=str)
+def test_passes_within_1_m_in_8_m_s_of_wind_from_behind_with_gusts(off):
+    assert closest(off, 8.0, 0.0, 0.2, seed=1) < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gimbal", ["transfer-function", "linkage"])
+def test_passes_within_1_m_anywhere_in_the_cone_in_any_wind_up_to_8_m_s(gimbal):
+    """40 seeds: direction in the cone, wind and its azimuth are random, gusts 20 %."""
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        angle, off, azimuth = (
+            rng.uniform(0, 2 * np.pi),
+            30 * np.sqrt(rng.uniform()),
+            rng.uniform(0, 2 * np.pi),
+        )
+        place = (off * math.cos(angle), off * math.sin(angle))
+        wind = 8.0 if seed % 2 else rng.uniform(0.0, 8.0)
+        assert closest(place, wind, azimuth, 0.2, seed, gimbal) < 1.0, seed
+
+
+def test_the_nose_gives_the_wanted_acceleration_across_the_path_in_wind():
+    """Thrust, normal force and drag of the flow through the wind add up to m·3·miss/t²."""
+    speed, mass, thrust, normal, drag = 50.0, 1.2, 20.0, 0.01, 8e-4
+    wind = np.array([-3.0, 5.0, 0.0])
+    point = np.array([300.0, 10.0, 305.0])
+    programme = FixedPoint(
+        tuple(point), launch=(1.0, 0.0, 1.0), mass=mass, thrust_time=(0.0,), thrust=(thrust,),
+        normal_force=normal, drag=drag, wind_east=(wind[0],), wind_north=(wind[1],),
+    )  # fmt: skip
+    v = speed * np.array([1.0, 0.02, 1.0]) / np.linalg.norm([1.0, 0.02, 1.0])
+    nose = programme.direction(2.0, np.zeros(3), v)
+    ahead, flow = v / speed, v - wind
+    q, flow = flow @ flow, flow / np.linalg.norm(flow)
+    force = thrust * nose + normal * q * (nose - flow) - drag * q * flow
+    across = force - (force @ ahead) * ahead
+    push = (thrust - drag * q * (flow @ ahead)) / mass - 9.80665 * ahead[2]
+    closing = point @ v / np.linalg.norm(point)
+    go = (-closing + math.sqrt(closing**2 + 2 * push * np.linalg.norm(point))) / push
+    miss = point - v * go + [0.0, 0.0, 0.5 * 9.80665 * go**2]
+    wanted = mass * 3.0 / go**2 * (miss - (miss @ ahead) * ahead)
+    # thrust and normal force shrink with the cosine of an angle of 3 degrees
+    assert across == pytest.approx(wanted, abs=5e-3 * np.linalg.norm(wanted))
+
+
+def test_the_angle_is_limited_to_the_air_and_grows_where_the_air_is_slow():
+    """A wind from behind turns the flow up by 35 degrees; the nose keeps 25 degrees to the flow."""
+    wind = (20.0,)
+    steering = FixedPoint((400.0, 0.0, 100.0), launch=(1.0, 0.0, 0.5), wind_east=wind)
+    for v, factor in (([40.0, 0.0, 20.0], 1.0), ([28.0, 0.0, 12.0], 20.0**2 / (8.0**2 + 12.0**2))):
+        flow = np.array(v) - [wind[0], 0.0, 0.0]
+        nose = steering.direction(3.0, np.zeros(3), np.array(v))
+        angle = math.acos(nose @ flow / np.linalg.norm(flow))
+        assert angle <= factor * math.radians(25.0) + 1e-9
+        assert steering.limited(3.0, np.zeros(3), np.array(v)) == (
+            angle == pytest.approx(factor * math.radians(25.0))
+        )
+
+
 def test_attitude_step_in_flight_settles_while_the_vehicle_rolls(reference):
     launch, _ = launch_of(reference.mj)
     errors = []

@@ -36,7 +36,8 @@ def made(tmp_path_factory):
 
 
 def told(capsys, *arguments: str) -> dict:
-    code, out, _ = run(capsys, *arguments, "--json")
+    again = ("--force",) if arguments[0] == "identify" else ()
+    code, out, _ = run(capsys, *arguments, "--json", *again)
     assert code == 0
     return json.loads(out)
 
@@ -208,7 +209,7 @@ def test_a_check_says_where_there_is_nothing_to_check(capsys, made, table, tmp_p
     rows = [line.split(",") for line in table.read_text().splitlines()]
     (tmp_path / "still.csv").write_text("\n".join(",".join([*r[:2], r[2] if r[2] == "pot" else
                                                            "1.5"]) for r in rows))  # fmt: skip
-    out = ("--out", str(tmp_path / "m.json"))
+    out = ("--out", str(tmp_path / "m.json"), "--force")
     still = str(tmp_path / "still.csv")
     found = told(capsys, "identify", str(table), *COLUMNS, "--check", still, *out)
     assert found["checks"][still] == [None]
@@ -244,7 +245,7 @@ def test_order_selection_searches_the_delays_it_is_told_to(capsys, tmp_path):
         assert max(o["fit"] for o in found["orders"]) > 95.0
     code, text, _ = run(
         capsys, "identify", file, *COLUMNS, "--rate", "gyro", "--poles", "1", "--delay", "0.15",
-        "--out", model,
+        "--out", model, "--force",
     )  # fmt: skip
     assert code == 0
     fits = next(line for line in text.splitlines() if line.startswith("x fit"))

@@ -1,4 +1,4 @@
-"""No verb replaces anything with its result but a regular file in the place that was named."""
+"""No verb replaces anything with its result but a file of its own that can be had again."""
 
 import os
 import socket
@@ -7,31 +7,49 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import ROOT
 from tests.twin.test_cli import run
 from twin.config.paths import writable
 from twin.errors import TwinError
+from twin.recorder import Recorder
 
 SUFFIX = ".rrd"
 
 
-def kinds(folder):
-    """Twelve kinds of path, each with what must be left as it is (None: nothing there)."""
+def kinds(folder, suffix=SUFFIX):
+    """Kinds of path that a result must not go to."""
     other = folder / "elsewhere"
     other.mkdir()
-    (other / "precious.rrd").write_text("precious")
-    (folder / "folder.rrd").mkdir()
-    os.mkfifo(folder / "fifo.rrd")
-    os.mkfifo(folder / "beside.rrd.partial")
+    (other / f"precious{suffix}").write_text("precious")
+    (folder / f"folder{suffix}").mkdir()
+    os.mkfifo(folder / f"fifo{suffix}")
+    os.mkfifo(folder / f"beside{suffix}.partial")
     (folder / "file").write_text("a file as a folder")
     with socket.socket(socket.AF_UNIX) as server:
-        server.bind(str(folder / "socket.rrd"))
-    (folder / "out.rrd").symlink_to(other / "precious.rrd")
-    (folder / "linked.rrd.partial").symlink_to(other / "precious.rrd")
-    (folder / "null.rrd").symlink_to("/dev/null")
-    (folder / "nowhere.rrd").symlink_to(folder / "missing")
-    (folder / "loop.rrd").symlink_to(folder / "loop.rrd")
-    names = ("folder", "fifo", "beside", "socket", "out", "linked", "null", "nowhere", "loop")
-    return [*(folder / f"{n}.rrd" for n in names), folder / "file" / "a.rrd", "/dev/null"]
+        server.bind(str(folder / f"s{suffix}"))
+    (folder / f"out{suffix}").symlink_to(other / f"precious{suffix}")
+    (folder / f"linked{suffix}.partial").symlink_to(other / f"precious{suffix}")
+    (folder / f"null{suffix}").symlink_to("/dev/null")
+    (folder / f"nowhere{suffix}").symlink_to(folder / "missing")
+    (folder / f"loop{suffix}").symlink_to(folder / f"loop{suffix}")
+    (folder / f"taken{suffix}").write_text("of another program")
+    (folder / f"left{suffix}.partial").write_text("of another program")
+    (folder / "notes.other").write_text("of another kind")
+    names = (
+        "folder",
+        "fifo",
+        "beside",
+        "s",
+        "out",
+        "linked",
+        "null",
+        "nowhere",
+        "loop",
+        "taken",
+        "left",
+    )
+    found = [folder / f"{name}{suffix}" for name in names]
+    return [*found, folder / "notes.other", folder / "file" / f"a{suffix}", "/dev/null"]
 
 
 def state(folder):
@@ -57,33 +75,100 @@ def test_only_free_names_and_regular_files_are_written(tmp_path):
         assert state(tmp_path) == before
     plain = tmp_path / "plain.rrd"
     assert writable(plain, SUFFIX) == plain
-    plain.write_text("old")
-    assert writable(plain, SUFFIX) == plain
+    plain.write_text("of another program")
+    assert writable(plain, SUFFIX, force=True) == plain
+    plain.write_text("")
     (tmp_path / "latest.rrd").symlink_to("plain.rrd")  # a link within the folder
     assert writable(tmp_path / "latest.rrd", SUFFIX).name == "latest.rrd"
 
 
-VERBS = (
-    "fly --duration-s 0.01",
-    "step --repeats 1",
-    "mirror --duration-s 0.01",
-    "calibrate",
-    "converge",
-    "fly --repeat 2",
-    "identify a.rrd",
-    "report a.rrd",
+def recorded(path, gimbal, date):
+    properties = {"command": "step", "configuration": {"gimbal": gimbal}} | date
+    with Recorder(path, signals=["vehicle/mass"], properties=properties) as recorder:
+        recorder.commit(0, 0)
+
+
+@pytest.mark.parametrize(
+    ("gimbal", "date", "asked"),
+    [
+        ("linkage", {}, False),
+        ("emulator", {"date": "2026-01-01"}, False),
+        ("/dev/ttyUSB0", {"date": "2026-01-01"}, True),
+        ("/dev/ttyUSB0", {}, False),  # a replay
+    ],
 )
+def test_only_a_recording_of_a_rig_is_kept_without_force(tmp_path, gimbal, date, asked):
+    path = tmp_path / "a.rrd"
+    recorded(path, gimbal, date)
+    assert writable(path, SUFFIX, force=True) == path
+    if not asked:
+        assert writable(path, SUFFIX) == path
+        return
+    with pytest.raises(TwinError, match="--force"):
+        writable(path, SUFFIX)
+    path.rename(tmp_path / "a.rrd.partial")
+    with pytest.raises(TwinError, match=r"a\.rrd\.partial exists"):
+        writable(path, SUFFIX)
 
 
-@pytest.mark.parametrize("command", VERBS)
-def test_no_verb_replaces_a_device(capsys, tmp_path, monkeypatch, command):
-    """As root, `calibrate --out /dev/null` once replaced the device node."""
-    monkeypatch.chdir(tmp_path)
+VERBS = {
+    "fly --duration-s 0.01": ".rrd",
+    "fly --duration-s 0.01 --repeat 2": ".html",
+    "step --repeats 1": ".rrd",
+    "mirror --duration-s 0.01": ".rrd",
+    "calibrate": ".json",
+    "converge": ".html",
+    "identify run.rrd": ".json",
+    "identify --linkage run.rrd": ".json",
+    "compare run.rrd run.rrd": ".rrd",
+    "report run.rrd": ".html",
+    "replay run.rrd": ".rrd",
+    f"vehicle build {ROOT / 'mjcf/examples/reference.toml'}": ".xml",
+}
+
+
+@pytest.fixture(scope="module")
+def step(tmp_path_factory):
+    """A short recording of a step test."""
+    import twin
+
+    out = tmp_path_factory.mktemp("step") / "run.rrd"
+    twin.step(repeats=1, hold_s=0.1, out=out)
+    return out
+
+
+def refuses_all(capsys, command, paths, folder):
     before = Path("/dev/null").stat()
-    code, _, err = run(capsys, *command.split(), "--out", "/dev/null")
-    assert code == 2
-    assert err.count("\n") == 1
+    for path in paths:
+        there = state(folder)
+        code, _, err = run(capsys, *command.split(), "--out", path)
+        assert code == 2, path
+        assert err.count("\n") == 1
+        assert state(folder) == there
     after = Path("/dev/null").stat()
     assert stat.S_ISCHR(after.st_mode)
     assert (after.st_ino, after.st_rdev) == (before.st_ino, before.st_rdev)
-    assert not any(tmp_path.iterdir())
+
+
+@pytest.fixture
+def places(tmp_path, monkeypatch, step):
+    """Kinds of path for a suffix, in a folder with a recording."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.rrd").write_bytes(step.read_bytes())
+    return lambda suffix: kinds(tmp_path, suffix)
+
+
+@pytest.mark.parametrize("command", VERBS)
+def test_no_verb_replaces_a_device_or_a_file_of_another_program(capsys, tmp_path, places, command):
+    """As root, `calibrate --out /dev/null` once replaced the device node."""
+    found = [p for p in places(VERBS[command]) if "taken" in str(p) or p == "/dev/null"]
+    assert len(found) == 2
+    refuses_all(capsys, command, found, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", VERBS)
+def test_no_verb_replaces_what_is_not_its_own(capsys, tmp_path, places, command):
+    suffix = VERBS[command]
+    found = places(suffix)  # a folder takes recordings by their usual names
+    refuses_all(capsys, command, found[suffix == ".rrd" :], tmp_path)

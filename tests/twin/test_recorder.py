@@ -10,11 +10,13 @@ import tracemalloc
 
 import mujoco
 import numpy as np
+import psutil
 import pytest
 from rerun.chunk import RrdReader
 
 from analysis import schema
 from analysis.recording import reader as recording
+from tests.benchmarks import long_run
 from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer
@@ -411,6 +413,34 @@ def test_a_primitive_encloses_its_volume_and_looks_outward(kind):
     assert enclosed == pytest.approx(volume, rel=0.03)
     assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1.0)
     assert (np.einsum("ij,ij->i", mesh.vertices, mesh.normals) > 0.0).all()
+
+
+def test_a_closed_recording_leaves_no_thread_behind(tmp_path):
+    """Rerun keeps two threads for a stream and two for its blueprint until both are released."""
+    process, threads = psutil.Process(), []
+    for k in range(4):
+        runs.fly(tmp_path / f"{k}.rrd", 0.1)
+        threads.append(process.num_threads())
+    assert threads[1:] == threads[:1] * 3
+
+
+def test_rows_are_in_the_file_when_they_have_been_written(tmp_path):
+    """Rows that wait for Rerun's thread pile up in a run that is faster than it."""
+    with Recorder(
+        tmp_path / "a.rrd", signals=list(runs.SIGNALS), properties={}, drain_ns=10**9
+    ) as recorder:
+        recorder.row[:] = 1.0
+        for tick in range(8001):
+            recorder.commit(tick * 1_000_000, tick)
+            if tick % 1000 == 0 and tick:
+                there = recording.read(tmp_path / "a.rrd.partial", growing=True)
+                assert there["vehicle/mass"].time[-1] == tick * 1e-3
+
+
+@pytest.mark.slow
+def test_an_hour_takes_at_most_half_a_gigabyte_until_it_is_closed(tmp_path):
+    writing, closing = long_run.hour(tmp_path / "hour.rrd", 60.0)
+    assert max(writing, closing) < 500
 
 
 def test_memory_stays_flat(tmp_path):

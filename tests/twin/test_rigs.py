@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.recording import read
-from hardware.emulator import sample_rig
+from hardware.emulator import Drive, sample_rig
 from hardware.events import HealthChanged, RigBack, RigLost, SensorFault, SensorRecovered
 from hardware.frames import GimbalCommand
 from hardware.simavr.nano import missing
@@ -71,6 +71,27 @@ def truths(seat):
 
 
 class TestBenchPlant:
+    def test_a_jammed_servo_stays_and_one_without_power_lets_the_motor_fall(self, bench_twin):
+        bench = BenchPlant(bench_twin)
+
+        def moved(seconds, *shaft):
+            for _ in range(round(seconds * 1000)):
+                bench.advance(1e-3, (*shaft, 0.0))
+            return np.array(bench.angles())
+
+        before = moved(0.3, 0.2, 0.1)
+        bench.set_drive(0, Drive.JAMMED)
+        jammed = moved(0.3, -0.2, -0.1)
+        assert abs(jammed[0] - before[0]) < radians(0.5)  # the play of ±0.2°
+        assert jammed[1] < -radians(1.5)
+        bench.set_drive(0, Drive.NORMAL)
+        held = moved(0.3, -0.2, -0.1)
+        assert held[0] < -radians(4.0)
+        bench.set_drive(0, Drive.LIMP)
+        # nozzle up, the motor's weight exceeds the friction of gear and bearings: outwards
+        assert moved(0.5, 0.2, -0.1)[0] < held[0] - radians(0.3)
+        bench.set_drive(0, Drive.NORMAL)  # the model is shared
+
     def test_its_gyro_is_mujocos_own(self, bench_twin):
         bench = BenchPlant(bench_twin)
         for k in range(150):

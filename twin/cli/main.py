@@ -14,7 +14,7 @@ from hardware.frames import HardwareError
 from twin.cli.arguments import parse
 from twin.config import Settings
 from twin.config.result import Result
-from twin.errors import DivergenceError, TwinError
+from twin.errors import CheckError, DivergenceError, TwinError
 
 MISTAKE, FAILED = 2, 1
 NARROWEST = 40  # columns
@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except (TwinError, AnalysisError, HardwareError) as error:
         _complain(f"twin: {error}")
         sys.exit(MISTAKE)
-    except DivergenceError as error:
+    except (DivergenceError, CheckError) as error:
         _complain(f"twin: {error}")
         sys.exit(FAILED)
     except KeyboardInterrupt as interrupt:

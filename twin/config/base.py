@@ -57,6 +57,8 @@ class Settings:
                 object.__setattr__(self, name, converted(getattr(self, name), hint))
             except SettingError as fault:
                 raise refusal(name, fault) from None
+            except TwinError as error:  # overrides of another name than --set
+                raise TwinError(str(error).replace("--set ", f"{flag(name)} ", 1)) from None
         self.validate()
 
     def validate(self) -> None:
@@ -72,8 +74,8 @@ class Settings:
             if given != defaults[name] and chosen not in values:
                 shown = " ".join(map(str, given)) if isinstance(given, tuple) else f"{given}"
                 raise TwinError(
-                    f"--{name.replace('_', '-')} {shown}: has no effect with "
-                    f"--{other.replace('_', '-')} {chosen}; it is for {', '.join(values)}"
+                    f"{flag(name)} {shown}: has no effect with "
+                    f"{flag(other)} {chosen}; it is for {', '.join(values)}"
                 )
 
     @classmethod
@@ -108,6 +110,11 @@ def _unknown(name: str, valid: tuple[str, ...]) -> str:
     return f"unknown setting {name!r}; " + (
         f"did you mean {' or '.join(near)}?" if near else f"valid: {', '.join(valid)}"
     )
+
+
+def flag(name: str) -> str:
+    """Return the command line's name of a setting."""
+    return f"--{name.replace('_', '-')}"
 
 
 def without_markers(hint: Any) -> Any:  # noqa: ANN401  a type

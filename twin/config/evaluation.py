@@ -27,9 +27,10 @@ class Columns(Settings):
     """Columns of the measured angles, separated by commas; of a recording the signal,
     gimbal/measured if omitted."""
     unit: str | None = None
-    """Unit of the angle columns: rad, deg, mrad or turn; rad if omitted."""
+    """Unit of the angle columns: rad, deg, mrad, turn, counts or 1 (any other); rad if omitted."""
     input_unit: str | None = None
-    """Unit of the command columns; as `--unit` if omitted."""
+    """Unit of the command columns: those of `--unit`, us (pulse width) or percent; as `--unit` if
+    omitted."""
     time_scale: Annotated[float, Range(1e-12, 1e9, "s")] | None = None
     """Seconds per unit of the time column, for example 1e-3."""
     commands: Path | None = None
@@ -73,9 +74,9 @@ class Identify(Columns, Output, Parameters):
     ignored."""
     servo: Flag = False
     """Fit servos with speed limit, dead band and backlash."""
-    structure: Literal["best", "speed", "command"] = "best"
-    """Structure with `--servo`: the servo's own loop saturates (speed), or its command is
-    rate-limited (command)."""
+    structure: Literal["best", "speed", "command", "set-point"] = "best"
+    """Structure with `--servo`: the servo's own loop saturates (speed), its command is rate-limited
+    (command), or it follows a set point of bounded speed (set-point)."""
     coupling: Literal["auto", "none", "full"] = "auto"
     """Cross channels: where an axis follows the other's command by 2 % (auto), never, or always."""
     rate: str | None = None

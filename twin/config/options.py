@@ -31,6 +31,9 @@ class Output(Settings):
     """File to write."""
     json: Flag = False
     """Print the results as one JSON object instead of a table."""
+    force: Flag = False
+    """Replace an existing file that is more than a simulation's recording or a report: a rig's
+    recording, a calibration, a model, or what another program wrote."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +108,9 @@ class Rig(SimulatedRig):
 
     calibration: Path | None = None
     """Calibration file (JSON) of the rig; the nominal geometry if omitted."""
+    no_check: Flag = False
+    """Skip the motion check before the run, which moves both axes by 2° for 1.6 s and refuses a
+    servo that is dead, reversed, swapped or moves by the wrong angle."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,6 +194,7 @@ class Run(Output, Time, Model, Shadow, Rig, Gimbal):
             "--calibration": self.calibration is not None,
             "--fault": bool(self.fault),
             "--unit": self.unit is not None,
+            "--no-check": self.no_check,
             "--shadow": self.shadow is not None,
             "--shadow-set": bool(self.shadow_set),
             "--on-fault": getattr(self, "on_fault", None) is not None,

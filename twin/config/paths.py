@@ -2,21 +2,29 @@
 
 import os
 import stat
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from analysis import schema
+from analysis.schema import AnalysisError
+from twin.config.seats import is_port
 from twin.errors import TwinError
 
+HEAD = 4096  # bytes of a page in which its generator is named
 
-def writable(path: Path, *suffixes: str) -> Path:
+
+def writable(path: Path, *suffixes: str, force: bool = False) -> Path:
     """Check, before anything is computed, that a result can be written here; create its folder.
 
     A result is written beside its place under the name `PATH.partial` and then renamed, so both
     names are checked: each must be free or a regular file. Devices, FIFOs, sockets and folders are
-    refused, and links that lead out of the folder or nowhere.
+    refused, and links that lead out of the folder or nowhere. A file that a simulation or a report
+    wrote is replaced without a question, since it can be had again; any other needs `force`.
 
     Parameters
     ----------
     suffixes : allowed file name extensions, in lower case; any if none is given
+    force : replace a file of any content
 
     Raises
     ------
@@ -29,6 +37,10 @@ def writable(path: Path, *suffixes: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         for name in (path, path.with_name(path.name + ".partial")):
             _check_place(name)
+            if not force and name.exists() and not _renewable(name, path.suffix.lower()):
+                raise TwinError(
+                    f"--out {path}: {name} exists; give another name, or --force to replace it"
+                )
     except OSError as error:
         raise TwinError(f"cannot write {path}: {error.strerror}") from None
     except RuntimeError:  # raised by pathlib before Python 3.13
@@ -51,3 +63,32 @@ def _check_place(path: Path) -> None:
         raise TwinError(f"cannot write {path}: it is a folder")
     if not stat.S_ISREG(mode):
         raise TwinError(f"cannot write {path}: it is not a regular file")
+
+
+def _renewable(file: Path, suffix: str) -> bool:
+    """Whether a file is empty, or a simulation or report of this program wrote it."""
+    return file.stat().st_size == 0 or (suffix in _RENEWABLE and _RENEWABLE[suffix](file))
+
+
+def _simulated(file: Path) -> bool:
+    """Whether a recording is one of the twin's, and not of a rig; a replay of a rig has no date."""
+    from analysis.recording import properties
+
+    try:
+        run = properties(file)
+    except AnalysisError:
+        return False
+    settings = run.get("configuration")
+    gimbal = settings.get("gimbal") if isinstance(settings, dict) else None
+    return not ("date" in run and isinstance(gimbal, str) and is_port(gimbal))
+
+
+def _page(file: Path) -> bool:
+    """Whether a page names this program as its generator."""
+    with file.open("rb") as page:
+        return f'name="generator" content="{schema.APPLICATION}"'.encode() in page.read(HEAD)
+
+
+_RENEWABLE: Mapping[str, Callable[[Path], bool]] = {
+    ".rrd": _simulated, ".html": _page, ".htm": _page,
+}  # fmt: skip

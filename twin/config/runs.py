@@ -28,6 +28,7 @@ from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
+Speed = Annotated[float, Range(0.0, 50.0, "m/s")]
 Direction = Annotated[float, Range(-180.0, 180.0, "°")]
 MANOEUVRES = ("step", "doublet", "pitch-over")  # programmes with an amplitude and a time
 OF_COMMANDS = ("time", "input", "input_unit", "ratio", "time_scale")  # columns of --commands
@@ -47,12 +48,24 @@ class Fly(FaultResponse, Run):
             "at_s": ("programme", MANOEUVRES),
             "target_range_m": ("programme", ("point",)),
             "off_axis_deg": ("programme", ("point",)),
+            "hand_speed_m_s": ("launch", ("hand",)),
+            "hand_attitude_deg": ("launch", ("hand",)),
+            "hand_rate_deg_s": ("launch", ("hand",)),
         }
     )
 
     motor: Path | None = None
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
     thrust table of two columns (.csv); the vehicle's own motor if omitted."""
+    launch: Literal["ramp", "hand", "stand"] = "ramp"
+    """Launch from the vehicle's ramp; by hand, with random speed, attitude and rates of `--seed`;
+    or upright from rest on a stand."""
+    hand_speed_m_s: tuple[Speed, Speed] = (6.0, 1.0)
+    """Mean and standard deviation of the speed along the nose, by hand [m/s]."""
+    hand_attitude_deg: Annotated[float, Range(0.0, 60.0, "°")] = 5.0
+    """Standard deviation of the attitude about each axis across the nose, by hand [°]."""
+    hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = 30.0
+    """Standard deviation of the angular rate about each axis, by hand [°/s]."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
     point."""
@@ -65,6 +78,9 @@ class Fly(FaultResponse, Run):
     """Distance of the point of `--programme point` from the launch point [m]."""
     off_axis_deg: tuple[Direction, Direction] = (0.0, 0.0)
     """Direction of that point from the launch direction: right and up [°]."""
+    within: Annotated[float, Range(1e-3, 1e5, "m")] | None = None
+    """Largest distance from the point that counts as reaching it [m]; a flight that misses by more
+    ends with exit code 1. A miss is only reported if omitted."""
     amplitude_deg: Degrees = 5.0
     """Amplitude of the step, doublet or pitch-over [°]."""
     at_s: Annotated[float, Range(0.0, 36_000.0, "s")] = 3.0
@@ -79,7 +95,7 @@ class Fly(FaultResponse, Run):
     turntable of the thesis)."""
     control_hz: Frequency = 250.0
     """Rate of the controller [Hz]."""
-    duration_s: Duration = 120.0
+    duration_s: Duration = 600.0
     """Longest flight [s]; it ends earlier on the ground or past the point."""
     repeat: Count = 1
     """Number of flights, each with the next seed; more than one writes a page with the spread of
@@ -108,6 +124,8 @@ class Fly(FaultResponse, Run):
             raise TwinError("--scene turntable needs --attitude base-gyro")
         if self.off_axis_deg != (0.0, 0.0) and self.target:
             raise TwinError("--off-axis-deg and --target exclude each other")
+        if self.within is not None and self.programme != "point" and self.target is None:
+            raise TwinError(f"--within {self.within:g}: needs --programme point or --target")
         if self.controller is not None and ":" not in self.controller:
             raise TwinError(
                 f"--controller {self.controller}: must be FILE.py:NAME, for example own.py:Loop"
@@ -239,7 +257,9 @@ class Replay(Output, Parameters):
     """Own controller of the recorded flight, FILE.py:NAME; a file named in a recording is never
     executed."""
     force: Flag = False
-    """Replay even if versions of libraries or the model differ from those recorded."""
+    """Replay even if versions of libraries or the model differ from those recorded, with files of
+    this machine that the recording names but does not contain; also replace an existing file that
+    is more than a simulation's recording."""
     out: Path | None = None
     """Recording to write; RECORDING.replay.rrd if omitted."""
 

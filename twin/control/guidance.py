@@ -21,6 +21,7 @@ from twin.errors import TwinError
 
 Array = NDArray[np.float64]
 CONE = math.radians(30.0)
+LEAN = math.sin(math.radians(60.0))  # of the nose to the path, at most
 _SLACK = 1e-6  # rad; rounding of a point at exactly 30°
 
 
@@ -38,7 +39,11 @@ class FixedPoint:
     thrust_time, thrust : motor's thrust [N] at times [s]
     normal_force : ½ρ·area·slope of the normal force, [N per rad per (m/s)²]
     drag : ½ρ·area·drag coefficient [N per (m/s)²]
-    most : largest angle between nose and velocity [rad]
+    wind_height, wind_east, wind_north : mean wind [m/s] at heights above ground [m]; still air if
+        omitted
+    most : largest angle between nose and air at and above the airspeed `brisk` [rad]; below, it
+        grows with the square of the speed, so that the load of the air stays the same
+    brisk : that airspeed [m/s]
     begin : time until which the launch direction is held [s]
     last : lower limit of the time to go in the gain [s]; the attitude loop could not follow faster
     """
@@ -52,7 +57,11 @@ class FixedPoint:
     thrust: tuple[float, ...] = (13.0,)
     normal_force: float = 0.011
     drag: float = 0.0007
+    wind_height: tuple[float, ...] = (0.0,)
+    wind_east: tuple[float, ...] = (0.0,)
+    wind_north: tuple[float, ...] = (0.0,)
     most: float = math.radians(25.0)
+    brisk: float = 20.0
     begin: float = 0.7
     last: float = 0.3
 
@@ -72,21 +81,30 @@ class FixedPoint:
         object.__setattr__(self, "launch", launch)
         fixed = np.array(
             [*self.target, *launch, self.navigation, self.mass, self.normal_force, self.drag,
-             self.most, self.begin, self.last], dtype=np.float64,
+             self.most, self.begin, self.last, self.brisk], dtype=np.float64,
         )  # fmt: skip
-        times, thrust = np.array(self.thrust_time, float), np.array(self.thrust, float)
-        for name, value in (("_fixed", fixed), ("_times", times), ("_thrust", thrust)):
+        curve = np.array([self.thrust_time, self.thrust], float)
+        wind = np.array([self.wind_height, self.wind_east, self.wind_north], float)
+        for name, value in (("_fixed", fixed), ("_curve", curve), ("_wind", wind)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 
     def direction(self, t: float, position: Array, velocity: Array) -> Array:
         """Wanted nose direction (..., 3), unit, for position and velocity (..., 3) in the world."""
         out = np.empty(position.shape)
-        _directions(
-            t, position.reshape(-1, 3), velocity.reshape(-1, 3),
-            self._fixed, self._times, self._thrust, out.reshape(-1, 3),  # type: ignore[attr-defined]
-        )  # fmt: skip
+        self._steer(t, position, velocity, out)
         return out
+
+    def limited(self, t: float, position: Array, velocity: Array) -> bool:
+        """Whether the limit of the angle to the air acts, for position and velocity (3,)."""
+        return bool(self._steer(t, position, velocity, np.empty(3)))
+
+    def _steer(self, t: float, position: Array, velocity: Array, out: Array) -> int:
+        count: int = _directions(
+            t, position.reshape(-1, 3), velocity.reshape(-1, 3),
+            self._fixed, self._curve, self._wind, out.reshape(-1, 3),  # type: ignore[attr-defined]
+        )  # fmt: skip
+        return count
 
 
 @njit(nogil=True)
@@ -99,18 +117,40 @@ def _time_to_go(distance: float, speed: float, push: float) -> float:
 
 
 @njit(nogil=True)
+def _length(v: Array) -> float:
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@njit(nogil=True)
+def _turned(direction: Array, toward: Array, most: float) -> Array:
+    """`direction`, turned no farther than `most` from `toward`; both unit (3,)."""
+    cosine = min(
+        1.0,
+        max(-1.0, direction[0] * toward[0] + direction[1] * toward[1] + direction[2] * toward[2]),
+    )
+    if cosine >= math.cos(most):
+        return direction
+    aside = direction - cosine * toward
+    turned: Array = math.cos(most) * toward + math.sin(most) / max(_length(aside), 1e-9) * aside
+    return turned
+
+
+@njit(nogil=True)
 def _directions(
-    t: float, position: Array, velocity: Array, fixed: Array, times: Array, thrusts: Array,
+    t: float, position: Array, velocity: Array, fixed: Array, curve: Array, wind: Array,
     out: Array,
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
+    """Write nose directions to `out` (n, 3); gives how many of them the limit holds."""
     target, launch = fixed[0:3], fixed[3:6]
-    navigation, mass, normal_force, drag, most, begin, last = fixed[6:13]
-    thrust = interpolate(t, times, thrusts)
+    held = 0
+    navigation, mass, normal_force, drag, most, begin, last, brisk = fixed[6:14]
+    thrust = interpolate(t, curve[0], curve[1])
+    through = np.empty(3)
     for k in range(len(out)):
         v = velocity[k]
-        speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        speed = _length(v)
         line = target - position[k]
-        distance = math.sqrt(line[0] ** 2 + line[1] ** 2 + line[2] ** 2)
+        distance = _length(line)
         closing = (line[0] * v[0] + line[1] * v[1] + line[2] * v[2]) / max(distance, 1e-9)
         if t < begin or speed < 3.0 or closing < 0.2 * speed:
             if t < begin or speed < 3.0:
@@ -119,13 +159,30 @@ def _directions(
                 out[k] = v / speed  # past the point, or turned away from it: fly straight ahead
             continue
         ahead = v / speed
-        push = (thrust - drag * speed * speed) / mass - GRAVITY * ahead[2]
+        through[:] = v
+        through[0] -= interpolate(position[k, 2], wind[0], wind[1])
+        through[1] -= interpolate(position[k, 2], wind[0], wind[2])
+        airspeed = max(_length(through), 1e-3)
+        flow = through / airspeed
+        pressure = airspeed * airspeed
+        along_flow = flow[0] * ahead[0] + flow[1] * ahead[1] + flow[2] * ahead[2]
+        push = (thrust - drag * pressure * along_flow) / mass - GRAVITY * ahead[2]
         go = max(_time_to_go(distance, closing, push), last)
         miss = line - v * go
         miss[2] += 0.5 * GRAVITY * go * go
         along = miss[0] * ahead[0] + miss[1] * ahead[1] + miss[2] * ahead[2]
-        steer = navigation / (go * go) * (miss - along * ahead)
-        need = math.sqrt(steer[0] ** 2 + steer[1] ** 2 + steer[2] ** 2)
-        # force across the path for small angles: thrust component and normal force of the air
-        lean = min(need * mass / max(thrust + normal_force * speed * speed, 0.1), most)
-        out[k] = math.cos(lean) * ahead + math.sin(lean) / max(need, 1e-9) * steer
+        # across the path: thrust·n + normal·(n − flow) − drag·flow = m·a, solved for the nose n
+        normal = normal_force * pressure
+        aside = (normal + drag * pressure) * (flow - along_flow * ahead)
+        steer = mass * navigation / (go * go) * (miss - along * ahead) + aside
+        steer /= max(thrust + normal, 0.1)
+        need = _length(steer)
+        lean = math.asin(min(need, LEAN))
+        nose = math.cos(lean) * ahead + math.sin(lean) / max(need, 1e-9) * steer
+        angle = min(most * max(1.0, brisk * brisk / pressure), math.pi)
+        if need > LEAN or nose[0] * flow[0] + nose[1] * flow[1] + nose[2] * flow[2] < math.cos(
+            angle
+        ):
+            held += 1
+        out[k] = _turned(nose, flow, angle)
+    return held

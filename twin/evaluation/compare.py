@@ -142,7 +142,7 @@ def compare(config: Compare) -> CompareResult:
     file = config.out or Path("runs/compare.rrd")
     if file.is_dir() or not file.suffix:
         file /= "compare.rrd"
-    writable(file, ".rrd")
+    writable(file, ".rrd", force=config.force)
     _record(config, file, pair)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(

@@ -72,7 +72,10 @@ class IdentifyResult(Result):
             (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
             for s in self.orders
         ]
-        rows += [(e.name, quantity(e.value, 1.96 * e.std, e.unit)) for e in self.model.estimates]
+        rows += [
+            (e.name, quantity(e.value, 1.96 * e.std, e.unit, determined=e.determined))
+            for e in self.model.estimates
+        ]
         for a in self.model.axes:
             fits = [
                 f"{what} {_percent(fits)}"
@@ -130,7 +133,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
 
         return identify_linkage(config)
     began = time.perf_counter()
-    out = writable(config.out or Path("runs/model.json"), ".json")
+    out = writable(config.out or Path("runs/model.json"), ".json", force=config.force)
     source = given(config, config.sources)
     runs = source.runs
     held_back = [given(config, (file,)).runs[0] for file in config.check]

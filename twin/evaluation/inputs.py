@@ -118,7 +118,7 @@ def _columns(config: Columns, file: Path, rate: tuple[str, ...] = ()) -> recordi
         _names(config.input),
         _names(config.angle),
         rate,
-        config.unit or "rad",
+        config.unit,
         config.input_unit,
         config.time_scale,
         config.commands,

@@ -118,7 +118,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     from analysis.linkage.problem import DELAY
 
     began = time.perf_counter()
-    out = writable(config.out or Path("runs/set.json"), ".json")
+    out = writable(config.out or Path("runs/set.json"), ".json", force=config.force)
     if len(config.sources) != 1:
         raise TwinError(f"--linkage: {len(config.sources)} sources; it takes one recording")
     known = config.overrides

@@ -41,7 +41,7 @@ def write_report(config: Report) -> ReportResult:
         raise TwinError("report: name one or more recordings (.rrd) or tables (.csv, .mat)")
     runs = seen(config, config.recordings)
     models = {f.stem: TransferFunctionModel.read(f) for f in config.model}
-    out = writable(config.out or Path("runs/report.html"), ".html", ".htm")
+    out = writable(config.out or Path("runs/report.html"), ".html", ".htm", force=config.force)
     loops = attitude_loops() if models else ()
     numbers = report(runs, out, models=models, loops=loops, title=config.title)
     return ReportResult(numbers, out, tuple(str(f) for f in (*config.recordings, *config.model)))

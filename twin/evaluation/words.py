@@ -5,8 +5,11 @@ import numpy as np
 _READ_AS = {"s": (1e3, " ms"), "rad/rad": (1.0, ""), "1": (1.0, ""), "rad": (180.0 / np.pi, "°")}
 
 
-def quantity(value: float, half: float, unit: str) -> str:
+def quantity(value: float, half: float, unit: str, *, determined: bool = True) -> str:
     """A value with its 95 % interval, as people read it."""
+    if not determined:
+        return "not determined by these readings"
+    half = abs(half)
     scale, unit = _READ_AS.get(unit, (1.0, f" {unit}"))
     value, half = scale * value, scale * half
     if not np.isfinite(half):

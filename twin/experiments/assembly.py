@@ -1,22 +1,28 @@
 """From a run's settings to its plant and its rig."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import mujoco
 
-from twin.config import TURNTABLE, Run
+from twin.config import TURNTABLE, Fly, Run
 from twin.config.seats import MODELS, OF_SERVOS, is_rig
 from twin.errors import TwinError
 from twin.plant import integrators
+from twin.plant.authority import numeric
 from twin.plant.model import ModelConfig, Seat, load
 from twin.plant.plant import Plant
+from twin.plant.release import Release
 
 if TYPE_CHECKING:
     from hardware.calibration import Calibration
     from twin.hil import RigOptions
     from twin.hil.shadow import ShadowOptions
+
+HAND_HEIGHT = 1.7  # m above the ground, of the lower lug in the hand
+STAND = 0.02  # m that a vehicle lifts off its stand before it is free
 
 
 def make_plant(config: Run, motor: Path | None = None) -> Plant:
@@ -26,7 +32,7 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
     ------
     TwinError : a file, name or number that cannot be used, or a step too long for the integrator
     """
-    overrides = _of_the_plant(config)
+    overrides = {**_of_the_launch(config), **_of_the_plant(config)}
     kind: Seat = "follow"
     if config.gimbal in MODELS:
         kind = "linkage" if config.gimbal == "linkage" else "transfer-function"
@@ -46,9 +52,25 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
         )
     )
     integrators.check_step(
-        config.integrator, twin.mj.opt.timestep, ramp=_on_ramp(twin.mj), rods=twin.mj.neq > 0
+        config.integrator, twin.mj.opt.timestep, ramp=_on_elastic(twin.mj), rods=twin.mj.neq > 0
     )
-    return Plant(twin, config.integrator)
+    return Plant(twin, config.integrator, _release(config))
+
+
+def _of_the_launch(config: Run) -> dict[str, float]:
+    """Numerics of the kind of launch, which `--set` takes precedence over."""
+    if not isinstance(config, Fly) or config.launch == "ramp":
+        return {}
+    if config.launch == "stand":
+        return {"ramp_length": STAND, "ramp_elevation": math.pi / 2}
+    return {"ramp_length": 0.0, "ramp_position[2]": HAND_HEIGHT}
+
+
+def _release(config: Run) -> Release | None:
+    if not isinstance(config, Fly) or config.launch != "hand":
+        return None
+    attitude, rate = math.radians(config.hand_attitude_deg), math.radians(config.hand_rate_deg_s)
+    return Release.thrown(config.seed, config.hand_speed_m_s, attitude, rate)
 
 
 def _refuse_servos(
@@ -62,9 +84,10 @@ def _refuse_servos(
             )
 
 
-def _on_ramp(model: mujoco.MjModel) -> bool:
-    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "ramp_length")
-    return index >= 0 and bool(model.numeric("ramp_length").data[0] > 0.0)
+def _on_elastic(model: mujoco.MjModel) -> bool:
+    """Whether the vehicle starts on an elastic rail."""
+    parts = [numeric(model, f"ramp_{name}") for name in ("length", "stiffness")]
+    return all(part is not None and part[0] > 0.0 for part in parts)
 
 
 def _of_the_plant(config: Run) -> dict[str, float]:
@@ -89,6 +112,7 @@ def rig_options(config: Run, *, watch: bool = False) -> "RigOptions":
         overrides=config.overrides,
         scene=config.rig_scene,
         watch=watch,
+        check=not config.no_check,
     )
 
 

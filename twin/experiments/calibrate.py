@@ -100,7 +100,7 @@ def calibrate(config: Calibrate) -> CalibrationResult:
     CalibrationError : a switch, servo or sensor does not do what it should; says which
     TwinError, HardwareError : the rig cannot be opened, or the file cannot be written
     """
-    writable(config.out, ".json")
+    writable(config.out, ".json", force=config.force)
     rig = _rig(config)
     options = RigOptions(
         seat=config.gimbal, unit=config.unit, faults=config.fault, seed=config.seed, fuse=False

@@ -14,6 +14,7 @@ from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.programme import Vector, start_of
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
+from twin.experiments.track import POSITION, Figures, Track
 from twin.loop.loop import Outcome
 from twin.physics.aerodynamics.stability import margins
 from twin.plant.plant import Plant
@@ -44,12 +45,16 @@ class FlightResult(Result):
     target_m : point steered to, east north up from the launch point
     closest_approach_m : to that point
     attitude_error_rms_deg : angle between nose and setpoint while the motor burned
-    physics_steps, physics_s : steps taken, and the time they took
+    physics_steps, physics_s : steps taken, and the processor time they took
+    cpu_s : processor time of the whole command in this process
     wall_s : time of the whole command
+    figures : the flight in the terms of rocketry; `as_dict` has them beside the others
     warnings : MuJoCo's warnings with their counts
     notes : what is worth knowing about the model, one line each
     static_margin : distance of the centre of mass ahead of the centre of pressure at launch and
         after burnout, in diameters; positive is stable; None where the model does not carry it
+    within_m : largest distance that counts as reaching the point; None where none was asked for
+    missed : why the point was missed, one text each; empty where it was not
     fault : what went wrong with the rig first; None where nothing did
     turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU
         measured, while the motor burned; None without a turntable
@@ -69,40 +74,52 @@ class FlightResult(Result):
     loop_closure_max_um: float | None
     physics_steps: int
     physics_s: float
+    cpu_s: float
     wall_s: float
+    figures: Figures
     warnings: dict[str, int]
     notes: tuple[str, ...] = ()
     static_margin: tuple[float, float] | None = None
+    within_m: float | None = None
+    missed: tuple[str, ...] = ()
     fault: str | None = None
     turntable_rms_deg: float | None = None
     timing: "Verdict | None" = None
 
     @property
     def passed(self) -> bool:
-        """Whether nothing was wrong with the rig."""
-        return self.fault is None
+        """Whether nothing was wrong with the rig, and a point was reached that had to be."""
+        return self.fault is None and self.reached
+
+    @property
+    def reached(self) -> bool:
+        """Whether the point was passed within the distance that was asked for."""
+        if self.within_m is None or self.closest_approach_m is None:
+            return True
+        return self.closest_approach_m <= self.within_m
 
     def as_dict(self) -> dict[str, object]:
         """JSON values, in SI units unless the name gives another."""
         timing = None if self.timing is None else self.timing.as_dict()
-        return {**asdict(replace(self, timing=None)), "timing": timing}
+        values = asdict(replace(self, timing=None))
+        return {**values, **values.pop("figures"), "timing": timing}
 
     def rows(self) -> Rows:
         """The flight as a table."""
         rows = [
             ("ended", f"{self.ended}, after {self.flight_time_s:.2f} s"),
             ("launch mass", f"{self.mass_kg:.3f} kg"),
-            ("top speed", f"{self.max_speed_m_s:.1f} m/s"),
-            ("height", f"{self.max_height_m:.0f} m"),
         ]
         if self.static_margin is not None:
             full, empty = self.static_margin
             rows.append(("static margin", f"{full:+.2f} at launch, {empty:+.2f} empty [calibres]"))
-        if self.powered_slant_range_m is not None:
-            rows.append(("range at burnout", f"{self.powered_slant_range_m:.0f} m"))
+        rows += self.figures.rows(self.powered_slant_range_m)
         if self.closest_approach_m is not None and self.target_m is not None:
             place = ", ".join(f"{c:.0f}" for c in self.target_m)
             rows.append(("closest approach", f"{self.closest_approach_m:.2f} m to ({place}) m"))
+            verdict = "missed because" if self.reached else "MISSED"
+            titles = [verdict, *[""] * len(self.missed)]
+            rows += zip(titles, self.missed, strict=False)
         if self.attitude_error_rms_deg is not None:
             rows.append(("attitude error", f"{self.attitude_error_rms_deg:.2f}° rms under power"))
         if self.turntable_rms_deg is not None:
@@ -110,7 +127,7 @@ class FlightResult(Result):
             rows.append(("attitude estimate", error))
         if self.loop_closure_max_um is not None:
             rows.append(("rod closure", f"{self.loop_closure_max_um:.0f} µm at most"))
-        rows.append(computing_row(self.wall_s, self.physics_steps, self.physics_s))
+        rows.append(computing_row(self.wall_s, self.cpu_s, self.physics_steps, self.physics_s))
         rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
         rows += [("note", note) for note in self.notes]
         return rows + recording_rows(self.recording)
@@ -122,6 +139,11 @@ def _numeric(model: mujoco.MjModel, name: str) -> Array:
 
 class Flight:
     """Watches a flight tick by tick, decides when it is over, and gives its result.
+
+    Parameters
+    ----------
+    error : (2,) attitude error, as the controller writes it [rad]
+    target : point steered to, in the world [m]
 
     Attributes
     ----------
@@ -137,7 +159,6 @@ class Flight:
         self._ignition_ns = round(float(_numeric(plant.model, "motor_ignition")[0]) * 1e9)
         self._ramp = float(_numeric(plant.model, "ramp_length")[0])
         self._mass = float(plant.model.body_subtreemass[plant.model.body("vehicle").id])
-        self._position: list[Vector] = []
         self._speed = 0.0
         self._errors: list[float] = []
         self._closure = 0.0
@@ -152,7 +173,6 @@ class Flight:
         """Record what the result needs of this tick."""
         plant = self._plant
         x, y, z = plant.position.tolist()
-        self._position.append((x, y, z))
         vx, vy, vz = plant.velocity.tolist()
         speed = vx * vx + vy * vy + vz * vz
         self._speed = max(self._speed, speed)
@@ -193,12 +213,14 @@ class Flight:
             return "never left the ramp"
         return None
 
-    def result(self, recording: Path, outcome: Outcome, wall_s: float) -> FlightResult:
+    def result(
+        self, recording: Path, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
+    ) -> FlightResult:
         """The flight in numbers."""
         plant = self._plant
-        track = np.array(self._position)
+        path = track.ticks[:, POSITION]
         target = None if self._target is None else self._target - self._start
-        closest = None if self._target is None else _closest(track, self._target)
+        closest = None if self._target is None else _closest(path, self._target)
         return FlightResult(
             recording=str(recording),
             ended=outcome.ended,
@@ -206,7 +228,7 @@ class Flight:
             flight_time_s=plant.time_ns * 1e-9,
             max_speed_m_s=math.sqrt(self._speed),
             powered_slant_range_m=self._burnout_range,
-            max_height_m=float((track[:, 2] - self._start[2]).max()),
+            max_height_m=float((path[:, 2] - self._start[2]).max()),
             target_m=None
             if target is None
             else (float(target[0]), float(target[1]), float(target[2])),
@@ -215,7 +237,9 @@ class Flight:
             loop_closure_max_um=self._closure * 1e6 or None,
             physics_steps=plant.steps,
             physics_s=plant.computing_s,
+            cpu_s=cpu_s,
             wall_s=wall_s,
+            figures=track.figures(self.burnout_ns * 1e-9, landed=plant.landed),
             warnings=plant.warnings(),
             notes=plant.twin.notes,
             static_margin=_static_margin(plant.model),

@@ -10,9 +10,11 @@ from twin.config import OBJECT, Fly
 from twin.control import AttitudeController, Setpoint
 from twin.errors import TwinError
 from twin.experiments.flight import Flight, FlightResult
+from twin.experiments.miss import missed
 from twin.experiments.own_controller import OwnController, load
 from twin.experiments.programme import setpoint
 from twin.experiments.session import Session
+from twin.experiments.track import Track
 from twin.loop.loop import Controller
 from twin.loop.seats import Attitude, Pilot
 from twin.plant.authority import control_config
@@ -38,7 +40,7 @@ def fly(
     TwinError : something the user asked for cannot be done, in one line
     DivergenceError : the physics left the finite numbers; the recording up to there is kept
     """
-    began = time.perf_counter()
+    began, busy = time.perf_counter(), time.process_time()
     if controller is not None:
         config = replace(config, controller=f"{OBJECT}{type(controller).__name__}")
     elif config.controller is not None:
@@ -56,20 +58,24 @@ def fly(
             commanding = OwnController(controller, plant.model, pilot, s.tick_ns * 1e-9)
         guard = s.guard(commanding, config.on_fault, turntable)
         recorder = s.record(pilot, turntable, guard)
-        flight = Flight(plant, pilot.error, target)
+        flight, track = Flight(plant, pilot.error, target), Track(plant, s.rows.command)
         flight.announce = recorder.event
         s.rehearse(_pilot(plant, programme, s.tick_ns))
+        powered = _powered(turntable, flight.burnout_ns)
         outcome = s.run(
             guard or commanding,
             round(config.duration_s * 1e9),
-            each_tick=(s.rows.write, flight.watch, _powered(turntable, flight.burnout_ns)),
+            each_tick=(s.rows.write, track.watch, flight.watch, powered),
             stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
         )
         recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
         timing = s.verdict()
-    result = flight.result(recorder.path, outcome, time.perf_counter() - began)
+    cpu_s, wall_s = time.process_time() - busy, time.perf_counter() - began
+    result = flight.result(recorder.path, outcome, track, cpu_s, wall_s)
     return replace(
         result,
+        within_m=config.within,
+        missed=missed(result, programme, track, flight.burnout_ns * 1e-9, config.within),
         notes=result.notes + s.notes,
         fault=guard.fault if guard else None,
         turntable_rms_deg=None if turntable is None else math.degrees(turntable.rms),

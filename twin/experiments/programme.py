@@ -9,6 +9,7 @@ from twin.config import Fly
 from twin.control import PROGRAMMES, Setpoint
 from twin.errors import TwinError
 from twin.plant.authority import fixed_point, launch_of, steer_to
+from twin.plant.launch import check_launch
 
 Vector = tuple[float, float, float]
 
@@ -18,8 +19,10 @@ def setpoint(config: Fly, model: mujoco.MjModel) -> tuple[Setpoint, Vector | Non
 
     Raises
     ------
-    TwinError : numbers that make no programme, a point outside the cone, or no gimbal to steer with
+    TwinError : numbers that make no programme, a point outside the cone, no gimbal to steer with,
+        or a vehicle that cannot leave the ground
     """
+    check_launch(model)
     _refuse_steering_without_gimbal(config, model)
     if config.target is None and config.programme != "point":
         launch, _ = launch_of(model)

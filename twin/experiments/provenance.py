@@ -26,7 +26,7 @@ VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # process that writes may be ended by force.
 DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 1_000_000_000
 LARGEST_KEPT = 200_000  # bytes of a motor, model or vehicle file that a recording carries whole
-UNRECORDED = ("out", "json")  # where and how results are printed changes nothing about the run
+UNRECORDED = ("out", "json", "force")  # where results go changes nothing about the run
 
 
 def make_recorder(
@@ -69,7 +69,7 @@ def make_recorder(
     path = config.out or Path("runs")
     if path.is_dir() or not path.suffix:
         path /= f"{verb}.rrd"
-    writable(path, ".rrd")
+    writable(path, ".rrd", force=config.force)
     make = DetachedRecorder if real_time else Recorder
     return make(
         path,

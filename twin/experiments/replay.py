@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.recording import Recording, read
 from twin.config import OBJECT, Fly, Replay, Run, Step, added, with_model, without_ineffective
+from twin.config.paths import writable
 from twin.config.recorded import configuration_of
 from twin.config.result import Result, Rows
 from twin.config.seats import MODELS, is_port, is_rig
@@ -135,11 +136,13 @@ def replay(config: Replay, controller: object | None = None) -> ReplayResult:
     if not config.force:
         _check(old, recorded, config.recording)
     out = config.out or config.recording.with_suffix(".replay.rrd")
+    if not out.is_dir():
+        writable(out, ".rrd", force=config.force)
     if out.resolve() == config.recording.resolve():
         raise TwinError(f"--out {out}: the replay must not overwrite what it repeats")
     # a rig that is named anew is simulated anew; otherwise its recorded frames stand in for it
     playback = old if is_rig(asked.gimbal) and config.gimbal is None else None
-    result = _flown(replace(asked, out=out), playback, controller)
+    result = _flown(replace(asked, out=out, force=config.force), playback, controller)
     new = read(result.recording)
     return ReplayResult(
         recording=str(config.recording),

@@ -3,15 +3,21 @@
 import gc
 import json
 import math
+import sys
 import time
 from dataclasses import asdict
 
-from hardware.device import serve
+from hardware.device import TcpPort, serve
+from hardware.key import VARIABLE
 from twin.config import Rig
 from twin.experiments.signals import until_signal
 from twin.hil import RigOptions, device
 from twin.loop import realtime
 from twin.plant.compiled import compiled
+
+KEY_USE = (
+    f"(programs of this user on this computer find it; elsewhere, set {VARIABLE} to a copy of it)"
+)
 
 
 def rig(config: Rig) -> None:
@@ -38,7 +44,13 @@ def rig(config: Rig) -> None:
             gc.freeze()
             with realtime.requested() as rights:  # a real board does not share its processor
                 place = {"port": server.port.url, "kind": config.kind, "rights": asdict(rights)}
-                print(json.dumps(place) if config.json else server.port.url, flush=True)
+                lines = [server.port.url]
+                if isinstance(server.port, TcpPort):
+                    place["key_file"] = str(server.port.key_file)
+                    lines.append(f"session key {server.port.key_file} {KEY_USE}")
+                print(json.dumps(place) if config.json else "\n".join(lines), flush=True)
                 end = time.monotonic() + life
                 server.run(until=lambda: ended() is not None or time.monotonic() >= end)
+            if server.strangers:
+                print(f"twin: {server.strangers}", file=sys.stderr)
         simulated.close()

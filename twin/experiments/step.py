@@ -46,6 +46,7 @@ class StepResult(Result):
     excitation_s: float
     physics_steps: int
     physics_s: float
+    cpu_s: float
     wall_s: float
     warnings: dict[str, int]
     fault: str | None = None
@@ -70,7 +71,7 @@ class StepResult(Result):
         """The response as a table."""
         rows = [("gimbal", self.gimbal), ("signal", f"{self.signal}, {self.excitation_s:.1f} s")]
         rows += lines(self.figures)
-        rows.append(computing_row(self.wall_s, self.physics_steps, self.physics_s))
+        rows.append(computing_row(self.wall_s, self.cpu_s, self.physics_steps, self.physics_s))
         rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
         rows += [("note", remark) for remark in self.remarks]
         return rows + recording_rows(self.recording)
@@ -88,7 +89,7 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
     TwinError : something the user asked for cannot be done, in one line
     DivergenceError : the physics left the finite numbers; the recording up to there is kept
     """
-    began = time.perf_counter()
+    began, busy = time.perf_counter(), time.process_time()
     signal = excitation(config) if config.commands is None else None
     with Session(config, "step", config.control_hz, playback=playback) as s:
         plant = s.plant
@@ -114,6 +115,7 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
         figures=figures(recorder.path),
         physics_steps=plant.steps,
         physics_s=plant.computing_s,
+        cpu_s=time.process_time() - busy,
         wall_s=time.perf_counter() - began,
         warnings=plant.warnings(),
         fault=guard.fault if guard else None,

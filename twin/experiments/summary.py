@@ -30,9 +30,10 @@ def timing_rows(timing: "Verdict | None") -> Rows:
     return rows + [("", f"without {k}: {v}") for k, v in timing.rights.items() if v != "granted"]
 
 
-def computing_row(wall_s: float, steps: int, physics_s: float) -> tuple[str, str]:
+def computing_row(wall_s: float, cpu_s: float, steps: int, physics_s: float) -> tuple[str, str]:
     """Row about the time that a run took."""
-    return ("computing", f"{wall_s:.2f} s for {steps} steps ({physics_s:.2f} s of physics)")
+    share = f"{physics_s:.2f} s of it for {steps} physics steps"
+    return ("computing", f"{cpu_s:.2f} s of processor time, {share}; {wall_s:.2f} s in all")
 
 
 def trouble_rows(fault: str | None, warnings: dict[str, int]) -> Rows:

@@ -159,7 +159,9 @@ def _described(config: Settings) -> vehicles.Vehicle:
 
 def _build(config: Settings) -> BuildResult:
     built = _described(config)
-    out = writable(config.out or Path("runs") / f"{config.file.stem}.xml", ".xml")
+    out = writable(
+        config.out or Path("runs") / f"{config.file.stem}.xml", ".xml", force=config.force
+    )
     text = vehicles.mjcf(built, out.parent.resolve())
     part = out.with_name(out.name + ".partial")
     part.write_text(text, encoding="utf-8")

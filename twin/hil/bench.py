@@ -6,11 +6,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.emulator import Drive
 from hardware.frames import AXES, Pair, Triple
 from twin.errors import DivergenceError, TwinError
 from twin.plant.model import TwinModel
 from twin.plant.plant import LARGEST_SPEED
 
+JAM = 1e3  # N·m·s/rad: a blocked gear train turns 0.01°/s by the servo's 0.18 N·m
+LIMP_GROUP = 30  # of actuators, MuJoCo's last; switched off
 TURN = "turntable"  # joint and actuator that turn the base
 
 
@@ -41,6 +44,7 @@ class BenchPlant:
         # views of the state; MuJoCo never moves its arrays
         self._ctrl, self._qpos, self._qvel = self.data.ctrl, self.data.qpos, self.data.qvel
         self._dt = model.opt.timestep
+        self._damping: dict[int, float] = {}
         self._servos = [int(model.actuator(f"gimbal_servo_{a}").id) for a in AXES]
         self._turn = self._turntable()
         joints = [model.joint(f"gimbal_{a}") for a in AXES]
@@ -87,6 +91,15 @@ class BenchPlant:
         speed = self._qvel
         if not speed @ speed < LARGEST_SPEED**2:
             raise DivergenceError(f"the simulated rig diverged at {self.data.time:.3f} s")
+
+    def set_drive(self, servo: int, drive: Drive) -> None:
+        """Change how servo 0 (x) or 1 (y) is driven from now on."""
+        model, actuator = self.model, self._servos[servo]
+        dof = int(model.joint(f"gimbal_servo_{AXES[servo]}").dofadr[0])
+        damping = self._damping.setdefault(dof, float(model.dof_damping[dof]))
+        model.dof_damping[dof] = JAM if drive is Drive.JAMMED else damping
+        model.opt.disableactuator |= 1 << LIMP_GROUP
+        model.actuator_group[actuator] = 0 if drive is Drive.NORMAL else LIMP_GROUP
 
     def angles(self) -> Pair:
         """True gimbal angles [rad]."""

@@ -11,6 +11,7 @@ from analysis.recording import Recording
 from hardware.calibration import Calibration
 from hardware.calibration import read as read_calibration
 from hardware.emulator import parse
+from hardware.events import ReadingsDropped
 from hardware.frames import Pair, SensorFrame
 from hardware.fusion import Fusion
 from hardware.link import Link
@@ -19,6 +20,7 @@ from twin.config import TURNTABLE
 from twin.config.seats import SIMULATED, check_seat, is_rig
 from twin.errors import TwinError
 from twin.hil.bench import BenchPlant
+from twin.hil.check import MotionChecked, check_motion
 from twin.hil.gimbal import RigGimbal
 from twin.hil.simulated import Device, make_device, nominal_calibration, parameters
 from twin.hil.tolerances import vary
@@ -49,6 +51,7 @@ class RigOptions:
     scene : `bench`, or `turntable` with a base that turns
     watch : neither arm nor command it
     fuse : estimate angles; not needed for a calibration
+    check : make the motion check before a run that commands the rig; None leaves it out silently
     """
 
     seat: str
@@ -61,6 +64,7 @@ class RigOptions:
     scene: str = "bench"
     watch: bool = False
     fuse: bool = True
+    check: bool | None = None
 
 
 def lead(options: RigOptions) -> Pair:
@@ -112,9 +116,32 @@ def open_rig(
         if options.scene == TURNTABLE and seat.base is None:
             seat.base = measure_base(seat)
             seat.settle()
+        if playback is None and not options.watch:
+            _check(seat, options)
         yield seat
     finally:
         seat.close()
+        if seat.dropped:
+            print(
+                f"twin: {options.seat}: {ReadingsDropped().text} ({seat.dropped} bytes)",
+                file=sys.stderr,
+            )
+
+
+def _check(seat: RigGimbal, options: RigOptions) -> None:
+    """Make the motion check before a run; faults of a simulated rig do not advance meanwhile."""
+    if options.check is None:
+        return
+    if not options.check:
+        seat.notices.append(MotionChecked(None))
+        return
+    if options.seat not in SIMULATED:
+        print(f"twin: {options.seat}: motion check, the gimbal moves by 2°", file=sys.stderr)
+    if seat.bench is not None:
+        seat.bench.paused = True
+    check_motion(seat)
+    if seat.bench is not None:
+        seat.bench.paused = False
 
 
 def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
@@ -194,6 +221,7 @@ def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
         watch=options.watch,
     )
     seat.note = "" if measured else OWN
+    seat.bench = simulated.bench
     return seat
 
 

@@ -15,6 +15,8 @@ from twin.loop.readings import Readings
 if TYPE_CHECKING:
     from twin.hil.turntable import Turntable
 
+LATE_S = 0.3  # an older reading does not count; a pause of this computer is caught up with sooner
+
 
 @dataclass(frozen=True)
 class RunFault(Event):
@@ -44,7 +46,8 @@ class RunFault(Event):
 class Guard:
     """A controller that commands zero from a rig's first fault on.
 
-    A fault is a lost connection, a silence of 0.1 s, or a sensor that the monitor has named. Lost
+    A fault is a lost connection, a silence of 0.1 s, readings that are 0.3 s
+    old for as long, or a sensor that the monitor has named. Lost
     or damaged frames alone are not faults: the estimate goes on without them.
 
     Parameters
@@ -92,7 +95,8 @@ class Guard:
 
     def _detected(self, time: float, gimbal: GimbalState) -> str | None:
         r = self._readings
-        if r.frames:
+        age = (r.age_ns or 0) * 1e-9
+        if r.frames and age < LATE_S:
             self._last_frame = time
             # a turntable that does not turn as it should makes the holder's gyro look wrong
             if self._turntable is not None and self._turntable.fault is not None:
@@ -106,4 +110,6 @@ class Guard:
         if not r.ready:
             lost = [event.text for event in r.events if isinstance(event, RigLost)]
             return lost[-1] if lost else "rig away"
-        return f"no readings for {SILENT_S:g} s" if time - self._last_frame > SILENT_S else None
+        if time - self._last_frame <= SILENT_S:
+            return None
+        return f"readings are {age:.1f} s old" if r.frames else f"no readings for {SILENT_S:g} s"

@@ -6,9 +6,12 @@ from dataclasses import replace
 from typing import Protocol
 
 from hardware.calibration import Calibration
+from hardware.emulator import Bench
 from hardware.events import (
+    Event,
     HealthChanged,
     MonitoringLimited,
+    ReadingsDropped,
     RigBack,
     RigLost,
     SensorFault,
@@ -32,6 +35,7 @@ SILENT_S = 0.1  # without a reading: fifty frames, and the time the rig waits fo
 # timeout of the rig, after which its servos go to neutral, and the time they take
 NEUTRAL_NS = TIMEOUT_MS * 1_000_000 + 100_000_000
 _STEP_NS = 1_000_000
+LARGEST_ANGLE = 0.8  # that the joints of the plant follow [rad]; gimbals reach 0.2
 # Frames come every 2 ms and take 2 ms on the line; a backlog of one second is processed in 0.1 s.
 FRESH_NS, LONGEST_CATCH_UP_NS = 10_000_000, 10_000_000_000
 
@@ -116,8 +120,11 @@ class RigGimbal:
     rig, wait : as given
     readings : of the latest poll
     turntable : pulse width for the third servo, 0 for neutral [s]
+    dropped : bytes of readings that came too fast and were dropped during the run
     base : map of the turntable the rig stands on; None on a fixed bench
     note : what is worth knowing of its calibration, in one line; "" where it was measured
+    bench : of a simulated rig
+    notices : events before the run, for its first tick
     """
 
     def __init__(
@@ -140,8 +147,11 @@ class RigGimbal:
         self.turntable = 0.0
         self.base: BaseMap | None = None
         self.note = ""
+        self.bench: Bench | None = None
+        self.notices: list[Event] = []
         self._origin = 0
         self._started = self._caught_up = False
+        self.dropped = self._dropped = 0
         self._fresh_ns = 0
         self._received = False
         self._next_command = 0
@@ -189,6 +199,7 @@ class RigGimbal:
             self.wait(_STEP_NS)  # a terminal returns a backlog in pieces
             self.rig.poll()
         self._stale = self.rig.fusion.state(0)
+        self._dropped = self.rig.statistics.dropped
         memory = {"session": self.rig.session, "fusion": self.rig.fusion.snapshot()}
         self._snapshot = json.dumps(memory, allow_nan=False)
         self._caught_up = True
@@ -246,7 +257,10 @@ class RigGimbal:
         if self._follower is None or not (new or state.angle != self._followed):
             return
         self._followed = state.angle
-        self._follower.follow(state.angle, state.rate if new else (0.0, 0.0))
+        x, y = state.angle
+        t = LARGEST_ANGLE  # an estimate beyond it is wrong, and the plant would diverge
+        angle = (min(max(x, -t), t), min(max(y, -t), t))
+        self._follower.follow(angle, state.rate if new else (0.0, 0.0))
 
     def _neutral_unless_fresh(self, state: GimbalState, now_ns: int) -> GimbalState:
         if self.readings.states:
@@ -269,6 +283,7 @@ class RigGimbal:
         newest = r.states[-1] if r.states else self._stale
         if r.states and not self._received:
             self._received = True
+            r.events += self.notices
             if note := rig.fusion.monitor.note:
                 r.events.append(MonitoringLimited(note))
         known = self._ready and self._received and newest.sigma != (0.0, 0.0)
@@ -277,6 +292,9 @@ class RigGimbal:
         r.round_trip_ns = statistics.round_trip_ns if known and r.frames else None
         r.round_trips = statistics.round_trips
         r.lost, r.crc_errors = statistics.lost, statistics.crc_errors
+        if statistics.dropped > self._dropped and not self.dropped:
+            r.events.append(ReadingsDropped())
+        self.dropped = statistics.dropped - self._dropped
         r.health, r.ready = rig.health, self._ready
         if r.health != self._health:
             self._health = r.health

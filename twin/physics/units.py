@@ -4,7 +4,7 @@ import math
 import re
 from typing import Final, Literal
 
-Kind = Literal["length", "mass", "angle", "density", "number"]
+Kind = Literal["length", "mass", "angle", "density", "time", "number"]
 
 UNITS: Final[dict[str, dict[str, float]]] = {
     "length": {
@@ -19,9 +19,17 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "mass": {"kg": 1.0, "g": 1e-3, "lb": 0.45359237, "oz": 0.028349523125},
     "angle": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180},
     "density": {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³": 1e3},
+    "time": {"s": 1.0, "ms": 1e-3},
     "number": {"": 1.0},
 }
-SI: Final = {"length": "m", "mass": "kg", "angle": "rad", "density": "kg/m3", "number": ""}
+SI: Final = {
+    "length": "m",
+    "mass": "kg",
+    "angle": "rad",
+    "density": "kg/m3",
+    "time": "s",
+    "number": "",
+}
 _TEXT = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)\s*")
 LONGEST: Final = 60  # characters
 

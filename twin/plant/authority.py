@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from twin.control.attitude import ControlConfig
 from twin.control.guidance import FixedPoint
 from twin.control.setpoint import Vector, off_axis
-from twin.physics.aerodynamics.atmosphere import SEA_LEVEL_DENSITY
+from twin.physics.aerodynamics.atmosphere import SEA_LEVEL_DENSITY, mean_wind
 
 Array = NDArray[np.float64]
+HIGHEST, HEIGHTS = 5000.0, 40  # m, and number of heights, of the wind that guidance knows
 INSTANT = 1e-9  # s; rise time of a thrust curve that begins above zero
 
 # numeric of the vehicle → field of ControlConfig
@@ -162,4 +163,22 @@ def steer_to(model: mujoco.MjModel, target: Vector, **attributes: float) -> Fixe
         known["normal_force"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * (nose.sum() + fins.sum()))
     if area is not None and drag is not None:
         known["drag"] = float(0.5 * SEA_LEVEL_DENSITY * area[0] * drag[0])
+    known |= _mean_wind(model)
     return replace(base, **(known | attributes))
+
+
+def _mean_wind(model: mujoco.MjModel) -> dict[str, tuple[float, ...]]:
+    """Mean wind over height as `FixedPoint` has it: what a forecast gives, without gusts."""
+    values = [
+        numeric(model, f"wind_{n}") for n in ("speed", "azimuth", "reference_height", "exponent")
+    ]
+    if any(v is None for v in values):
+        return {}
+    speed, azimuth, reference, exponent = (float(v[0]) for v in values if v is not None)
+    heights = np.concatenate([[0.0], np.geomspace(1.0, HIGHEST, HEIGHTS)])
+    mean = np.array([mean_wind(speed, max(float(h), 1e-3), reference, exponent) for h in heights])
+    return {
+        "wind_height": tuple(heights.tolist()),
+        "wind_east": tuple((mean * np.cos(azimuth)).tolist()),
+        "wind_north": tuple((mean * np.sin(azimuth)).tolist()),
+    }

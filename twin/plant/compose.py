@@ -8,13 +8,12 @@ from pathlib import Path
 
 import mujoco
 
+from analysis.files import FileError, content
 from twin.errors import TwinError
+from twin.physics import guard
 
 MJCF = Path(str(files("mjcf")))
 SCENES = ("flight", "bench", "turntable")
-LARGEST_XML = 4_000_000  # bytes; a hand-written model is three orders smaller
-DEEPEST_INCLUDE = 8
-ASSETS = {"mesh": "meshdir", "skin": "meshdir", "hfield": "meshdir", "texture": "texturedir"}
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
 
@@ -65,9 +64,11 @@ def compose(
     TwinError : a file is missing, is not MJCF, or has no place for the given part
     """
     path = scene_path(scene)
-    if vehicle is None and mechanism is None:
+    if vehicle is None and mechanism is None and guard.is_shipped(path):
         return _parsed(path, lambda: mujoco.MjSpec.from_file(str(path)))
     part = _built(vehicle, mechanism, motor) if is_description(vehicle) else None
+    given = (path, vehicle if part is None else None, mechanism)
+    guard.examine(file for file in given if file is not None)
     root = _tree(path, vehicle, part=part)
     if mechanism is not None:
         _place_mechanism(root, mechanism, vehicle or path)
@@ -75,7 +76,10 @@ def compose(
         text = ET.tostring(root, encoding="unicode")
     except RecursionError:
         raise TwinError(f"{vehicle or mechanism} nests its elements too deeply") from None
-    return _parsed(vehicle or mechanism or path, lambda: mujoco.MjSpec.from_string(text))
+    name = vehicle or mechanism or path
+    named = [Path(model.get("file", "")) for model in root.iter("model")]
+    guard.approve(guard.examine(f for f in (*given, *named) if f is not None), name, text=text)
+    return _parsed(name, lambda: mujoco.MjSpec.from_string(text))
 
 
 def _parsed(path: Path, parse: Callable[[], mujoco.MjSpec]) -> mujoco.MjSpec:
@@ -94,7 +98,6 @@ def _tree(
     path: Path,
     vehicle: Path | None = None,
     main: Path | None = None,
-    depth: int = 0,
     part: ET.Element | None = None,
 ) -> ET.Element:
     """Root element of an MJCF file, includes resolved and file references made absolute.
@@ -105,8 +108,6 @@ def _tree(
     `part` is the root element of a vehicle that is not read from its file.
     """
     root = _root(path, included=main is not None)
-    if depth > DEEPEST_INCLUDE:
-        raise TwinError(f"{path} is included more than {DEEPEST_INCLUDE} files deep")
     if vehicle is not None:
         if root.find("include") is None:
             raise TwinError(f"{path}: has no <include> that {vehicle} could replace")
@@ -118,12 +119,12 @@ def _tree(
     for parent in list(root.iter()):
         for include in parent.findall("include"):
             if vehicle is not None:
-                content = _tree(vehicle, depth=depth + 1) if part is None else part
+                content = _tree(vehicle) if part is None else part
                 vehicle = None
             else:
                 name = include.get("file", "")
                 beside = own / name if (own / name).is_file() else main / name
-                content = _tree(beside, main=main, depth=depth + 1)
+                content = _tree(beside, main=main)
             at = list(parent).index(include)
             parent.remove(include)
             for offset, element in enumerate(content):
@@ -146,14 +147,10 @@ def _built(vehicle: Path | None, mechanism: Path | None, motor: Path | None) -> 
 
 def _root(path: Path, *, included: bool) -> ET.Element:
     """Root element of one MJCF file, its own file references made absolute."""
-    if not path.is_file():
-        raise TwinError(f"{path}: not a file; give an MJCF file")
-    if path.stat().st_size > LARGEST_XML:
-        raise TwinError(f"{path}: larger than {LARGEST_XML} bytes, the limit for MJCF files")
     try:
-        root = ET.fromstring(path.read_bytes())  # noqa: S314  expat ≥ 2.4.1 bounds entity expansion
-    except ET.ParseError as error:
-        raise TwinError(f"{path} is not well-formed XML: {error}") from error
+        root = guard.document(path, content(path, guard.LARGEST_XML))
+    except FileError as error:
+        raise TwinError(f"{error}; give an MJCF file") from None
     if root.tag != "mujoco" and not included:  # an included file may have any root element
         raise TwinError(f"{path}: the root element is <{root.tag}>; must be <mujoco>")
     base = path.resolve().parent
@@ -164,21 +161,12 @@ def _root(path: Path, *, included: bool) -> ET.Element:
     for model in root.iter("model"):
         if "file" in model.attrib:
             model.set("file", str(base / model.attrib["file"]))
-    for tag, key in ASSETS.items():
-        folder = _directory(root, key) or base
+    for tag, kind in guard.ASSETS.items():
+        folder = base / guard.directory(root, kind)
         for asset in root.iter(tag):
             if "file" in asset.attrib:
                 asset.set("file", str(folder / asset.attrib["file"]))
     return root
-
-
-def _directory(root: ET.Element, key: str) -> Path | None:
-    """Folder of a kind of asset given by the file's compiler element, already absolute."""
-    for name in (key, "assetdir"):
-        for compiler in root.iter("compiler"):
-            if name in compiler.attrib:
-                return Path(compiler.attrib[name])
-    return None
 
 
 def _place_mechanism(root: ET.Element, mechanism: Path, owner: Path) -> None:

@@ -19,13 +19,13 @@ ADAMS_BASHFORTH: Final = {"ab1": 1, "ab2": 2, "ab3": 3, "ab4": 4}
 NAMES: Final = (*NATIVE, *ADAMS_BASHFORTH)
 
 # Largest steps [s] of explicit methods; others take any. An eigenvalue λ must keep dt·λ inside the
-# method's region of stability. The lugs of the reference vehicle on its ramp, 15000 N/m and
+# method's region of stability. The lugs of the reference vehicle on an elastic ramp, 15000 N/m and
 # 60 N s/m each, have λ = −73 ± 177i /s while both hold, which limits dt to 4.0, 4.6, 3.3 and 1.9 ms
 # for orders 1 to 4; rods closed with a time constant of 4 ms have λ = −250 /s twice: 8.0, 4.0, 2.2
 # and 1.2 ms. In flight modes couple and less remains: these are the largest steps of a steered
 # launch, in increments of 0.5 ms, that end within 0.4 m of the reference position after 6 s.
 ON_RAMP: Final = {"ab1": 0.0035, "ab2": 0.004, "ab3": 0.0025, "ab4": 0.0015}
-WITH_RODS: Final = {"ab1": 0.005, "ab2": 0.004, "ab3": 0.0015, "ab4": 0.001}
+WITH_RODS: Final = {"ab1": 0.005, "ab2": 0.004, "ab3": 0.0015, "ab4": 0.0005}
 
 
 class Stepper(Protocol):
@@ -64,14 +64,14 @@ def check_step(name: str, dt: float, *, ramp: bool, rods: bool) -> None:
     Parameters
     ----------
     dt : physics step [s]
-    ramp : whether a vehicle is held by the lugs of a ramp
+    ramp : whether a vehicle is held by the lugs of an elastic ramp
     rods : whether rods hold the gimbal
 
     Raises
     ------
     TwinError : gives the step and the largest stable one
     """
-    holds = ((ramp, ON_RAMP, "lugs on a ramp"), (rods, WITH_RODS, "rods"))
+    holds = ((ramp, ON_RAMP, "lugs on an elastic ramp"), (rods, WITH_RODS, "rods"))
     limits = [(largest[name], what) for there, largest, what in holds if there and name in largest]
     if not limits:
         return

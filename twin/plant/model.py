@@ -1,5 +1,6 @@
 """Compile a model from files and overrides, and check the names that the loop needs."""
 
+import functools
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,6 +9,7 @@ from typing import Literal
 
 import mujoco
 import numpy as np
+from mujoco.introspect import structs
 
 from analysis.transfer_function import Channel, TransferFunctionModel
 from hardware.frames import AXES
@@ -15,15 +17,20 @@ from hardware.protocol import constants
 from twin.errors import TwinError
 from twin.physics import motor, native
 from twin.physics.aerodynamics.fit import misfits
-from twin.physics.mechanism.frame import check_frame
+from twin.physics.mechanism import check_frame, check_response
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
 from twin.plant.compose import MJCF, SCENES, compose, is_description, one_line
+from twin.plant.plausible import check_mechanism, check_motor, check_vehicle
 
 Seat = Literal["linkage", "transfer-function", "follow"]
 REFERENCE_GIMBAL = MJCF / "gimbal.json"
+HIDDEN = 4  # geom group that neither MuJoCo's viewer nor a recording shows
 # s; the frame of a hobby servo, above which no gimbal motion is resolved; runs allow less
 LARGEST_MODEL_DT = constants.PWM_PERIOD
+
+# Fields of a model that its digest leaves out: memory, and how it is drawn.
+NOT_PHYSICS = ("opt", "stat", "vis", "buffer", "nbuffer", "signature")
 
 # What the loop reads and writes by name; docs/vehicles.md explains each.
 NEEDED: Mapping[str, tuple[tuple[str, str], ...]] = {
@@ -90,6 +97,11 @@ def load(config: ModelConfig) -> TwinModel:
     spec = compose(config.scene, config.vehicle, config.mechanism, config.motor)
     if config.dt is not None:
         spec.option.timestep = _checked_dt(config.dt)
+    elif not 0 < spec.option.timestep <= LARGEST_MODEL_DT:
+        raise TwinError(
+            f"the model's timestep of {spec.option.timestep:g} s must lie in 0 < timestep ≤"
+            f" {LARGEST_MODEL_DT:g} s; correct it in the MJCF file, or give --dt"
+        )
     seat = _seat(spec, config)
     vehicle = config.vehicle is not None or spec.body("vehicle") is not None
     _require(spec, seat, vehicle=vehicle)
@@ -112,21 +124,34 @@ def load(config: ModelConfig) -> TwinModel:
     model = _compiled(spec)
     if config.vehicle or config.mechanism or config.scene not in SCENES:
         _check_meshes(model)
+        _check_meaning(model, seat)
     override.apply(model, {**_seeded(model, config.seed), **config.overrides})
     if seat == "linkage":
         apply_servo(model)
     native.bind(model)
     if seat != "fixed":
         check_frame(model)
+    check_vehicle(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return TwinModel(mj=model, gimbal=seat, sha256=digest(model), notes=notes)
 
 
 def digest(model: mujoco.MjModel) -> str:
-    """SHA-256 of a compiled model's bytes."""
-    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, buffer)
-    return hashlib.sha256(buffer.tobytes()).hexdigest()
+    """SHA-256 of a compiled model's numbers and names; where its files lie is left out."""
+    total = hashlib.sha256()
+    for part in (model, model.opt, model.stat):
+        for name in _fields(f"mj{type(part).__name__.removeprefix('Mj')}"):
+            total.update(name.encode())
+            value = getattr(part, name)
+            total.update(value if isinstance(value, bytes) else np.asarray(value).tobytes())
+    return total.hexdigest()
+
+
+@functools.cache
+def _fields(struct: str) -> tuple[str, ...]:
+    """Fields of one of MuJoCo's structures that do not depend on the folder of the files."""
+    names = (field.name for field in structs.STRUCTS[struct].fields)
+    return tuple(name for name in names if name not in NOT_PHYSICS and "path" not in name)
 
 
 def _seeded(model: mujoco.MjModel, seed: int) -> dict[str, float]:
@@ -157,8 +182,8 @@ _VELOCITY = TransferFunctionModel(((_INTEGRATOR, _NONE), (_NONE, _INTEGRATOR)))
 def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> None:
     """Take servos and rods out of the mechanism and let a transfer function move the joints.
 
-    Horns stay as fixed masses. Rods, one gram each, are removed: without their loops nothing would
-    guide them.
+    Horns and rods stay as fixed masses, so that a vehicle weighs the same; the rods are hidden,
+    since they no longer end at the holder.
     """
     from twin.physics.native import actuator
 
@@ -172,12 +197,15 @@ def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> N
         if servo.name.startswith("gimbal_"):
             spec.delete(servo)
     for joint in list(spec.joints):
-        if joint.name.startswith("gimbal_servo_"):
+        if joint.name.startswith(("gimbal_servo_", "gimbal_rod_")):
             spec.delete(joint)
     for axis in AXES:
         rod = spec.body(f"gimbal_rod_{axis}")
-        if rod is not None:
-            spec.delete(rod)
+        for geom in () if rod is None else rod.geoms:
+            geom.group = HIDDEN
+        end = spec.site(f"gimbal_rod_{axis}_end")
+        if end is not None:  # a plant with these sites has loops
+            spec.delete(end)
     actuator.attach(spec, motion, spec.option.timestep)
 
 
@@ -204,6 +232,16 @@ def _check_meshes(model: mujoco.MjModel) -> None:
         check_model(model)
     except MeshError as error:
         raise TwinError(str(error)) from error
+
+
+def _check_meaning(model: mujoco.MjModel, seat: str) -> None:
+    """Refuse a file whose sizes, masses or commands are not what the names promise."""
+    check_motor(model)
+    if seat != "fixed":
+        check_frame(model)
+        check_mechanism(model)
+    if seat == "linkage":
+        check_response(model)
 
 
 def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from hardware.frames import AXES, GimbalState, Pair
 from twin.errors import DivergenceError, TwinError
+from twin.physics.mechanism import closure_limit
 from twin.physics.motor import Depletion
 from twin.plant import integrators
 from twin.plant.actuation import Actuation
 from twin.plant.flow import Flow
 from twin.plant.model import TwinModel
+from twin.plant.release import Release
 from twin.plant.rods import Rods
 
 Array = NDArray[np.float64]
@@ -49,6 +51,10 @@ class VehicleState:
 class Plant:
     """Steps one model and gives its state; all consumers see the same instant.
 
+    Parameters
+    ----------
+    release : motion of the vehicle at time zero; at rest if omitted
+
     After `advance`, state, poses and site positions belong to the instant `time_ns`; MuJoCo's
     sensors, forces and centres of mass belong to the beginning of the last step.
 
@@ -64,8 +70,11 @@ class Plant:
 
     renewal_ns = RENEWAL_NS
 
-    def __init__(self, twin: TwinModel, integrator: str = "implicitfast") -> None:
+    def __init__(
+        self, twin: TwinModel, integrator: str = "implicitfast", release: Release | None = None
+    ) -> None:
         self.twin = twin
+        self._release = release
         self.model = twin.mj
         self.data = mujoco.MjData(self.model)
         self.dt_ns: int = round(self.model.opt.timestep * 1e9)
@@ -110,6 +119,7 @@ class Plant:
         """Signals of the gimbal and, where there is one, of the vehicle."""
         self._rods = Rods(self.model, self.data)
         self.closure = self._rods.closure
+        self._open = closure_limit(self.model) if self.twin.gimbal == "linkage" else math.inf
         self._flow: Flow | None = None
         self.thrust: Array = np.zeros(1)
         what = "followed" if self.follows else "simulated"
@@ -131,8 +141,16 @@ class Plant:
         return signals
 
     def derive(self, time_ns: int) -> None:
-        """Compute the signals beyond the state, at `time_ns` of the experiment [ns]."""
+        """Compute the signals beyond the state, at `time_ns` of the experiment [ns].
+
+        Raises
+        ------
+        DivergenceError : the rods are farther from their balls than `closure_limit`
+        """
         self._rods.derive()
+        x, y = self.closure.tolist()
+        if not (x <= self._open and y <= self._open):
+            self._came_apart(x, y)
         if self._flow is not None:
             self._flow.derive(time_ns)
 
@@ -152,6 +170,8 @@ class Plant:
         """Return to the model's initial state at time zero."""
         self._propellant.update(0.0)
         mujoco.mj_resetData(self.model, self.data)
+        if self._release is not None and self.has_vehicle:
+            self._release.apply(self.attitude, self.velocity, self.rate)
         self._stepper = self._stepper.fresh()
         self.steps = 0
         self._measured, self._holds_ns = None, 0
@@ -221,11 +241,11 @@ class Plant:
     def _move(self, n: int) -> None:
         """Take `n` steps with constant propellant mass."""
         self._propellant.update(self.time_ns * 1e-9)
-        began = time.perf_counter()
+        began = time.thread_time()
         self._stepper.step(self.model, self.data, n)
         # mj_step leaves poses at its beginning; those recorded belong to its end
         mujoco.mj_kinematics(self.model, self.data)
-        self.computing_s += time.perf_counter() - began
+        self.computing_s += time.thread_time() - began
         self.steps += n
         if not self._qvel @ self._qvel < LARGEST_SPEED**2:  # also where it is NaN
             self._diverged()
@@ -270,6 +290,14 @@ class Plant:
         raise DivergenceError(
             f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: velocity of joint"
             f" {joint.name!r} is {self.data.qvel[worst]:.3g}; a smaller --dt may help"
+        )
+
+    def _came_apart(self, x: float, y: float) -> None:
+        raise DivergenceError(
+            f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: the rods are"
+            f" {x * 1e3:.3g} mm (x) and {y * 1e3:.3g} mm (y) from their balls, more than the"
+            f" gimbal_closure_limit of {self._open * 1e3:g} mm; stiffer loops or a smaller --dt may"
+            " help"
         )
 
     def _left_stops(self, x: float, y: float) -> None:

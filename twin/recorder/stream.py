@@ -1,6 +1,5 @@
 """The recorder: takes preallocated rows and writes columns to one file at intervals."""
 
-import ctypes
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import schema
 from analysis.recording import rrd
-from twin.recorder import blueprint, columns
+from twin.recorder import blueprint, columns, lifetime
 from twin.recorder.checks import RecorderError, checked, claimed, json_text, refuse_taken
 from twin.recorder.poses import Poses
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
@@ -75,6 +74,7 @@ class Recorder(Sink):
         self._last_wall = 0
         self._reached = 0
         self._open = True
+        self._failed = ""
         self._stream = self._start(text, serve)
 
     def _layout(self, capacity: int, drain_ns: int) -> None:
@@ -96,14 +96,14 @@ class Recorder(Sink):
         stream = rr.RecordingStream(
             schema.APPLICATION, recording_id=digest, send_properties=False, default_enabled=True
         )
-        sinks: list[rr.FileSink | rr.GrpcServerSink] = []
+        sinks: lifetime.Sinks = []
         try:
             sinks.append(rr.FileSink(self._partial))
             if serve is not None:
                 sinks.append(rr.GrpcServerSink(LOOPBACK, serve, server_memory_limit="256MiB"))
             names = [s.name for s in self._signals]
             look = blueprint.build(names, self._poses, live=serve is not None)
-            stream.set_sinks(*sinks, default_blueprint=look)
+            lifetime.begin(stream, sinks, look)
         except (RuntimeError, OSError, ValueError) as error:
             self._give_up()
             raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
@@ -116,7 +116,7 @@ class Recorder(Sink):
             # static data comes first, so that a truncated file has it
             stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
-            _abandon(stream)
+            lifetime.abandon(stream)
             self._give_up()
             raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
         return stream
@@ -165,10 +165,8 @@ class Recorder(Sink):
         RecorderError : it could not be written
         """
         self.drain()
-        try:
-            self._stream.flush(timeout_sec=FLUSH_SECONDS)
-        except RuntimeError as error:
-            raise self._unfinished(one_line(error)) from None
+        if self._failed:
+            raise self._unfinished(self._failed)
         return self._partial
 
     def drain(self) -> None:
@@ -185,6 +183,10 @@ class Recorder(Sink):
             self._send_rows(self._block[:n] * self._scale, time, wall)
             self._reached, self._last_wall = int(time[-1]), int(wall[-1])
         self._n = 0
+        try:  # else what a fast run writes waits in memory
+            self._stream.flush(timeout_sec=FLUSH_SECONDS)
+        except RuntimeError as error:  # `close` reports it
+            self._failed = self._failed or one_line(error)
 
     def _send_rows(self, stored: NDArray[np.float64], time: Stamps, wall: Stamps) -> None:
         when = columns.times(time, wall)
@@ -238,9 +240,13 @@ class Recorder(Sink):
                 self._poses.finish(self._stream)
             self._stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
-            _abandon(self._stream)
-            raise self._unfinished(one_line(error)) from None
+            self._failed = self._failed or one_line(error)
+        if self._failed:
+            lifetime.abandon(self._stream)
+            raise self._unfinished(self._failed)
         self._stream.disconnect()  # writes the footer; reports no failure
+        del self._stream
+        lifetime.release()
         try:
             if not rrd.complete(self._partial):
                 raise self._unfinished("its end is missing")
@@ -264,14 +270,3 @@ class Recorder(Sink):
         if not self._open:
             return None
         return int(self._time[self._n - 1]) if self._n else self._reached
-
-
-def _abandon(stream: rr.RecordingStream) -> None:
-    """Abandon a stream whose file cannot be written.
-
-    Rerun 0.41 waits for ever when such a stream is disconnected, deleted or cleaned up at exit, so
-    it is kept alive and unregistered.
-    """
-    for held in (stream, stream.to_native()):
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
-    rr.unregister_shutdown()

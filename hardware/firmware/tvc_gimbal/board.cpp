@@ -45,7 +45,13 @@ uint16_t applied[3];
 bool pulses_wait;  // for the next servo frame to start
 bool frames_wait;  // more bytes than one frame have been received
 
+// Optiboot clears MCUSR and passes it on in r2. Kept before the C start-up code uses registers.
+uint8_t passed_on __attribute__((section(".noinit")));
+
 }  // namespace
+
+extern "C" void keep_reset_cause() __attribute__((naked, used, section(".init0")));
+void keep_reset_cause() { asm volatile("sts %0, r2" : : "i"(&passed_on)); }
 
 ISR(TIMER0_COMPA_vect) {
   ++ticks;
@@ -210,7 +216,10 @@ void sleep_until_woken() {
 namespace board {
 
 void begin() {
-  const uint8_t reset_cause = MCUSR;  // zero under a bootloader that has cleared it
+  uint8_t reset_cause = MCUSR;
+  // Older bootloaders clear MCUSR as well, and leave anything in r2.
+  if (reset_cause == 0 && passed_on <= (_BV(PORF) | _BV(EXTRF) | _BV(BORF) | _BV(WDRF)))
+    reset_cause = passed_on;
   MCUSR = 0;
   cli();
   wdt_enable(WDTO_120MS);  // the timers would repeat the last pulses without the program

@@ -39,7 +39,7 @@ enum Board : uint8_t { BOARD_NANO = 1, BOARD_EMULATOR = 2, BOARD_RASPBERRY_PI = 
 
 enum Mode : uint8_t { MODE_NEUTRAL = 0, MODE_DRIVE = 1 };
 
-enum Flags : uint16_t { FLAGS_ARMED = 1, FLAGS_DRIVING = 2, FLAGS_TIMED_OUT = 4, FLAGS_CLAMPED = 8, FLAGS_REFUSED = 16, FLAGS_HOLDER_IMU = 32, FLAGS_BASE_IMU = 64, FLAGS_RECEIVE_OVERRUN = 128 };
+enum Flags : uint16_t { FLAGS_ARMED = 1, FLAGS_DRIVING = 2, FLAGS_TIMED_OUT = 4, FLAGS_CLAMPED = 8, FLAGS_REFUSED = 16, FLAGS_HOLDER_IMU = 32, FLAGS_BASE_IMU = 64, FLAGS_RECEIVE_OVERRUN = 128, FLAGS_PULSE_UNTIMED = 256 };
 
 // Requests HELLO.
 struct __attribute__((packed)) HelloRequest {
@@ -99,7 +99,7 @@ struct __attribute__((packed)) Hello {
   uint32_t build;  // first four bytes of the sources' SHA-256
   uint32_t serial;  // serial number of the board; 0 without one
   uint8_t board;  // 1 Nano, 2 emulator, 3 Raspberry Pi
-  uint8_t reset_cause;  // MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog
+  uint8_t reset_cause;  // MCUSR: bit 0 power, 1 reset pin, 2 brown-out, 3 watchdog; 0 unknown
   uint8_t servo_pins[3];  // servo x, servo y, turntable
   uint8_t potentiometer_pins[4];  // x_a, x_b, y_a, y_b
   uint8_t joystick_pins[2];  // x, y

@@ -35,7 +35,7 @@ def converge(config: Converge) -> ConvergenceResult:
     """
     began = time.perf_counter()
     steps = _steps(config)
-    out = writable(config.out or Path("runs/converge.html"), ".html", ".htm")
+    out = writable(config.out or Path("runs/converge.html"), ".html", ".htm", force=config.force)
     names = tuple(dict.fromkeys((*config.integrators, config.integrator)))
     with compiled(), _quietly():
         fly = flight(config)

@@ -52,10 +52,10 @@ def repeat(config: Fly) -> RepeatResult:
 def _places(config: Fly) -> tuple[Path, Path]:
     out = config.out or Path("runs/repeat")
     if out.suffix.lower() in (".html", ".htm"):
-        return out.with_suffix(""), writable(out)
+        return out.with_suffix(""), writable(out, force=config.force)
     if out.suffix:
         raise TwinError(f"--out {out}: must be a folder or a page (.html) with --repeat")
-    return out, writable(out.with_suffix(".html"))
+    return out, writable(out.with_suffix(".html"), force=config.force)
 
 
 def _seat(config: Fly, gimbal: str, folder: Path) -> SeatFlights:

@@ -5,7 +5,14 @@ when called from numba (`register_jitable`). Body frame: z to the nose, stations
 frame's origin. docs/aerodynamics.md derives and cites them.
 """
 
-from twin.physics.aerodynamics.atmosphere import density, gust, gust_modes, mean_wind, wind
+from twin.physics.aerodynamics.atmosphere import (
+    density,
+    gust,
+    gust_modes,
+    mean_wind,
+    speed_of_sound,
+    wind,
+)
 from twin.physics.aerodynamics.body import (
     area_moments,
     axial_drag,
@@ -28,5 +35,6 @@ __all__ = [
     "mean_wind",
     "normal_force",
     "roll_damping",
+    "speed_of_sound",
     "wind",
 ]

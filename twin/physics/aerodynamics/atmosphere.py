@@ -20,8 +20,29 @@ _EXPONENT: Final = GRAVITY / (LAPSE * GAS_CONSTANT) - 1.0
 _TROPOPAUSE_RATIO: Final = 1.0 - LAPSE * TROPOPAUSE / SEA_LEVEL_TEMPERATURE
 _TROPOPAUSE_DENSITY: Final = SEA_LEVEL_DENSITY * _TROPOPAUSE_RATIO**_EXPONENT
 _SCALE_HEIGHT: Final = GAS_CONSTANT * SEA_LEVEL_TEMPERATURE * _TROPOPAUSE_RATIO / GRAVITY
+HEAT_RATIO: Final = 1.4  # of the specific heats of air
+LOWEST, HIGHEST = -5000.0, 20000.0  # m, of the layers modelled here
 
 MODE: Final = 7  # numbers per gust mode: wave vector (3), direction (3), phase
+
+
+@register_jitable
+def _geopotential(altitude: float) -> float:
+    bounded = min(max(altitude, LOWEST), HIGHEST)
+    return EARTH_RADIUS * bounded / (EARTH_RADIUS + bounded)
+
+
+@register_jitable
+def temperature(altitude: float) -> float:
+    """Temperature of the ICAO standard atmosphere [K] at a geometric altitude [m], as `density`."""
+    return SEA_LEVEL_TEMPERATURE - LAPSE * min(_geopotential(altitude), TROPOPAUSE)
+
+
+@register_jitable
+def speed_of_sound(altitude: float) -> float:
+    """Speed of sound in the ICAO standard atmosphere [m/s] at a geometric altitude [m]."""
+    speed: float = np.sqrt(HEAT_RATIO * GAS_CONSTANT * temperature(altitude))
+    return speed
 
 
 @register_jitable
@@ -31,8 +52,7 @@ def density(altitude: float) -> float:
     `altitude` is geometric, above mean sea level [m]; held constant below -5 km and above 20 km,
     where the two layers modelled here end. Source: ICAO Doc 7488/3.
     """
-    bounded = min(max(altitude, -5000.0), 20000.0)
-    geopotential = EARTH_RADIUS * bounded / (EARTH_RADIUS + bounded)
+    geopotential = _geopotential(altitude)
     if geopotential <= TROPOPAUSE:
         ratio = 1.0 - LAPSE * geopotential / SEA_LEVEL_TEMPERATURE
         low: float = SEA_LEVEL_DENSITY * ratio**_EXPONENT
@@ -103,7 +123,9 @@ def wind(
     return mean * east + sigma * u, mean * north + sigma * v, sigma * w
 
 
-def gust_modes(seed: int, length: float, count: int) -> NDArray[np.float64]:
+def gust_modes(
+    seed: int, length: float, count: int, *, dryden: bool = False
+) -> NDArray[np.float64]:
     """Random Fourier modes of isotropic turbulence of unit variance, (7 count,).
 
     The variances of the three components add up to 3 in every field; each is 1 in the mean over
@@ -114,12 +136,47 @@ def gust_modes(seed: int, length: float, count: int) -> NDArray[np.float64]:
     Fluids 13, 22-31; energy spectrum of von Kármán (1948), PNAS 34, 530-539, of integral
     `length` [m]. Wave numbers are spaced evenly in the logarithm over the two decades that hold
     nine tenths of the energy.
+
+    With `dryden` the spectra are Dryden's, longitudinal σ²·2L/π / (1 + (LΩ)²) (MIL-F-8785C, 3.7.1),
+    for isotropic turbulence E(κ) = 8σ²L/π · (Lκ)⁴ / (1 + (Lκ)²)³; each mode's wave number is
+    random within its share of the energy, so that the mean over seeds has that spectrum.
     """
     rng = np.random.default_rng(seed)
+    if dryden:
+        return _modes(rng, *_dryden_waves(rng, count), length)
     edges = np.geomspace(0.3, 30.0, count + 1)
     centre = np.sqrt(edges[1:] * edges[:-1])  # κ·length
     energy = centre**4 / (1.0 + centre**2) ** (17 / 6) * np.diff(edges)
     amplitude = np.sqrt(2.0 * 3.0 * energy / energy.sum())  # Σ amplitude²/2 = 3 components
+    return _modes(rng, centre, amplitude, length)
+
+
+def _dryden_waves(
+    rng: np.random.Generator, count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Wave numbers κL and amplitudes (count,) of Dryden's energy spectrum, unit variance."""
+
+    def below(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share of the energy below κL = x: the integral of E, in closed form."""
+        return np.asarray(
+            2.0 / np.pi * (np.arctan(x) - (5.0 * x**3 + 3.0 * x) / (3.0 * (1.0 + x * x) ** 2))
+        )
+
+    grid = np.geomspace(1e-3, 1e5, 4000)
+    edges = np.concatenate([[0.0], below(np.geomspace(0.3, 100.0, count - 1)), [1.0]])
+    shares = np.diff(edges)
+    waves = np.interp(edges[:-1] + rng.uniform(size=count) * shares, below(grid), grid)
+    return waves, np.sqrt(2.0 * 3.0 * shares)
+
+
+def _modes(
+    rng: np.random.Generator,
+    centre: NDArray[np.float64],
+    amplitude: NDArray[np.float64],
+    length: float,
+) -> NDArray[np.float64]:
+    """Modes of those wave numbers times `length`, in random directions with random phases."""
+    count = centre.size
     heading = _unit(rng.normal(size=(count, 3)))
     across = _unit(np.cross(heading, rng.normal(size=(count, 3))))
     phase = rng.uniform(0.0, 2.0 * np.pi, size=(count, 1))

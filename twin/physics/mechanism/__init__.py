@@ -4,6 +4,7 @@ from twin.physics.mechanism.frame import check_frame
 from twin.physics.mechanism.kinematics import Kinematics, Workspace
 from twin.physics.mechanism.mobility import Mobility, mobility
 from twin.physics.mechanism.names import MechanismError
+from twin.physics.mechanism.response import check_response, closure_limit
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 
 __all__ = [
@@ -13,6 +14,8 @@ __all__ = [
     "Workspace",
     "apply_servo",
     "check_frame",
+    "check_response",
+    "closure_limit",
     "insert_backlash",
     "mobility",
 ]

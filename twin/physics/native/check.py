@@ -15,7 +15,7 @@ from twin.physics.native.names import ALL, NUMERICS, Numeric
 
 Array = NDArray[np.float64]
 
-SWITCHES: Final = ("air_enabled", "air_model", "motor_burn")
+SWITCHES: Final = ("air_enabled", "air_model", "motor_burn", "wind_model")
 POSITIVE: Final = ("wind_reference_height",)
 NOT_NEGATIVE: Final = (
     "air_strip_area",
@@ -27,6 +27,11 @@ NOT_NEGATIVE: Final = (
     "wind_turbulence",
     "ramp_stiffness",
     "ramp_damping",
+    "air_pitch_damping",
+    "air_drag_coasting",
+    "air_drag_thrusting",
+    "gravity_radius",
+    "chute_drag_area",
 )
 MOTOR_POSITIVE: Final = (
     "motor_propellant_mass",
@@ -37,11 +42,21 @@ MOTOR_POSITIVE: Final = (
     "motor_grain_radius",
 )
 PAIRS: Final = (
+    ("air_drag_mach", "air_drag_coasting"),
+    ("air_drag_mach", "air_drag_thrusting"),
+    ("chute_drag_area", "chute_delay"),
+    ("chute_drag_area", "chute_height"),
+    ("chute_drag_area", "chute_z"),
     ("air_strip_z", "air_strip_area"),
     ("air_nose_slope", "air_nose_z"),
     ("air_fin_slope", "air_fin_z"),
     ("motor_time", "motor_thrust"),
 )
+TOGETHER: Final = {
+    "air_drag_mach": ("air_drag_coasting",),
+    "air_drag_thrusting": ("air_drag_mach",),
+    "chute_drag_area": ("chute_delay", "chute_height", "chute_z"),
+}
 IMPULSE_TOLERANCE: Final = 0.01  # rounding of motor files
 
 _UNIT: Final = {numeric.name: numeric.unit for numeric in ALL}
@@ -61,21 +76,28 @@ def check(model: mujoco.MjModel) -> None:
     }
     for name, data in values.items():
         _demand(name, data, np.isfinite(data), "must be finite")
-    for name in SWITCHES:
+    for name in (n for n in SWITCHES if n in values):
         _demand(name, values[name], np.isin(values[name], (0.0, 1.0)), "must be 0 or 1")
     for name in POSITIVE:
         _demand(name, values[name], values[name] > 0, "must be positive")
-    for name in NOT_NEGATIVE:
+    for name in (n for n in NOT_NEGATIVE if n in values):
         _demand(name, values[name], values[name] >= 0, "must not be negative")
     if values["air_model"][0] == 1:
         offset = values["air_thesis_offset"]
         _demand("air_thesis_offset", offset, offset > 0, "must be positive")
     for one, other in PAIRS:
-        if values[one].size != values[other].size:
+        if one in values and other in values and values[one].size != values[other].size:
             raise TwinError(
                 f"{one} has {values[one].size} values and {other} {values[other].size};"
                 " they must have the same number"
             )
+    if "air_drag_mach" in values:
+        mach = values["air_drag_mach"]
+        ascending = np.diff(mach, prepend=-1.0) > 0
+        _demand("air_drag_mach", mach, ascending & (mach >= 0), "must ascend from 0 or more")
+    for one, others in TOGETHER.items():
+        if one in values and any(other not in values for other in others):
+            raise TwinError(f"numeric {one}: needs {' and '.join(others)} beside it")
     _check_motor(values)
 
 

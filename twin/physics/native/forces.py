@@ -9,20 +9,19 @@ from numba import types
 
 from analysis.compiled import cfunc
 from twin.physics import aerodynamics as air
-from twin.physics.native import ramp
 from twin.physics.native.cache import jit
-from twin.physics.native.index import FIRST, NOZZLE, PROPELLANT, VEHICLE, locate
+from twin.physics.native.guide import GRAVITY, guide
+from twin.physics.native.index import NOZZLE, PROPELLANT, VEHICLE, locate, slot, value, values
 from twin.physics.native.layout import (
     DATA,
     MODEL,
     address,
-    constant,
     floats,
     integers,
     number,
     size,
 )
-from twin.physics.native.names import SLOT
+from twin.physics.native.recovery import recover, wind_of
 from twin.physics.native.rigid_body import (
     Array,
     Vector,
@@ -37,53 +36,31 @@ from twin.physics.native.servo import dead_bands
 
 _TIME, _XPOS, _XMAT, _XIPOS = DATA["time"], DATA["xpos"], DATA["xmat"], DATA["xipos"]
 _SITE_XPOS, _SITE_XMAT = DATA["site_xpos"], DATA["site_xmat"]
-_COM, _MASS = DATA["subtree_com"], MODEL["body_mass"]
+_COM, _MASS, _CRB = DATA["subtree_com"], MODEL["body_mass"], DATA["crb"]
 _NBODY, _NSITE = MODEL["nbody"], MODEL["nsite"]
 _NUMERIC, _NNUMERIC = MODEL["numeric_data"], MODEL["nnumericdata"]
 _SITE_BODY = MODEL["site_bodyid"]
 
 
-def _slot(name: str) -> int:
-    return constant(FIRST + 2 * SLOT[name])
-
-
-_AIR, _AIR_MODEL, _ALTITUDE = _slot("air_enabled"), _slot("air_model"), _slot("air_altitude")
-_CROSSFLOW, _AXIAL = _slot("air_crossflow_drag"), _slot("air_axial_drag")
-_STRIP_Z, _STRIP_AREA = _slot("air_strip_z"), _slot("air_strip_area")
-_AREA, _ROLL = _slot("air_reference_area"), _slot("air_roll_damping")
-_NOSE, _NOSE_Z = _slot("air_nose_slope"), _slot("air_nose_z")
-_FIN, _FIN_Z = _slot("air_fin_slope"), _slot("air_fin_z")
-_CANT = _slot("air_roll_forcing")
-_THESIS_R, _THESIS_DV = _slot("air_thesis_radius"), _slot("air_thesis_offset")
-_WIND, _WIND_AZIMUTH, _WIND_EXPONENT = (
-    _slot("wind_speed"),
-    _slot("wind_azimuth"),
-    _slot("wind_exponent"),
-)
-_WIND_HEIGHT, _TURBULENCE = _slot("wind_reference_height"), _slot("wind_turbulence")
-_MODES = _slot("wind_modes")
-_RAMP, _ELEVATION, _AZIMUTH = _slot("ramp_position"), _slot("ramp_elevation"), _slot("ramp_azimuth")
-_RAMP_LENGTH, _LUG = _slot("ramp_length"), _slot("ramp_lug")
-_STIFFNESS, _DAMPING = _slot("ramp_stiffness"), _slot("ramp_damping")
-_CURVE_TIME, _CURVE_THRUST = _slot("motor_time"), _slot("motor_thrust")
-_IMPULSE, _IGNITION = _slot("motor_impulse"), _slot("motor_ignition")
+_AIR, _AIR_MODEL, _ALTITUDE = slot("air_enabled"), slot("air_model"), slot("air_altitude")
+_CROSSFLOW, _AXIAL = slot("air_crossflow_drag"), slot("air_axial_drag")
+_STRIP_Z, _STRIP_AREA = slot("air_strip_z"), slot("air_strip_area")
+_AREA, _ROLL = slot("air_reference_area"), slot("air_roll_damping")
+_NOSE, _NOSE_Z = slot("air_nose_slope"), slot("air_nose_z")
+_FIN, _FIN_Z = slot("air_fin_slope"), slot("air_fin_z")
+_CANT, _PITCH = slot("air_roll_forcing"), slot("air_pitch_damping")
+_MACH, _COASTING, _THRUSTING = (slot(f"air_drag_{n}") for n in ("mach", "coasting", "thrusting"))
+_RADIUS, _MISALIGNMENT = slot("gravity_radius"), slot("motor_misalignment")
+_CHUTES = slot("chute_drag_area")
+_THESIS_R, _THESIS_DV = slot("air_thesis_radius"), slot("air_thesis_offset")
+_RAMP_LENGTH = slot("ramp_length")
+_CURVE_TIME, _CURVE_THRUST = slot("motor_time"), slot("motor_thrust")
+_IMPULSE, _IGNITION = slot("motor_impulse"), slot("motor_ignition")
 _PROPELLANT_MASS, _GRAIN_LENGTH, _BURN = (
-    _slot("motor_propellant_mass"),
-    _slot("motor_grain_length"),
-    _slot("motor_burn"),
+    slot("motor_propellant_mass"),
+    slot("motor_grain_length"),
+    slot("motor_burn"),
 )
-
-
-@jit
-def _value(data: Array, index: Array, slot: int) -> float:
-    found: float = data[int(index[slot])]
-    return found
-
-
-@jit
-def _array(data: Array, index: Array, slot: int) -> Array:
-    start = int(index[slot])
-    return data[start : start + int(index[slot + 1])]
 
 
 @jit
@@ -129,53 +106,37 @@ def jet_damping(
 
 @jit
 def _motor(m: int, d: int, data: Array, index: Array) -> None:
-    t = number(d, _TIME) - _value(data, index, _IGNITION)
-    force = thrust_at(_array(data, index, _CURVE_TIME), _array(data, index, _CURVE_THRUST), t)
-    impulse = _value(data, index, _IMPULSE)
+    t = number(d, _TIME) - value(data, index, _IGNITION)
+    force = thrust_at(values(data, index, _CURVE_TIME), values(data, index, _CURVE_THRUST), t)
+    impulse = value(data, index, _IMPULSE)
     if force == 0.0 or impulse <= 0.0:
         return
     site = int(index[NOZZLE])
     nsite, nbody = size(m, _NSITE), size(m, _NBODY)
-    body = int(np.int64(integers(m, _SITE_BODY, nsite)[site]))  # as `_guide` has it
+    body = int(np.int64(integers(m, _SITE_BODY, nsite)[site]))  # as `guide` has it
     nozzle = vector(floats(d, _SITE_XPOS, 3 * nsite), site)
     axis = floats(d, _SITE_XMAT, 9 * nsite)[9 * site : 9 * site + 9]
     up = (axis[2], axis[5], axis[8])
+    if index[_MISALIGNMENT] >= 0:
+        a, b = values(data, index, _MISALIGNMENT)[0], values(data, index, _MISALIGNMENT)[1]
+        if a != 0.0 or b != 0.0:  # z turned about x, then about y
+            up = turn(axis, (np.sin(b) * np.cos(a), -np.sin(a), np.cos(b) * np.cos(a)))
 
     none = (0.0, 0.0, 0.0)
     push = (force * up[0], force * up[1], force * up[2])
     apply_force(m, d, body, nozzle, push, none)
 
-    full = _value(data, index, _PROPELLANT_MASS)
+    full = value(data, index, _PROPELLANT_MASS)
     grain = int(index[PROPELLANT])
     burnt = 1.0 - floats(m, _MASS, nbody)[grain] / full
     source = vector(floats(d, _XIPOS, 3 * nbody), grain)
-    back, spread = 0.0, _value(data, index, _GRAIN_LENGTH)  # of a bore that burns along its length
-    if _value(data, index, _BURN) != 0.0:
+    back, spread = 0.0, value(data, index, _GRAIN_LENGTH)  # of a bore that burns along its length
+    if value(data, index, _BURN) != 0.0:
         back, spread = 0.5 * (1.0 - burnt) * spread, 0.0
     source = (source[0] - back * up[0], source[1] - back * up[1], source[2] - back * up[2])
     _, w = velocity_at(m, d, body, nozzle)
     middle, load, torque = jet_damping(nozzle, source, spread, up, w, force * full / impulse)
     apply_force(m, d, body, middle, load, torque)
-
-
-@jit
-def _wind(d: int, data: Array, index: Array, point: Vector) -> Vector:
-    """Velocity of the air at a point, world frame."""
-    speed = _value(data, index, _WIND)
-    if speed == 0.0:
-        return 0.0, 0.0, 0.0
-    return air.wind(
-        point[0],
-        point[1],
-        point[2],
-        number(d, _TIME),
-        speed,
-        _value(data, index, _WIND_AZIMUTH),
-        _value(data, index, _WIND_EXPONENT),
-        _value(data, index, _WIND_HEIGHT),
-        _value(data, index, _TURBULENCE),
-        _array(data, index, _MODES),
-    )
 
 
 @jit
@@ -188,11 +149,11 @@ def _crossflow(
     index: Array,
 ) -> air.body.Load:
     """Crossflow drag by the model the vehicle asks for."""
-    z, area = _array(data, index, _STRIP_Z), _array(data, index, _STRIP_AREA)
-    coefficient = _value(data, index, _CROSSFLOW)
-    if _value(data, index, _AIR_MODEL) == 0.0:
+    z, area = values(data, index, _STRIP_Z), values(data, index, _STRIP_AREA)
+    coefficient = value(data, index, _CROSSFLOW)
+    if value(data, index, _AIR_MODEL) == 0.0:
         return air.crossflow(v[0], v[1], w[0], w[1], 0.5 * rho * coefficient, z, area, station)
-    r_ref, dv_ref = _value(data, index, _THESIS_R), _value(data, index, _THESIS_DV)
+    r_ref, dv_ref = value(data, index, _THESIS_R), value(data, index, _THESIS_DV)
     return air.crossflow_by_moments(
         v[0], v[1], w[0], w[1], rho, coefficient, z, area, station, r_ref, dv_ref
     )
@@ -218,6 +179,43 @@ def _lift(
 
 
 @jit
+def table_at(x: Array, y: Array, at: float) -> float:
+    """Value of a table, linear between its points and constant outside."""
+    if at <= x[0]:
+        return float(y[0])
+    for k in range(1, x.size):
+        if at <= x[k]:
+            return float(y[k - 1] + (y[k] - y[k - 1]) * (at - x[k - 1]) / (x[k] - x[k - 1]))
+    return float(y[x.size - 1])
+
+
+@jit
+def _axial(d: int, data: Array, index: Array, v: Vector, height: float) -> float:
+    """Axial drag coefficient, over the Mach number where the model has tables of it."""
+    if index[_MACH] < 0:
+        return value(data, index, _AXIAL)
+    t = number(d, _TIME) - value(data, index, _IGNITION)
+    curve_time, curve_thrust = values(data, index, _CURVE_TIME), values(data, index, _CURVE_THRUST)
+    on = index[_THRUSTING] >= 0 and thrust_at(curve_time, curve_thrust, t) > 0.0
+    table = values(data, index, _THRUSTING if on else _COASTING)
+    sound = air.speed_of_sound(height + value(data, index, _ALTITUDE))
+    mach = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / sound
+    return table_at(values(data, index, _MACH), table, mach)
+
+
+@jit
+def _gravity(m: int, d: int, data: Array, index: Array) -> None:
+    """What gravity is weaker by than on the ground: g (1 - (R / (R + h))²)."""
+    radius = value(data, index, _RADIUS)
+    body, nbody = int(index[VEHICLE]), size(m, _NBODY)
+    com = vector(floats(d, _COM, 3 * nbody), body)
+    mass = floats(d, _CRB, 10 * nbody)[10 * body + 9]
+    less = mass * ((radius / (radius + com[2])) ** 2 - 1.0)
+    g = (number(m, GRAVITY), number(m, GRAVITY + 8), number(m, GRAVITY + 16))
+    apply_force(m, d, body, com, (less * g[0], less * g[1], less * g[2]), (0.0, 0.0, 0.0))
+
+
+@jit
 def _air(m: int, d: int, data: Array, index: Array) -> None:
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
     origin = vector(floats(d, _XPOS, 3 * nbody), body)
@@ -228,55 +226,29 @@ def _air(m: int, d: int, data: Array, index: Array) -> None:
     up = turn(rotation, (0.0, 0.0, station))
     point = (origin[0] + up[0], origin[1] + up[1], origin[2] + up[2])
     velocity, rate = velocity_at(m, d, body, point)
-    wind = _wind(d, data, index, point)
-    rho = air.density(point[2] + _value(data, index, _ALTITUDE))
+    wind = wind_of(d, data, index, point)
+    rho = air.density(point[2] + value(data, index, _ALTITUDE))
     through = (velocity[0] - wind[0], velocity[1] - wind[1], velocity[2] - wind[2])
     v, w = turn_back(rotation, through), turn_back(rotation, rate)
 
-    q = 0.5 * rho * _value(data, index, _AREA)
+    q = 0.5 * rho * value(data, index, _AREA)
     fx, fy, mx, my = _crossflow(v, w, rho, station, data, index)
     load = (fx, fy, mx, my)
     # a nose lifts only while it leads; fins do both ways
-    slope, z = _array(data, index, _NOSE), _array(data, index, _NOSE_Z)
+    slope, z = values(data, index, _NOSE), values(data, index, _NOSE_Z)
     load = _lift(load, v, w, q, max(v[2], 0.0), slope, z, station)
-    slope, z = _array(data, index, _FIN), _array(data, index, _FIN_Z)
+    slope, z = values(data, index, _FIN), values(data, index, _FIN_Z)
     load = _lift(load, v, w, q, abs(v[2]), slope, z, station)
-    fz = air.axial_drag(v[2], q * _value(data, index, _AXIAL))
-    mz = air.roll_damping(v[2], w[2], 0.5 * rho * _value(data, index, _ROLL))
+    fz = air.axial_drag(v[2], q * _axial(d, data, index, v, point[2]))
+    mz = air.roll_damping(v[2], w[2], 0.5 * rho * value(data, index, _ROLL))
     if index[_CANT] >= 0:
-        mz += 0.5 * rho * _value(data, index, _CANT) * v[2] * abs(v[2])
+        mz += 0.5 * rho * value(data, index, _CANT) * v[2] * abs(v[2])
+    damping = 0.0
+    if index[_PITCH] >= 0:
+        damping = -0.5 * rho * value(data, index, _PITCH) * abs(v[2])
     force = turn(rotation, (load[0], load[1], fz))
-    torque = turn(rotation, (load[2], load[3], mz))
+    torque = turn(rotation, (load[2] + damping * w[0], load[3] + damping * w[1], mz))
     apply_force(m, d, body, point, force, torque)
-
-
-@jit
-def _guide(m: int, d: int, data: Array, index: Array) -> None:
-    length = _value(data, index, _RAMP_LENGTH)
-    body, nbody = int(index[VEHICLE]), size(m, _NBODY)
-    foot, lugs = _array(data, index, _RAMP), _array(data, index, _LUG)
-    origin = vector(floats(d, _XPOS, 3 * nbody), body)
-    reach = lugs[1] - lugs[0] + length + 1.0
-    away = (origin[0] - foot[0]) ** 2 + (origin[1] - foot[1]) ** 2 + (origin[2] - foot[2]) ** 2
-    if length <= 0.0 or away > reach * reach:
-        return
-    rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
-    direction = ramp.rail(_value(data, index, _ELEVATION), _value(data, index, _AZIMUTH))
-    stiffness, damping = _value(data, index, _STIFFNESS), _value(data, index, _DAMPING)
-    up = turn(rotation, (0.0, 0.0, 1.0))
-    for k in range(2 if lugs[1] != lugs[0] else 1):
-        arm = turn(rotation, (0.0, 0.0, lugs[k]))
-        point = (origin[0] + arm[0], origin[1] + arm[1], origin[2] + arm[2])
-        offset = (point[0] - foot[0], point[1] - foot[1], point[2] - foot[2])
-        velocity, rate = velocity_at(m, d, body, point)
-        fx, fy, fz, hold = ramp.guide_force(
-            offset, velocity, direction, length, stiffness, damping, k == 0
-        )
-        # the lug sits at the tube's surface and rubs when the vehicle rolls
-        rub = -hold * damping * _value(data, index, _AREA) / np.pi
-        spin = rub * (rate[0] * up[0] + rate[1] * up[1] + rate[2] * up[2])
-        torque = (spin * up[0], spin * up[1], spin * up[2])
-        apply_force(m, d, body, point, (fx, fy, fz), torque)
 
 
 @jit
@@ -286,12 +258,16 @@ def add_forces(m: int, d: int) -> None:
     if not carries or index[VEHICLE] < 0:
         return
     data = floats(m, _NUMERIC, size(m, _NNUMERIC))
-    if index[_AIR] >= 0 and _value(data, index, _AIR) != 0.0:
+    if index[_AIR] >= 0 and value(data, index, _AIR) != 0.0:
         _air(m, d, data, index)
     if index[NOZZLE] >= 0 and index[_IMPULSE] >= 0:
         _motor(m, d, data, index)
+    if index[_CHUTES] >= 0:
+        recover(m, d, data, index)
+    if index[_RADIUS] >= 0 and value(data, index, _RADIUS) > 0.0:
+        _gravity(m, d, data, index)
     if index[_RAMP_LENGTH] >= 0:
-        _guide(m, d, data, index)
+        guide(m, d, data, index)
 
 
 @cfunc(types.void(types.voidptr, types.voidptr), error_model="numpy")

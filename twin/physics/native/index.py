@@ -17,7 +17,7 @@ from twin.physics.aerodynamics.atmosphere import MODE
 from twin.physics.native.cache import jit
 from twin.physics.native.check import check
 from twin.physics.native.layout import MODEL, characters, constant, floats, integers, size
-from twin.physics.native.names import ALL, BODIES, INDEX, NUMERICS, SITES
+from twin.physics.native.names import ALL, BODIES, INDEX, NUMERICS, SITES, SLOT
 from twin.physics.native.ramp import launch_pose
 
 MARK: Final = 20260101.0 + len(ALL)  # of a bound model, unlike older ones
@@ -95,6 +95,25 @@ def locate(m: int) -> tuple[bool, NDArray[np.float64]]:
     return True, index
 
 
+def slot(name: str) -> int:
+    """Place in an index of a numeric's start; its size follows."""
+    return constant(FIRST + 2 * SLOT[name])
+
+
+@jit
+def value(data: NDArray[np.float64], index: NDArray[np.float64], at: int) -> float:
+    """First value of the numeric at a slot."""
+    first: float = data[int(index[at])]
+    return first
+
+
+@jit
+def values(data: NDArray[np.float64], index: NDArray[np.float64], at: int) -> NDArray[np.float64]:
+    """All values of the numeric at a slot; empty where the model lacks it."""
+    start = max(0, int(index[at]))
+    return data[start : start + int(index[at + 1])]
+
+
 def entries(model: mujoco.MjModel) -> NDArray[np.float64]:
     """Index of a model (LENGTH,), by MuJoCo's own name lookup; -1 for what it lacks."""
     body, site, numeric = (
@@ -157,4 +176,6 @@ def _write_gusts(model: mujoco.MjModel) -> None:
     if not length > 0:
         raise TwinError(f"wind_length = {length:g} m: must be positive")
     count = modes.size // MODE
-    modes[: MODE * count] = gust_modes(int(seed), float(length), count)
+    model_of = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "wind_model")
+    dryden = model_of >= 0 and bool(model.numeric("wind_model").data[0])
+    modes[: MODE * count] = gust_modes(int(seed), float(length), count, dryden=dryden)

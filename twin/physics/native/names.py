@@ -47,8 +47,8 @@ NUMERICS: Final = (
     Numeric("ramp_azimuth", 1, "rad", "from east to north", "0"),
     Numeric("ramp_length", 1, "m", "travel of a lug on the ramp; 0: no ramp", "2"),
     Numeric("ramp_lug", 2, "m", "stations of the lower and the upper lug; equal: one lug", "-"),
-    Numeric("ramp_stiffness", 1, "N/m", "of a lug against the rail", "15000"),
-    Numeric("ramp_damping", 1, "N s/m", "of a lug against the rail", "60"),
+    Numeric("ramp_stiffness", 1, "N/m", "of a lug against the rail; 0: rigid rail", "0"),
+    Numeric("ramp_damping", 1, "N s/m", "of a lug against an elastic rail", "0"),
     Numeric("motor_time", 2, "s", "thrust curve: time after ignition", "H13ST"),
     Numeric("motor_thrust", 2, "N", "thrust curve; padded with zeros", "H13ST"),
     Numeric("motor_impulse", 1, "N s", "integral of the thrust curve", "H13ST"),
@@ -64,6 +64,27 @@ NUMERICS: Final = (
 # a model may lack these; their force is then absent
 OPTIONAL: Final = (
     Numeric("air_roll_forcing", 1, "m³", "optional: slope · Σ∫ c y dy · cant of the fins", "0"),
+    Numeric(
+        "air_pitch_damping", 1, "m⁴", "optional: damping across the axis beyond local flow", "0"
+    ),
+    Numeric(
+        "air_drag_mach", 2, "-", "optional: Mach numbers of the drag tables, ascending", "none"
+    ),
+    Numeric("air_drag_coasting", 2, "-", "optional: C_A at these, motor off", "none"),
+    Numeric("air_drag_thrusting", 2, "-", "optional: C_A at these, motor on", "none"),
+    Numeric("wind_model", 1, "-", "optional: gust spectrum, 0 von Kármán, 1 Dryden", "0"),
+    Numeric(
+        "gravity_radius", 1, "m", "optional: Earth's radius, so that gravity falls; 0: not", "0"
+    ),
+    Numeric("motor_misalignment", 2, "rad", "optional: thrust turned about nozzle x and y", "0 0"),
+    Numeric(
+        "chute_drag_area", 1, "m²", "optional: drag coefficient × area of each parachute", "none"
+    ),
+    Numeric("chute_delay", 1, "s", "optional: opens so long after burnout; negative: off", "none"),
+    Numeric(
+        "chute_height", 1, "m", "optional: opens on the way down below it; negative: off", "none"
+    ),
+    Numeric("chute_z", 1, "m", "optional: station that each pulls at", "none"),
 )
 ALL: Final = NUMERICS + OPTIONAL
 BODIES: Final = ("vehicle", "gimbal_propellant")

@@ -22,6 +22,12 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @jit
+def dot(a: Vector, b: Vector) -> float:
+    """A · b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit
 def turn(rotation: Array, v: Vector) -> Vector:
     """Local to world, by a flat rotation matrix (9,)."""
     r = rotation

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from twin.physics.vehicle.check import (
     check_parts,
 )
 from twin.physics.vehicle.design import Design, VehicleError
+from twin.physics.vehicle.drag_table import DragTable, read_drag
 from twin.physics.vehicle.lumps import Lump, lumps, total
 from twin.physics.vehicle.outline import Outline
 
@@ -106,6 +108,19 @@ class Vehicle:
     def drag(self) -> drag.Drag:
         """Axial drag from the shape."""
         return drag.axial(self.outline, self.area, self.design.roughness)
+
+    @cached_property
+    def drag_table(self) -> DragTable | None:
+        """Drag over the Mach number; None where the design names no table.
+
+        Raises
+        ------
+        VehicleError : the file cannot be used
+        """
+        name, source = self.design.drag_table, self.design.source
+        if not name:
+            return None
+        return read_drag((source.parent if source is not None else Path()) / name)
 
     @cached_property
     def crossflow(self) -> float:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import mujoco
 
+from twin.physics import guard
 from twin.physics.vehicle.design import Design, VehicleError
 
 
@@ -40,7 +41,9 @@ def carrier(path: Path) -> Carrier:
     Raises
     ------
     VehicleError : it cannot be compiled, or lacks one of these
+    TwinError : it exceeds a limit for files of unknown origin
     """
+    guard.approve(guard.examine([path]), path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:

@@ -109,6 +109,12 @@ def check_outline(design: Design, outline: Outline) -> None:
                 f"{name}: diameter = {item.diameter:g} m; the body is"
                 f" {2 * outline.largest_radius:g} m wide"
             )
+    for k, chute in enumerate(design.parachutes):
+        if chute.position is not None and chute.position > outline.end:
+            raise VehicleError(
+                f"parachutes[{k}]: position = {chute.position:g} m; must lie on the vehicle, 0 to"
+                f" {outline.end:.4g} m"
+            )
     for station in design.rail_buttons:
         if not 0 <= station <= outline.end:
             raise VehicleError(

@@ -12,11 +12,11 @@ from twin.physics.motor.grain import Grain
 from twin.physics.native.names import ALL
 from twin.physics.vehicle.barrowman import Term
 from twin.physics.vehicle.built import Vehicle
+from twin.physics.vehicle.design import Chute
 
 CURVE: Final = 64  # points of a thrust curve
 INDEX: Final = 128  # entries of native_index, with room for more
-STIFFNESS: Final = 15_000.0  # N/m of the rail for every kilogram: 0.3 mm under the weight
-DAMPING: Final = 60.0  # N s/m for every kilogram, half of critical
+OFF, APOGEE = -1.0, 1e6  # delay or height of a parachute that does not open by it; any height [m]
 CLEARANCE: Final = 0.2  # m between the lowest part and the ground
 _UNIT: Final = {numeric.name: numeric.unit for numeric in ALL}
 
@@ -37,7 +37,14 @@ class Coefficient:
 
 def coefficients(vehicle: Vehicle) -> tuple[Coefficient, ...]:
     """All numerics of a vehicle, in the order in which they are written."""
-    groups = (_air(vehicle), _wind(), _ramp(vehicle), _motor(vehicle))
+    groups = (
+        _air(vehicle),
+        _drag(vehicle),
+        _wind(),
+        _ramp(vehicle),
+        _motor(vehicle),
+        _chutes(vehicle),
+    )
     return tuple(Coefficient(n, _floats(v), s) for group in groups for n, v, s in group)
 
 
@@ -75,9 +82,46 @@ def _air(vehicle: Vehicle) -> list[Row]:
         ("air_fin_z", _stations(vehicle.fin_terms, origin), "centres of pressure of these"),
         ("air_roll_damping", damping, "lift slope of a fin times ∫ c y² dy (Barrowman 1967)"),
         ("air_roll_forcing", forcing, "the same with c y dy, times the cant of the fins"),
+        ("air_pitch_damping", 0, "beyond what the local flow of each part gives"),
         ("air_thesis_radius", mean, "mean distance of the outline from the centre of mass"),
         ("air_thesis_offset", 0.1, "of the thesis; used by air_model 1 only"),
     ]
+
+
+def _drag(vehicle: Vehicle) -> list[Row]:
+    """Drag over the Mach number, where the design names a table."""
+    table = vehicle.drag_table
+    if table is None:
+        return []
+    source = f"{vehicle.design.drag_table}; takes the place of air_axial_drag"
+    rows: list[Row] = [
+        ("air_drag_mach", table.mach, source),
+        ("air_drag_coasting", table.coasting, "motor off"),
+    ]
+    if table.thrusting is not None:
+        rows.append(("air_drag_thrusting", table.thrusting, "motor on"))
+    return rows
+
+
+def _chutes(vehicle: Vehicle) -> list[Row]:
+    chutes = vehicle.design.parachutes
+    if not chutes:
+        return []
+    nose = vehicle.outline.segments[0].end
+    at = [nose if c.position is None else c.position for c in chutes]
+    heights = [_opens_below(c) for c in chutes]
+    return [
+        ("chute_drag_area", [c.drag * math.pi / 4 * c.diameter**2 for c in chutes], "flat circle"),
+        ("chute_delay", [OFF if c.delay is None else c.delay for c in chutes], "after burnout"),
+        ("chute_height", heights, f"on the way down; {APOGEE:g} is the apogee"),
+        ("chute_z", [vehicle.origin - x for x in at], "where they pull"),
+    ]
+
+
+def _opens_below(chute: Chute) -> float:
+    if chute.height is not None:
+        return chute.height
+    return APOGEE if chute.delay is None else OFF
 
 
 def _slopes(terms: Iterable[Term]) -> list[float]:
@@ -112,21 +156,21 @@ def _wind() -> list[Row]:
         ("wind_length", 150, "near 150 m height (MIL-F-8785C)"),
         ("wind_seed", 0, "whole number"),
         ("wind_modes", [0.0] * 112, "16 modes, written when the model is loaded"),
+        ("wind_model", 0, "gusts: 0 von Karman, 1 Dryden"),
+        ("gravity_radius", 0, "6356766: gravity falls with height; 0: uniform"),
     ]
 
 
 def _ramp(vehicle: Vehicle) -> list[Row]:
     launch, (lower, upper) = vehicle.design.launch, vehicle.buttons
-    stiffness = launch.stiffness if launch.stiffness is not None else STIFFNESS * vehicle.mass
-    damping = launch.damping if launch.damping is not None else DAMPING * vehicle.mass
     return [
         ("ramp_position", [0, 0, foot_height(vehicle)], "where the lower rail button rests"),
         ("ramp_elevation", launch.elevation, f"{math.degrees(launch.elevation):.6g} degrees"),
         ("ramp_azimuth", launch.azimuth, "from east to north"),
         ("ramp_length", launch.rail, "0: no rail"),
         ("ramp_lug", [vehicle.origin - lower, vehicle.origin - upper], "lower and upper button"),
-        ("ramp_stiffness", stiffness, "of the rail at each button"),
-        ("ramp_damping", damping, "of the same"),
+        ("ramp_stiffness", launch.stiffness, "of the rail at each button; 0: rigid"),
+        ("ramp_damping", launch.damping, "of an elastic rail"),
     ]
 
 
@@ -156,6 +200,7 @@ def _motor(vehicle: Vehicle) -> list[Row]:
     rows: list[Row] = [(name, value, source.get(name, "")) for name, value in values.items()]
     rows.insert(3, ("motor_ignition", 0, ""))
     rows.insert(7, ("motor_diameter", bore, "of the mount"))
+    rows.append(("motor_misalignment", [0, 0], "thrust turned about x and y of the nozzle"))
     if vehicle.carrier is not None:
         rows.append((REPLACES, 1, "1: the motor of these numerics replaces that of the mechanism"))
     return rows

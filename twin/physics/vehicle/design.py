@@ -147,6 +147,29 @@ class Mass:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Chute:
+    """A parachute or streamer; its mass is one of `masses`.
+
+    Attributes
+    ----------
+    diameter : of the canopy laid flat [m]
+    drag : coefficient, referred to the area of that circle; 0.75 to 0.8 of a flat round canopy
+        (Knacke, Parachute Recovery Systems Design Manual, 1991), 0.05 to 0.4 of a streamer
+    delay : opens so long after burnout [s]
+    height : opens on the way down below this height above the ground [m]; at the apogee if neither
+        is given
+    position : station that it pulls at; the aft end of the nose if omitted [m]
+    """
+
+    diameter: Annotated[float, SIZE]
+    drag: Annotated[float, Allowed("number", 0.0, 10.0)] = 0.75
+    delay: Annotated[float | None, Allowed("time", 0.0, 1e4)] = None
+    height: Annotated[float | None, Allowed("length", 0.0, 1e5)] = None
+    position: Annotated[float | None, DISTANCE] = None
+    name: Annotated[str, NAME] = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Mount:
     """Where the motor sits.
 
@@ -189,8 +212,8 @@ class Launch:
     rail : travel of a rail button on the rail [m]; 0 launches without a rail
     height : of the rail's foot above ground, where the lower button rests [m]
     altitude : of the ground above mean sea level [m]
-    stiffness : of the rail at each button [N/m]; in proportion to the mass if omitted
-    damping : of the same [N s/m]
+    stiffness : of the rail at each button [N/m]; 0: rigid
+    damping : of an elastic rail at each button [N s/m]
     """
 
     elevation: Annotated[float, Allowed("angle", 0.0, math.pi / 2)] = math.radians(85.0)
@@ -198,8 +221,8 @@ class Launch:
     rail: Annotated[float, DISTANCE] = 2.0
     height: Annotated[float | None, DISTANCE] = None
     altitude: Annotated[float, Allowed("length", -500.0, 2e4)] = 0.0
-    stiffness: Annotated[float | None, Allowed("number", 0.0, 1e9)] = None
-    damping: Annotated[float | None, Allowed("number", 0.0, 1e7)] = None
+    stiffness: Annotated[float, Allowed("number", 0.0, 1e9)] = 0.0
+    damping: Annotated[float, Allowed("number", 0.0, 1e7)] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,6 +234,7 @@ class Design:
     body : parts from the tip to the tail
     rail_buttons : stations of the two buttons [m]; on the aft half of the body if omitted
     drag : axial drag coefficient, referred to the largest cross-section; from the shape if omitted
+    drag_table : CSV file of it over the Mach number (`drag_table`), relative to the vehicle's file
     crossflow_drag : of the body across its axis; from the slenderness if omitted
     roughness : of the surface, for the drag [m]
     origin : station of the vehicle's frame [m]; with a gimbal it is the pivot
@@ -221,12 +245,14 @@ class Design:
     body: tuple[Body, ...]
     fins: tuple[FinSet, ...] = ()
     masses: tuple[Mass, ...] = ()
+    parachutes: tuple[Chute, ...] = ()
     motor: Mount = field(default_factory=Mount)
     gimbal: Gimbal | None = None
     launch: Launch = field(default_factory=Launch)
     name: Annotated[str, NAME] = "vehicle"
     rail_buttons: Annotated[tuple[float, ...], Allowed("lengths")] = ()
     drag: Annotated[float | None, Allowed("number", 0.0, 10.0)] = None
+    drag_table: Annotated[str, Allowed("path")] = ""
     crossflow_drag: Annotated[float | None, Allowed("number", 0.0, 3.0)] = None
     roughness: Annotated[float, DISTANCE] = 60e-6
     origin: Annotated[float | None, STATION] = None

@@ -14,6 +14,7 @@ from twin.physics.units import SI, UnitError, quantity
 from twin.physics.vehicle.design import (
     Allowed,
     Body,
+    Chute,
     Design,
     FinSet,
     Gimbal,
@@ -28,7 +29,7 @@ LARGEST_FILE: Final = 200_000  # bytes
 MOST: Final = 200  # parts of one kind
 LONGEST: Final = 200  # characters of a text
 TABLES: Final = {"motor": Mount, "gimbal": Gimbal, "launch": Launch}
-LISTS: Final = {"body": Body, "fins": FinSet, "masses": Mass}
+LISTS: Final = {"body": Body, "fins": FinSet, "masses": Mass, "parachutes": Chute}
 NAME: Final = frozenset(" _-.()+/#")  # besides letters and digits
 
 

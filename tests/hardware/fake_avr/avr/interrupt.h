@@ -1,0 +1,2 @@
+#pragma once
+#define ISR(vector) extern "C" void vector()

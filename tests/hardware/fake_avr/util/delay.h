@@ -1,0 +1,2 @@
+#pragma once
+void _delay_us(double duration);  // of the test

@@ -1,0 +1,217 @@
+"""Faults of servos by the true angles of the bench, on emulator and simulated Nano."""
+
+import json
+from dataclasses import replace
+from math import degrees, radians
+
+import numpy as np
+import pytest
+
+from hardware.emulator import Emulator, FirmwareRig, parse, reference_rig, sample_rig
+from hardware.emulator.truth import exact_calibration
+from hardware.frames import GimbalCommand
+from hardware.fusion import Fusion
+from hardware.rig import in_process
+from hardware.simavr import nano as avr
+
+ONSET, END = 1.0, 1.5
+PLAY = 0.5  # °; backlash of 0.8° and dead band of 0.5° of shaft at 0.444 gimbal per shaft
+KINDS = [Emulator] if avr.missing() else [Emulator, FirmwareRig]
+
+
+def driven(fault, kind=Emulator, before=(3.0, -1.0), after=(-4.0, 2.0)):
+    """True angles [°] half a second after a command changed and a fault began."""
+    device = kind(reference_rig(), injections=(parse(f"{fault}@{ONSET}"),) if fault else ())
+    rig = in_process(device, exact_calibration(reference_rig()))
+    rig.connect()
+    while device.time_us < END * 1e6:
+        x, y = after if device.time_us > (ONSET + 0.01) * 1e6 else before
+        rig.send(GimbalCommand(device.time_ns, (radians(x), radians(y))))
+        device.advance_us(10_000)
+        rig.poll()
+    angle = np.degrees(device.truth()[0])
+    rig.close()
+    return angle
+
+
+@pytest.mark.parametrize(
+    ("fault", "angle"),
+    [
+        ("", (-4.0, 2.0)),
+        ("servo_x:reversed", (4.0, 2.0)),
+        ("servo_y:reversed", (-4.0, -2.0)),
+        ("servos:swapped", (2.0, -4.0)),
+        ("servo_x:jammed", (3.0, 2.0)),
+        ("servo_y:dead", (-4.0, -1.0)),
+        ("servo_x:hard_over:-60", (-10.0, 2.0)),  # the stop
+        ("servo_y:slipped:9", (-4.0, 2.0 + 9 * 0.444)),
+        ("servo_x:slow:0.02", (3.0 - 0.49 * 12.0 * 0.444, 2.0)),  # 2 % of 600°/s
+        ("servo_x:contact:0.5", (3.0, 2.0)),  # the first second without power
+    ],
+)
+def test_a_faulty_servo_goes_where_its_fault_says(fault, angle):
+    np.testing.assert_allclose(driven(fault), angle, atol=PLAY)
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+def test_the_simulated_nano_has_the_same_faults(kind):
+    np.testing.assert_allclose(driven("servo_x:jammed", kind), (3.0, 2.0), atol=PLAY)
+
+
+@pytest.mark.parametrize(
+    ("fault", "moved"),
+    [
+        ("potentiometers_x:slipped:5", (5.0, 5.0)),
+        ("potentiometers_x:drift:-2", (-2.0, -2.0)),
+        ("potentiometer_x_b:drift:2", (0.0, -2.0)),  # its own sense of rotation
+        ("supply:droop:0.05", (-6.0, 6.0)),  # 5 % of half of 240°
+    ],
+)
+def test_potentiometers_move_by_their_fault_after_a_second(fault, moved):
+    device = Emulator(injections=(parse(f"{fault}@1"),))
+    rig = in_process(device, exact_calibration(reference_rig()))
+    rig.connect()
+    angles = {}
+    for time in (1.0, 2.0):
+        readings = []
+        while device.time_us < time * 1e6:
+            device.advance_us(2000)
+            readings += [f.potentiometer for f in rig.poll()]
+        mean = np.mean(readings[-20:], axis=0)
+        angles[time] = [rig.calibration.potentiometers[i].angle(mean[i]) for i in (0, 1)]
+    # mean of 20 readings of 0.15°; the mean lags by 20 ms
+    np.testing.assert_allclose(np.degrees(np.subtract(angles[2.0], angles[1.0])), moved, atol=0.25)
+
+
+def test_gains_change_what_a_sensor_shows():
+    plain, broken = (
+        Emulator(injections=faults)
+        for faults in ((), (parse("potentiometer_x_a:gain:0.1"), parse("gyro:gain:0.1")))
+    )
+    for device in (plain, broken):
+        device.bench.set_pulses((1.7e-3, 1.5e-3, 1.5e-3))
+        for _ in range(40):
+            device.bench.advance(1e-3)
+    a, b = (d.bench.potentiometer_codes()[0] - 512 for d in (plain, broken))
+    assert b / a == pytest.approx(1.1, abs=0.1)  # ±2 codes of noise of 15 to 30
+    p, q = (d.bench.imu_counts()[0] for d in (plain, broken))
+    assert q / p == pytest.approx(1.1, abs=0.01)
+    assert degrees(a / 1024 * radians(240)) > 3
+
+
+def flight(time):
+    """Gimbal angles of a flight [rad]: sums of sines of 0.2 to 1.3 Hz after a second at zero."""
+    t = max(0.0, time - REST)
+    x = 2.5 * np.sin(1.9 * t) + 1.5 * np.sin(8.1 * t)
+    y = 2.5 * np.sin(1.3 * t) - 1.5 * np.sin(6.9 * t)
+    return radians(x), radians(y)
+
+
+REST, LATER = 1.5, 2.6  # s: motion begins, and a fault while moving
+
+
+def watched(fault, seconds=3.2, kind=Emulator, seed=11, command=flight):
+    """Fly with a fault; give what was named when [s], and the time of the first degree."""
+    unit = replace(sample_rig(seed), skew=0.0)
+    device = kind(unit, injections=(parse(fault),) if fault else (), seed=seed)
+    rig = in_process(device, replace(exact_calibration(unit), rig=0))
+    named = []
+    rig.fusion.monitor.listener = lambda sensor, _, new, k: (
+        named.append((device.time_us * 1e-6, f"{sensor} {k}")) if new == "faulty" else None
+    )
+    rig.connect()
+    while device.time_us < seconds * 1e6:
+        rig.send(GimbalCommand(device.time_ns, command(device.time_us * 1e-6)))
+        device.advance_us(4000)
+        rig.poll()
+    rig.close()
+    return named
+
+
+def degree(axis, begin):
+    """Time at which the command of an axis has moved by a degree since a time [s]."""
+    times = np.arange(begin, 5.0, 1e-3)
+    angles = np.array([flight(t)[axis] for t in times])
+    return times[np.argmax(np.abs(angles - angles[0]) > radians(1.0))]
+
+
+@pytest.mark.parametrize(
+    ("fault", "name", "axis", "begin"),
+    [
+        ("servo_x:reversed", "servo_x reversed", 0, REST),
+        ("servo_y:reversed", "servo_y reversed", 1, REST),
+        ("servos:swapped", "servo_x swapped with y", 0, REST),
+        (f"servo_x:jammed@{LATER}", "servo_x stuck at", 0, LATER),
+        (f"servo_y:dead@{LATER}", "servo_y stuck at", 1, LATER),
+        (f"servo_y:hard_over:-60@{LATER}", "servo_y stuck at -10.", 1, LATER),
+        (f"servo_x:slipped:9@{LATER}", "servo_x offset by 4.", 0, LATER),
+        (f"servo_x:contact:1@{LATER}", "servo_x stuck at", 0, LATER),
+    ],
+)
+def test_a_servo_that_does_not_obey_is_named_within_the_claimed_time(fault, name, axis, begin):
+    named = watched(fault)
+    assert any(what.startswith(name) for _, what in named), named
+    assert all(what.startswith("servo_") for _, what in named), named
+    assert named[0][0] < degree(axis, begin) + 0.3
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+def test_a_reversed_servo_of_the_simulated_nano_is_named(kind):
+    assert watched("servo_x:reversed", 2.2, kind)[0][1] == "servo_x reversed"
+
+
+@pytest.mark.parametrize(
+    ("fault", "name", "by"),
+    [
+        ("potentiometers_x:slipped:5", "potentiometers_x deviating", LATER + 0.05),
+        ("potentiometers_y:stuck", "potentiometers_y deviating", degree(1, LATER) + 0.3),
+        ("gyro:bias:20", "gyro bias", LATER + 0.3),
+    ],
+)
+def test_between_potentiometers_and_gyro_the_command_decides(fault, name, by):
+    named = watched(f"{fault}@{LATER}")
+    assert named[0][1] == name
+    assert named[0][0] < by
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("hold", [0.1, 0.35])
+def test_healthy_units_are_not_named_in_slews_between_the_ends(seed, hold):
+    def ends(time):
+        side = 1.0 if time % (2 * hold) < hold else -1.0
+        return radians(8.0) * side, -radians(8.0) * side
+
+    assert watched("", 3.0, seed=seed, command=ends) == []
+
+
+def test_a_calibration_with_a_negated_or_swapped_matrix_is_noticed():
+    unit = sample_rig(3)
+    for change, name in ((((-1, 0), (0, 1)), "reversed"), (((0, 1), (1, 0)), "swapped")):
+        device = Emulator(unit, seed=3)
+        true = exact_calibration(unit)
+        tampered = replace(true, matrix=tuple(map(tuple, change @ np.array(true.matrix))))
+        rig = in_process(device, tampered)
+        rig.connect()
+        while device.time_us < 2.2e6:
+            rig.send(GimbalCommand(device.time_ns, flight(device.time_us * 1e-6)))
+            device.advance_us(4000)
+            rig.poll()
+        assert name in rig.health
+        assert not rig.state.healthy
+
+
+def test_a_command_that_times_out_is_not_a_fault_and_the_model_is_stored_whole():
+    device = Emulator()
+    rig = in_process(device, exact_calibration(reference_rig()))
+    rig.connect()
+    while device.time_us < 2.5e6:
+        if device.time_us < 1.8e6:  # then the board goes to neutral by itself
+            rig.send(GimbalCommand(device.time_ns, (radians(6), radians(-6))))
+        device.advance_us(4000)
+        frames = rig.poll()
+    assert rig.health == "ok"
+    memory = json.loads(json.dumps(rig.fusion.snapshot()))
+    other = Fusion(rig.calibration)
+    other.restore(memory)
+    assert other.snapshot() == memory
+    assert other.update(frames[-1]) == rig.fusion.update(frames[-1])

@@ -1,0 +1,230 @@
+"""What a flight passes through, tick by tick, and its figures in the terms of rocketry."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.config.result import Rows
+from twin.physics import aerodynamics as air
+from twin.plant.authority import control_config, numeric
+from twin.plant.plant import Plant
+
+Array = NDArray[np.float64]
+BLOCK: Final = 4096  # ticks in one array
+TIME, POSITION, VELOCITY, AIRSPEED, ATTACK, COMMAND = (
+    0, slice(1, 4), slice(4, 7), 7, 8, slice(9, 11),
+)  # fmt: skip
+WIDTH: Final = 11
+AT_LIMIT: Final = 1e-6  # rad
+WORTH: Final = 0.1  # of the largest dynamic pressure, below which no angle of attack counts
+
+
+@dataclass(frozen=True)
+class Figures:
+    """A flight in the terms of rocketry; None where it has no meaning for this flight.
+
+    Velocities and positions are those of the gimbal pivot; heights are above the launch point.
+
+    Attributes
+    ----------
+    rail_exit_s, rail_exit_speed_m_s : when the lower lug leaves the rail
+    burnout_s, burnout_height_m, burnout_speed_m_s : at the end of thrust
+    apogee_m, apogee_s : highest point and its time; None where the flight ended before it
+    max_ascent_speed_m_s : up to the apogee
+    max_acceleration_m_s2 : up to the apogee, mean over a control period
+    max_mach, max_dynamic_pressure_pa : of the ascent, in the standard atmosphere
+    max_angle_of_attack_deg : of the ascent after the rail, where the dynamic pressure is at least
+        a tenth of its largest
+    gimbal_saturation : share of the burn in which a command is at the limit of its axis
+    downrange_m : level distance from the launch point at the end
+    end_east_m, end_north_m : the place of the end, from the launch point
+    impact_speed_m_s : at the last tick before the ground; None where it was not reached
+    """
+
+    rail_exit_s: float | None
+    rail_exit_speed_m_s: float | None
+    burnout_s: float | None
+    burnout_height_m: float | None
+    burnout_speed_m_s: float | None
+    apogee_m: float | None
+    apogee_s: float | None
+    max_ascent_speed_m_s: float
+    max_acceleration_m_s2: float | None
+    max_mach: float
+    max_dynamic_pressure_pa: float
+    max_angle_of_attack_deg: float | None
+    gimbal_saturation: float | None
+    downrange_m: float
+    end_east_m: float
+    end_north_m: float
+    impact_speed_m_s: float | None
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values, in SI units unless the name gives another."""
+        return asdict(self)
+
+    def rows(self, slant_range: float | None) -> Rows:
+        """The figures as a table; `slant_range` at burnout [m]."""
+        rows = []
+        if self.rail_exit_s is not None:
+            off = f"{self.rail_exit_speed_m_s:.1f} m/s at {self.rail_exit_s:.2f} s"
+            rows.append(("off the rail", off))
+        if self.burnout_s is not None:
+            place = f"{self.burnout_height_m:.0f} m high, slant range {slant_range:.0f} m"
+            motion = f"{self.burnout_speed_m_s:.1f} m/s at {self.burnout_s:.2f} s"
+            rows.append(("burnout", f"{motion}, {place}"))
+        if self.apogee_m is not None:
+            rows.append(("apogee", f"{self.apogee_m:.1f} m at {self.apogee_s:.2f} s"))
+        most = [f"{self.max_ascent_speed_m_s:.1f} m/s (Mach {self.max_mach:.2f})"]
+        if self.max_acceleration_m_s2 is not None:
+            most.append(f"{self.max_acceleration_m_s2:.1f} m/s²")
+        most.append(f"{self.max_dynamic_pressure_pa:.0f} Pa dynamic pressure")
+        rows.append(("ascent, at most", ", ".join(most)))
+        if self.max_angle_of_attack_deg is not None:
+            rows.append(("", f"angle of attack {self.max_angle_of_attack_deg:.2f}°"))
+        if self.gimbal_saturation is not None:
+            rows.append(("gimbal at limit", f"{self.gimbal_saturation:.1%} of the burn"))
+        end = (
+            f"{self.downrange_m:.0f} m ({self.end_east_m:.0f} m east, {self.end_north_m:.0f} north)"
+        )
+        if self.impact_speed_m_s is not None:
+            end += f", impact at {self.impact_speed_m_s:.1f} m/s"
+        return [*rows, ("downrange", end)]
+
+
+class Track:
+    """Collects a flight tick by tick in blocks of memory.
+
+    Parameters
+    ----------
+    command : (2,) latest commanded gimbal angle, as the loop writes it [rad]
+    """
+
+    def __init__(self, plant: Plant, command: Array) -> None:
+        self._model, self._plant = plant.model, plant
+        self._position, self._velocity, self._command = plant.position, plant.velocity, command
+        self._airspeed = plant.signals["vehicle/airspeed"]
+        self._attack = plant.signals["vehicle/angle_of_attack"]
+        self._blocks: list[Array] = []
+        self._left = 0
+
+    def watch(self, time_ns: int) -> None:
+        """Keep this tick; derived signals must belong to it."""
+        if self._left == 0:
+            self._blocks.append(np.empty((BLOCK, WIDTH)))
+            self._left = BLOCK
+        row = self._blocks[-1][BLOCK - self._left]
+        self._left -= 1
+        row[TIME] = time_ns * 1e-9
+        row[POSITION], row[VELOCITY] = self._position, self._velocity
+        row[AIRSPEED], row[ATTACK] = self._airspeed[0], self._attack[0]
+        row[COMMAND] = self._command
+
+    @property
+    def limit(self) -> float:
+        """Largest command of an axis by the attitude loop [rad]."""
+        return control_config(self._model).limit
+
+    @property
+    def ticks(self) -> Array:
+        """All ticks and the present instant, (n, WIDTH): columns `TIME` to `COMMAND`."""
+        last = self._blocks[-1][BLOCK - self._left - 1].copy() if self._blocks else np.zeros(WIDTH)
+        last[TIME] = self._plant.time_ns * 1e-9
+        last[POSITION], last[VELOCITY] = self._position, self._velocity
+        filled = np.concatenate([*self._blocks, np.empty((0, WIDTH))])
+        return np.concatenate([filled[: len(filled) - self._left], last[None]])
+
+    def figures(self, burnout: float, *, landed: bool) -> Figures:
+        """Figures of the flight so far.
+
+        Parameters
+        ----------
+        burnout : its time [s]
+        landed : whether the last instant is at the ground
+        """
+        ticks, start = self.ticks, self._launch()
+        time, height = ticks[:, TIME], ticks[:, POSITION][:, 2] - start[2]
+        speed = np.linalg.norm(ticks[:, VELOCITY], axis=1)
+        off, free = self._rail_exit(ticks, start)
+        top = int(height.argmax())
+        passed = free < top < len(ticks) - 1
+        up = ticks[: top + 1]
+        pressure, mach = self._air(up)
+        acceleration = _accelerations(up)
+        fast = pressure >= WORTH * pressure.max()
+        east, north = (ticks[-1, POSITION] - start)[:2].tolist()
+        burnt = bool(time[-1] > burnout)
+        return Figures(
+            rail_exit_s=off,
+            rail_exit_speed_m_s=None if off is None else _at(off, time, speed),
+            burnout_s=burnout if burnt else None,
+            burnout_height_m=_at(burnout, time, height) if burnt else None,
+            burnout_speed_m_s=_at(burnout, time, speed) if burnt else None,
+            apogee_m=float(height[top]) if passed else None,
+            apogee_s=float(time[top]) if passed else None,
+            max_ascent_speed_m_s=float(speed[: top + 1].max()),
+            max_acceleration_m_s2=float(acceleration.max()) if acceleration.size else None,
+            max_mach=float(mach.max()),
+            max_dynamic_pressure_pa=float(pressure.max()),
+            max_angle_of_attack_deg=_largest_degrees(up[free:][fast[free:]][:, ATTACK]),
+            gimbal_saturation=self._saturation(ticks[time <= burnout]),
+            downrange_m=math.hypot(east, north),
+            end_east_m=east,
+            end_north_m=north,
+            impact_speed_m_s=float(speed[-2]) if landed else None,
+        )
+
+    def _rail_exit(self, ticks: Array, start: Array) -> tuple[float | None, int]:
+        """Time at which the lower lug left the rail [s], None without; first tick in free flight.
+
+        That tick is past the last one where it is still on the rail.
+        """
+        length = numeric(self._model, "ramp_length")
+        if length is None or length[0] <= 0.0:
+            return None, 0
+        away = np.linalg.norm(ticks[:, POSITION] - start, axis=1)
+        off = np.flatnonzero(away > length[0])
+        if not off.size:
+            return None, len(ticks)
+        k = int(off[0])
+        return float(np.interp(length[0], away[k - 1 : k + 1], ticks[k - 1 : k + 1, TIME])), k
+
+    def _launch(self) -> Array:
+        q = int(self._model.joint("vehicle").qposadr[0])
+        return np.array(self._model.qpos0[q : q + 3])
+
+    def _air(self, ticks: Array) -> tuple[Array, Array]:
+        """Dynamic pressure [Pa] and Mach number at each tick; zero in a vacuum."""
+        enabled, altitude = (
+            numeric(self._model, "air_enabled"),
+            numeric(self._model, "air_altitude"),
+        )
+        if enabled is None or altitude is None or not enabled[0]:
+            return np.zeros(len(ticks)), np.zeros(len(ticks))
+        z = ticks[:, POSITION][:, 2] + altitude[0]
+        rho, sound = (np.array([f(h) for h in z]) for f in (air.density, air.speed_of_sound))
+        return 0.5 * rho * ticks[:, AIRSPEED] ** 2, ticks[:, AIRSPEED] / sound
+
+    def _saturation(self, burning: Array) -> float | None:
+        if self._plant.twin.gimbal == "fixed" or not len(burning):
+            return None
+        limit = self.limit - AT_LIMIT
+        return float((np.abs(burning[:, COMMAND]) >= limit).any(axis=1).mean())
+
+
+def _at(time: float, times: Array, values: Array) -> float:
+    return float(np.interp(time, times, values))
+
+
+def _accelerations(ticks: Array) -> Array:
+    """Mean acceleration between ticks [m/s²]."""
+    change = np.linalg.norm(np.diff(ticks[:, VELOCITY], axis=0), axis=1)
+    return np.asarray(change / np.diff(ticks[:, TIME]))
+
+
+def _largest_degrees(angle: Array) -> float | None:
+    defined = angle[np.isfinite(angle)]
+    return math.degrees(float(defined.max())) if defined.size else None

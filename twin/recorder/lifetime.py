@@ -1,0 +1,56 @@
+"""Beginning and end of Rerun's streams, which Rerun 0.41 itself keeps with their threads."""
+
+import ctypes
+
+import rerun as rr
+import rerun.blueprint as rrb
+import rerun_bindings
+
+from analysis import schema
+
+Sinks = list[rr.FileSink | rr.GrpcServerSink]
+
+
+def begin(stream: rr.RecordingStream, sinks: Sinks, look: rrb.Blueprint) -> None:
+    """Send a stream to its sinks, a blueprint first.
+
+    As `RecordingStream.set_sinks`, whose stream of the blueprint refers to itself and is never
+    released: two threads and some memory a recording.
+
+    Raises
+    ------
+    RuntimeError, OSError, ValueError : a sink cannot be opened
+    """
+    layout = rr.RecordingStream._from_native(
+        rerun_bindings.new_blueprint(
+            application_id=schema.APPLICATION,
+            make_default=False,
+            make_thread_default=False,
+            default_enabled=True,
+        )
+    )
+    layout.set_time("blueprint", sequence=0)
+    look._log_to_stream(layout)
+    memory = layout.memory_recording()
+    try:
+        rerun_bindings.set_sinks(
+            sinks, default_blueprint=memory.storage, recording=stream.to_native()
+        )
+    finally:
+        layout.disconnect()  # releases the memory, which holds the stream
+
+
+def release() -> None:
+    """End the threads of all streams that are disconnected and that nothing refers to."""
+    rerun_bindings.flush_and_cleanup_orphaned_recordings()
+
+
+def abandon(stream: rr.RecordingStream) -> None:
+    """Abandon a stream whose file cannot be written.
+
+    Rerun waits for ever when such a stream is disconnected, deleted or cleaned up at exit, so it is
+    kept alive and unregistered.
+    """
+    for held in (stream, stream.to_native()):
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
+    rr.unregister_shutdown()
