@@ -83,6 +83,7 @@ def fly(
         result,
         within_m=config.within,
         missed=missed(result, programme, track, flight.burnout_ns * 1e-9, config.within),
+        notes=result.notes + s.notes,
         fault=guard.fault if guard else None,
         turntable_rms_deg=None if turntable is None else math.degrees(turntable.rms),
         timing=timing,

@@ -193,7 +193,14 @@ class Session:
             )
         )  # fmt: skip
         self.rows.bind(self.recorder)
+        for note in self.notes:
+            self.recorder.event(self.plant.time_ns, note)
         return self.recorder
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is worth knowing about the rig, one line each."""
+        return (self.rig.note,) if self.rig is not None and self.rig.note else ()
 
     def rehearse(self, controller: Controller) -> None:
         """Go through what a tick does and back to the start, where it would make a tick late.

@@ -37,6 +37,7 @@ class StepResult(Result):
     excitation_s : experiment time commanded
     fault : what went wrong with the rig first; None where nothing did
     timing : whether real time left the run valid; None in lockstep
+    remarks : what is worth knowing about the rig, one line each
     """
 
     recording: str
@@ -51,6 +52,7 @@ class StepResult(Result):
     warnings: dict[str, int]
     fault: str | None = None
     timing: "Verdict | None" = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -63,7 +65,8 @@ class StepResult(Result):
         notes = [f"{a.axis}: {note}" for a in self.figures for note in a.notes]
         others = {k: v for k, v in vars(self).items() if k not in ("figures", "timing")}
         others["timing"] = None if self.timing is None else self.timing.as_dict()
-        return {**others, "figures": rows, "notes": notes}
+        others.pop("remarks")
+        return {**others, "figures": rows, "notes": [*notes, *self.remarks]}
 
     def rows(self) -> Rows:
         """The response as a table."""
@@ -71,6 +74,7 @@ class StepResult(Result):
         rows += lines(self.figures)
         rows.append(computing_row(self.wall_s, self.cpu_s, self.physics_steps, self.physics_s))
         rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
+        rows += [("note", remark) for remark in self.remarks]
         return rows + recording_rows(self.recording)
 
 
@@ -120,6 +124,7 @@ def step(
         warnings=plant.warnings(),
         fault=guard.fault if guard else None,
         timing=timing,
+        remarks=s.notes,
     )
 
 
