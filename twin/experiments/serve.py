@@ -35,6 +35,7 @@ def rig(config: Rig) -> None:
         seed=config.seed,
         overrides=config.overrides,
         scene=config.scene,
+        mechanism=config.mechanism,
     )
     with compiled(), until_signal() as ended:
         simulated = device(options)
