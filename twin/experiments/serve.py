@@ -36,6 +36,7 @@ def rig(config: Rig) -> None:
         seed=config.seed,
         overrides=config.overrides,
         scene=config.scene,
+        mechanism=config.mechanism,
     )
     check_parameters(options)
     with compiled(), until_signal() as ended:
