@@ -18,6 +18,7 @@ VERBS = (
     "doctor",
     "fly",
     "identify",
+    "mechanism",
     "mirror",
     "replay",
     "report",

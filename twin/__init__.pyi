@@ -15,6 +15,7 @@ from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
+from twin.experiments.mechanism import MechanismResult
 from twin.experiments.mirror import MirrorResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
@@ -153,6 +154,15 @@ def identify(
     parameters: tuple[str, ...] = ...,
     mechanism: str | PathLike[str] | None = ...,
 ) -> IdentifyResult | PhysicsResult: ...
+def mechanism(
+    action: Literal['show', 'check'],
+    file: str | PathLike[str] | None,
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    load_g: float = ...,
+    gap_mm: float = ...,
+) -> MechanismResult: ...
 def mirror(
     *,
     gimbal: str = ...,

@@ -10,7 +10,7 @@ from analysis.identify.basis import denominator
 from analysis.identify.evidence import ChannelFit, Estimate, ServoBounds
 from analysis.identify.fit import AxisFit
 from analysis.identify.problem import Problem
-from analysis.identify.servo import ServoFit
+from analysis.identify.servo_fit import ServoFit
 from analysis.identify.uncertainty import Uncertainty
 
 Figures = list[tuple[str, str, Callable[[Array], float]]]  # name, unit, value of the parameters
@@ -53,17 +53,31 @@ def bounded(
         whole, places, known, f"{output}/{command}", longest, n, 1.0, given, fit.problem.doubt
     )
     # limits and gain err together: the limits are those of the output
-    parts = [n + 1, n + 2, n + 3, count]
+    behind = fit.structure == "set-point"
+    parts = [n + 1, n + 2, n + 3, count, *([n + 4, n + 5] if behind else [])]
 
     def bounds(p: Array) -> Array:
-        return np.array([np.exp(p[0]) * abs(p[3]), p[1], p[2] * abs(p[3])])
+        gain = abs(p[3])
+        found = [np.exp(p[0]) * gain, p[1], p[2] * gain]
+        if behind:
+            back = np.exp(p[0] + p[5]) * gain
+            if p[3] < 0.0:
+                found[0], back = back, found[0]
+            found += [back, np.exp(p[4]) * gain]
+        return np.array(found)
 
     values = bounds(whole[parts])
     std = known.deviations(bounds, whole[parts], parts, np.zeros(len(parts)))
-    names = (("rate limit", "rad/s"), ("dead band", "rad"), ("backlash", "rad"))
+    names = (
+        ("rate limit", "rad/s"),
+        ("dead band", "rad"),
+        ("backlash", "rad"),
+        ("rate limit back", "rad/s"),
+        ("slew of the set point", "rad/s"),
+    )
     estimates = [
         Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
-        for (what, unit), v, s in zip(names, values, std, strict=True)
+        for (what, unit), v, s in zip(names, values, std, strict=False)
     ]
     return channel, ServoBounds(fit.structure, *estimates)
 

@@ -10,7 +10,7 @@ from analysis.identify.fit import AxisFit
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import Problem
 from analysis.identify.selection import Choice
-from analysis.identify.servo import ServoFit
+from analysis.identify.servo_fit import ServoFit
 from analysis.identify.states import Part
 from analysis.identify.uncertainty import Uncertainty
 from analysis.recording.measurements import Measurement

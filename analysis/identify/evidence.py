@@ -90,16 +90,27 @@ class ServoBounds:
 
     Attributes
     ----------
-    structure : `speed`: the servo's own loop saturates; `command`: ramps ahead of the linear part
-    rate_limit : of the output [rad/s]
+    structure : `speed`: the servo's own loop saturates; `command`: ramps ahead of the linear part;
+        `set-point`: as `speed`, behind a set point of bounded speed and with a limit each way
+    rate_limit : of the output [rad/s]; upward with `set-point`
     dead_band : half width, on the command [rad]
     backlash : total width at the output [rad]
+    rate_limit_back, slew : of `set-point`, else None: of the output downward, and of the set point
+        at the output [rad/s]
     """
 
     structure: Structure
     rate_limit: Estimate
     dead_band: Estimate
     backlash: Estimate
+    rate_limit_back: Estimate | None = None
+    slew: Estimate | None = None
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """All that the structure has."""
+        every = (self.rate_limit, self.rate_limit_back, self.slew, self.dead_band, self.backlash)
+        return tuple(e for e in every if e is not None)
 
 
 @dataclass(frozen=True, slots=True)

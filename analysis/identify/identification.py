@@ -19,7 +19,8 @@ from analysis.identify.noise import level_errors
 from analysis.identify.problem import Problem
 from analysis.identify.segments import series_of, step_of_row
 from analysis.identify.selection import select
-from analysis.identify.servo import ServoFit, search_servo
+from analysis.identify.servo import search_servo
+from analysis.identify.servo_fit import ServoFit
 from analysis.identify.uncertainty import (
     Uncertainty,
     stamp_error,

@@ -37,7 +37,7 @@ class IdentifiedModel:
         """Every estimated number with its uncertainty."""
         found = [e for row in self.channels for c in row for e in c.estimates]
         for bounds in self.servo or ():
-            found += [bounds.rate_limit, bounds.dead_band, bounds.backlash]
+            found += bounds.estimates
         return tuple(found)
 
     @property
@@ -86,19 +86,23 @@ class IdentifiedModel:
         """The model file's content: what a flight with `--model` flies.
 
         A delay below zero becomes zero: the command was only sampled. One file has one servo block,
-        so that of several axes holds their means, and the structure most of them have (`speed`, the
-        common one, at a tie).
+        so that of several axes holds the structure most of them have (at a tie that of the first)
+        and the means of the figures of those axes.
         """
         channels = tuple(
             tuple(Channel(c.num, c.den, max(c.delay, 0.0)) for c in row) for row in self.channels
         )
         servo = None
         if self.servo is not None:
+            structure = _structure(self.servo)
+            alike = [b for b in self.servo if b.structure == structure]
             servo = Servo(
-                float(np.mean([b.rate_limit.value for b in self.servo])),
-                float(np.mean([b.dead_band.value for b in self.servo])),
-                float(np.mean([b.backlash.value for b in self.servo])),
-                _structure(self.servo),
+                _mean([b.rate_limit for b in alike]),
+                _mean([b.dead_band for b in alike]),
+                _mean([b.backlash for b in alike]),
+                structure,
+                _mean([b.rate_limit_back for b in alike]),
+                _mean([b.slew for b in alike]),
             )
         return TransferFunctionModel(
             channels,
@@ -124,6 +128,12 @@ class IdentifiedModel:
         }
 
 
+def _mean(estimates: Sequence[Estimate | None]) -> float:
+    values = [e.value for e in estimates if e is not None]
+    return float(np.mean(values)) if values else 0.0
+
+
 def _structure(bounds: Sequence[ServoBounds]) -> Structure:
-    speed = sum(b.structure == "speed" for b in bounds)
-    return "speed" if 2 * speed >= len(bounds) else "command"
+    """The structure of most axes; at a tie that of the first."""
+    found = [b.structure for b in bounds]
+    return max(found, key=lambda s: (found.count(s), -found.index(s)))

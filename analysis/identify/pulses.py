@@ -28,6 +28,7 @@ _GAP = 1.5  # readings; a pulse seen after a longer one may be older
 _LATEST = 0.008  # s; a command on its way to the device: wire, loop, interrupt
 _POWERS = 3  # the linkage's bend; beyond, 0.002° on the shipped one
 _TICK = 0.5e-6  # s; of the timer that makes the pulses
+_SHARE_OF_TICK = 0.2  # finer differences of what pulses asked for are the map's, not the pulses'
 _ROUNDS = 8
 # s; how much earlier than its stamp a pulse may have been in force: half a reading, and what a
 # simulated rig's semi-implicit step is ahead of continuous time
@@ -78,6 +79,9 @@ def by_pulses(run: Measurement) -> Measurement:
     """
     frames = pulse_frames(run.recording, run.inputs, run.name)
     values, _ = asked(frames, run.command.held, run.name)
+    # an axis whose pulse stays is not commanded, whatever the map makes of the other's
+    step = _SHARE_OF_TICK * _TICK * values.std(axis=0) / np.maximum(frames.pulse.std(axis=0), _TICK)
+    values = np.round(values / np.maximum(step, 1e-12)) * step
     return replace(
         run,
         command=replace(run.command, time=frames.begin, values=values),

@@ -1,11 +1,13 @@
 """Fit of a bounded servo: linear part and delay together with rate limit, dead band and backlash.
 
-Two places for the bound are tried, because servos differ in it. `speed`: the servo's own loop
-saturates (`servo_motion`). `command`: the command is limited to ramps ahead of the linear part
-(`ramps`). Gain, offsets and biases enter linearly and are solved for in every step.
+Three places for the bound are tried, because servos differ in it, and the one that predicts steps
+held out best is kept. `speed`: the servo's own loop saturates (`servo_motion`). `command`: the
+command is limited to ramps ahead of the linear part (`ramps`). `set-point`: as `speed`, behind a
+set point of bounded speed, with a limit each way. Gain, offsets and biases enter linearly and are
+solved for in every step.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.noise import Mask, Pair, weights
 from analysis.identify.problem import Problem
 from analysis.identify.segments import step_folds
+from analysis.identify.servo_fit import ServoFit
 from analysis.identify.servo_response import servo_response
 from analysis.identify.servo_starts import command_unit, grid_of_starts, limits, scaled, scales
 from analysis.transfer_function.servo import Structure
@@ -26,63 +29,7 @@ _FOLLOWED = 3
 _FOLDS = 4
 _WORTH = 0.97  # of the held-out loss: what a parameter more must save
 _DIFFERENCE = 1e-5  # of each parameter's scale: far above rounding, far below curvature
-
-
-@dataclass(frozen=True, slots=True)
-class ServoFit:
-    """A bounded servo as found on one axis.
-
-    Attributes
-    ----------
-    structure : where the rate is bounded
-    poles : 1 or 2
-    theta : denominator (as `basis.denominator`), delay [s], ln rate limit, dead band, backlash
-    linear : gain, offsets, biases
-    residual : measured − model (rows,)
-    jacobian : of the weighted residual in θ and the linear parameters (rows, all)
-    noise : of angle [rad] and rate [rad/s]
-    """
-
-    problem: Problem
-    structure: Structure
-    poles: int
-    theta: Array
-    linear: Array
-    residual: Array
-    jacobian: Array
-    noise: Pair
-    converged: bool
-
-    @property
-    def gain(self) -> float:
-        """Output per command at rest."""
-        return float(self.linear[0])
-
-    @property
-    def delay(self) -> float:
-        """Transport delay [s]."""
-        return float(self.theta[self.poles])
-
-    @property
-    def rate_limit(self) -> float:
-        """Fastest change of the command's side of the gain [rad/s]."""
-        return float(np.exp(self.theta[self.poles + 1]))
-
-    @property
-    def dead_band(self) -> float:
-        """Half width, on the command's side [rad]."""
-        return float(self.theta[self.poles + 2])
-
-    @property
-    def backlash(self) -> float:
-        """Total width at the output [rad]."""
-        return float(self.theta[self.poles + 3] * abs(self.gain))
-
-    @property
-    def cost(self) -> float:
-        """Half the sum of squared residuals at the noise of the first guess: for comparing."""
-        sigma = np.where(self.problem.is_rate, self.noise[1], self.noise[0])
-        return float(np.sum(np.log(sigma[self.problem.weight > 0.0])))
+_WIDE_DIFFERENCE = 1e-3  # where dead band and play make the loss rough
 
 
 def search_servo(
@@ -111,9 +58,15 @@ def search_servo(
     problem = problem.weighed(weights(problem, first, kept))
     unit = command_unit(problem, axis)
     alike = scaled(problem, axis, unit)
-    tried: tuple[Structure, ...] = ("speed", "command") if structure is None else (structure,)
+    tried: tuple[Structure, ...] = ("speed", "command", "set-point")
+    if structure is not None:
+        tried = (structure,)
+    elif problem.layout.poles == 1 or not _reverses(problem, axis):
+        # steps one way only do not show what becomes of small motions to and fro
+        tried = ("speed", "command")
     fits = [_fit(alike, axis, s, max_delay, kept, floor) for s in tried]
-    return _in_units(min(fits, key=lambda f: f.cost), problem, unit)
+    best = min(fits, key=lambda f: f[1] * (1.0 if f[0].structure != "set-point" else 1.0 / _WORTH))
+    return _in_units(best[0], problem, unit)
 
 
 def _in_units(fit: ServoFit, problem: Problem, unit: float) -> ServoFit:
@@ -121,7 +74,8 @@ def _in_units(fit: ServoFit, problem: Problem, unit: float) -> ServoFit:
     n = fit.poles
     theta, linear, jacobian = fit.theta.copy(), fit.linear.copy(), fit.jacobian.copy()
     theta[n + 1] += np.log(unit)
-    theta[n + 2 :] *= unit
+    theta[n + 4 : n + 5] += np.log(unit)
+    theta[n + 2 : n + 4] *= unit
     jacobian[:, n + 2 : n + 4] /= unit
     linear[0] /= unit
     jacobian[:, len(theta)] *= unit
@@ -133,17 +87,19 @@ def _in_units(fit: ServoFit, problem: Problem, unit: float) -> ServoFit:
 
 def _fit(
     problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair
-) -> ServoFit:
-    """Judge a grid of starts, follow the best few, settle the noise."""
+) -> tuple[ServoFit, float]:
+    """Judge a grid of starts, follow the best few, settle the noise; also the loss held out."""
     poles = problem.layout.poles
-    starts = grid_of_starts(problem, max_delay)
+    starts = grid_of_starts(problem, max_delay, structure)
+    if not _reverses(problem, axis):
+        starts = [_with(s, [poles + 3], np.zeros(1)) for s in starts]
     ranked = sorted(range(len(starts)), key=lambda i: _loss(problem, axis, structure, starts[i]))
-    tight = np.arange(poles + 2)  # neither dead band nor backlash
+    tight = _always(problem, axis, structure)
     ended = [
         _descend(problem, axis, structure, starts[i], max_delay, tight) for i in ranked[:_FOLLOWED]
     ]
     theta, converged = min(ended, key=lambda e: _loss(problem, axis, structure, e[0]))
-    free, theta = _worth_having(problem, axis, structure, theta, starts, max_delay, kept)
+    free, theta, held_out = _worth_having(problem, axis, structure, theta, starts, max_delay, kept)
     noise: Pair = (np.nan, np.nan)
     for _ in range(_ROUNDS):
         _, linear, residual = _project(problem, axis, structure, theta)
@@ -152,7 +108,17 @@ def _fit(
         theta, converged = _descend(problem, axis, structure, theta, max_delay, free)
     _, linear, residual = _project(problem, axis, structure, theta)
     jacobian = _jacobian(problem, axis, structure, theta, linear)
-    return ServoFit(problem, structure, poles, theta, linear, residual, jacobian, noise, converged)
+    fit = ServoFit(problem, structure, poles, theta, linear, residual, jacobian, noise, converged)
+    return fit, held_out
+
+
+def _always(problem: Problem, axis: int, structure: Structure) -> NDArray[np.intp]:
+    """Parameters that are always searched: of `set-point` all that a motion shows, else no play."""
+    poles = problem.layout.poles
+    if structure != "set-point":
+        return np.arange(poles + 2)
+    every = np.arange(poles + 6)
+    return every if _reverses(problem, axis) else np.delete(every, poles + 3)
 
 
 def _noise(problem: Problem, residual: Array, paid: int, kept: Mask, floor: Pair) -> Pair:
@@ -200,8 +166,8 @@ def _descend(
     """Follow the loss down along the free parameters."""
     from scipy.optimize import least_squares
 
-    low, high = limits(problem, max_delay)
-    scale = scales(problem)
+    low, high = limits(problem, max_delay, structure)
+    scale = scales(problem, structure)
     start = np.clip(theta, low, high)
 
     def whole(x: Array) -> Array:
@@ -216,7 +182,7 @@ def _descend(
         residual_at,
         start[free] / scale[free],
         bounds=(low[free] / scale[free], high[free] / scale[free]),
-        diff_step=np.full(len(free), _DIFFERENCE),
+        diff_step=np.full(len(free), _WIDE_DIFFERENCE if structure == "set-point" else _DIFFERENCE),
         max_nfev=60,
         ftol=1e-9,
         xtol=1e-8,
@@ -232,7 +198,7 @@ def _worth_having(
     starts: list[Array],
     max_delay: float,
     kept: Mask,
-) -> tuple[NDArray[np.intp], Array]:
+) -> tuple[NDArray[np.intp], Array, float]:
     """Which parameters to free, and where to start: dead band and backlash if they predict steps.
 
     On the steps it is fitted to, a second excuse for a static error always helps; so steps held
@@ -240,16 +206,16 @@ def _worth_having(
     Backlash shows only where the motion reverses: elsewhere it is gain by another name.
     """
     poles = problem.layout.poles
-    tight = np.arange(poles + 2)
+    tight = _always(problem, axis, structure)
     band, play_ = poles + 2, poles + 3
     static = static_dead_band(problem, axis)
     if structure == "speed":
         theta = _with(theta, [band], np.array([static]))
     choices = [(tight, theta)]
     extra = [[band]] if structure == "speed" else []
-    if _reverses(problem, axis):
+    if structure != "set-point" and _reverses(problem, axis):
         extra += [[play_], [band, play_]] if structure == "speed" else [[play_]]
-    least = scales(problem)
+    least = scales(problem, structure)
     for more in extra:
         free = np.concatenate([tight, more])
         # settled angles fall short by a dead band or by half of a backlash: they cannot tell which
@@ -269,7 +235,9 @@ def _worth_having(
             loss += _held_out(problem, _project(training, axis, structure, found)[2], fold & kept)
         losses.append(loss)
     best = int(np.argmin(losses))
-    return choices[best] if losses[best] < _WORTH * losses[0] else choices[0]
+    if losses[best] >= _WORTH * losses[0]:
+        best = 0
+    return *choices[best], losses[best]
 
 
 def _with(theta: Array, places: list[int], values: Array) -> Array:
@@ -303,12 +271,13 @@ def _jacobian(
     problem: Problem, axis: int, structure: Structure, theta: Array, linear: Array
 ) -> Array:
     """Derivatives of the weighted model output (rows, θ + linear)."""
-    scale = scales(problem) * 1e-3
+    scale = scales(problem, structure) * 1e-3
     columns = []
     for i, step in enumerate(scale):
         shift = np.zeros(len(theta))
         shift[i] = step
-        low = np.zeros(len(theta)) if i < len(theta) - 2 or theta[i] > step else shift
+        positive = problem.layout.poles + 2 <= i < problem.layout.poles + 4
+        low = shift if positive and theta[i] <= step else np.zeros(len(theta))
         ahead = _columns(problem, axis, structure, theta + shift) @ linear
         behind = _columns(problem, axis, structure, theta - shift + low) @ linear
         columns.append((ahead - behind) / (2.0 * step - (low[i])))

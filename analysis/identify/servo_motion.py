@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.compiled import njit
-from analysis.transfer_function.speed import move, wanted_speed
+from analysis.transfer_function.speed import move, track, wanted_speed
 
 
 @njit(nogil=True)  # pragma: no cover - compiled
@@ -39,6 +39,39 @@ def speed_servo(
             event += 1
         angle[row] = y
         rate[row] = wanted_speed(u - y, k, limit, dead_band) if w == 0.0 else v
+    return angle, rate
+
+
+@njit(nogil=True)  # pragma: no cover - compiled
+def set_point_servo(
+    time: Array,
+    input_time: Array,
+    command: Array,
+    delay: float,
+    k: float,
+    w: float,
+    up: float,
+    down: float,
+    slew: float,
+    dead_band: float,
+) -> tuple[Array, Array]:
+    """As `speed_servo`, behind a set point of bounded speed and with a limit each way."""
+    n = len(time)
+    angle, rate = np.empty(n), np.empty(n)
+    y, v, r, u, event = command[0], 0.0, command[0], command[0], 0
+    now = min(time[0], input_time[0] + delay)
+    for row in range(n):
+        while True:
+            due = input_time[event] + delay if event < len(command) else np.inf
+            until = min(due, time[row])
+            if until > now:
+                y, v, r = track(y, v, r, u, until - now, k, w, up, down, slew, dead_band)
+                now = until
+            if due > time[row]:
+                break
+            u = command[event]
+            event += 1
+        angle[row], rate[row] = y, v
     return angle, rate
 
 

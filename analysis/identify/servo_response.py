@@ -7,7 +7,7 @@ import numpy as np
 from analysis.array import Array
 from analysis.identify.basis import denominator, over_single
 from analysis.identify.ramps import Bounds
-from analysis.identify.servo_motion import play, speed_servo
+from analysis.identify.servo_motion import play, set_point_servo, speed_servo
 from analysis.identify.states import Part, held_states
 from analysis.recording.measurements import Measurement
 from analysis.transfer_function.servo import Structure
@@ -27,6 +27,12 @@ def servo_response(
     if structure == "speed":
         k, w = _loop(theta[:poles])
         motion = speed_servo(part.time, part.input_time, command, delay, k, w, limit, dead_band)
+    elif structure == "set-point":
+        k, w = _loop(theta[:poles])
+        slew, back = np.exp(theta[poles + 4 : poles + 6])
+        motion = set_point_servo(
+            part.time, part.input_time, command, delay, k, w, limit, limit * back, slew, dead_band
+        )
     else:
         motion = _behind_ramps(part, command, theta[:poles], delay, Bounds(limit, dead_band))
     if backlash == 0.0:
@@ -49,6 +55,12 @@ def servo_motion_of(
             bounds.backlash.value / abs(gain),
         ]
     )
+    if bounds.slew is not None and bounds.rate_limit_back is not None:
+        up, down = bounds.rate_limit.value, bounds.rate_limit_back.value
+        if gain < 0.0:
+            up, down = down, up
+            limits[1] = np.log(up / abs(gain))
+        limits = np.append(limits, np.log([bounds.slew.value / abs(gain), down / up]))
     none = np.zeros(0, dtype=np.intp)
     part = Part(record.time, record.command.time, record.command.values, none, none, False)
     theta = np.concatenate([np.log(den[1:]), limits])

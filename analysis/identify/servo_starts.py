@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.identify.problem import Problem
+from analysis.transfer_function.servo import Structure
 
 
 def command_unit(problem: Problem, axis: int) -> float:
@@ -34,7 +35,7 @@ def scaled(problem: Problem, axis: int, unit: float) -> Problem:
     return replace(problem, parts=tuple(parts), cache={})
 
 
-def grid_of_starts(problem: Problem, max_delay: float) -> list[Array]:
+def grid_of_starts(problem: Problem, max_delay: float, structure: Structure) -> list[Array]:
     """Grid over speed, delay and limit; the limit around the fastest motion in the readings."""
     fixed = problem.layout.delays[0]
     delays = np.linspace(0.0, 0.6 * max_delay, 6) if np.isnan(fixed) else np.array([fixed])
@@ -47,6 +48,11 @@ def grid_of_starts(problem: Problem, max_delay: float) -> list[Array]:
                 if problem.layout.poles == 2:
                     section = [np.log(1.6 * speed), 2.0 * np.log(speed)]
                 starts.append(np.array([*section, delay, np.log(limit), 0.0, 0.0]))
+    if structure == "set-point":  # the set point moves about as fast as the servo ever does
+        band = scales(problem, structure)[problem.layout.poles + 2]
+        for start in starts:
+            start[-2:] = 0.3 * band, 2.0 * band
+        starts = [np.append(s, [np.log(quick), 0.0]) for s in starts]
     return starts
 
 
@@ -68,13 +74,14 @@ def fastest(problem: Problem) -> float:
     return max(found)
 
 
-def scales(problem: Problem) -> Array:
+def scales(problem: Problem, structure: Structure) -> Array:
     """Change of each parameter that matters (θ,)."""
     amplitude = max(float(np.ptp(p.input)) for p in problem.parts)
-    return np.array([0.3] * problem.layout.poles + [0.01, 0.1, 0.01 * amplitude, 0.01 * amplitude])
+    least = [0.3] * problem.layout.poles + [0.01, 0.1, 0.01 * amplitude, 0.01 * amplitude]
+    return np.array(least + ([0.1, 0.1] if structure == "set-point" else []))
 
 
-def limits(problem: Problem, max_delay: float) -> tuple[Array, Array]:
+def limits(problem: Problem, max_delay: float, structure: Structure) -> tuple[Array, Array]:
     """Range of every parameter: what the samples can tell, and the readings allow."""
     poles = problem.layout.poles
     amplitude = max(float(np.ptp(p.input)) for p in problem.parts)
@@ -86,4 +93,6 @@ def limits(problem: Problem, max_delay: float) -> tuple[Array, Array]:
     fast = np.log(10.0 / min(float(np.median(np.diff(p.time))) for p in problem.parts))
     section = [fast] if poles == 1 else [fast + 0.7, 2.0 * fast]
     high = [*section, delay[1], rate + 3.0, 0.25 * amplitude, 0.25 * amplitude]
+    if structure == "set-point":
+        low, high = [*low, rate - 2.0, -1.0], [*high, rate + 3.0, 1.0]
     return np.array(low), np.array(high)

@@ -20,7 +20,10 @@ _SERVO_KEYS = {
     "rate_limit_rad_s": "rate_limit",
     "dead_band_rad": "dead_band",
     "backlash_rad": "backlash",
+    "rate_limit_back_rad_s": "rate_limit_back",
+    "slew_rad_s": "slew",
 }
+_SET_POINT_ONLY = ("rate_limit_back", "slew")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +47,10 @@ class TransferFunctionModel:
     source: object = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        if self.servo is not None and self.servo.structure == "speed":
+        if self.servo is not None and self.servo.structure != "command":
             for c in (c for row in self.channels for c in row if not c.zero):
-                speed_loop(c.num, c.den)
+                if not speed_loop(c.num, c.den)[2] and self.servo.structure == "set-point":
+                    raise ModelFileError("a servo of structure 'set-point' has two poles")
         rows = len(self.channels)
         if rows != len(self.outputs):
             raise ModelFileError(f"channels has {rows} rows for {len(self.outputs)} outputs")
@@ -115,7 +119,12 @@ class TransferFunctionModel:
         """Content of the file, ready for JSON."""
         servo: dict[str, object] | None = None
         if self.servo is not None:
-            numbers = {key: getattr(self.servo, name) for key, name in _SERVO_KEYS.items()}
+            whole = self.servo.structure == "set-point"
+            numbers = {
+                key: getattr(self.servo, name)
+                for key, name in _SERVO_KEYS.items()
+                if whole or name not in _SET_POINT_ONLY
+            }
             servo = {**numbers, "structure": self.servo.structure}
         return {
             "schema": SCHEMA,
@@ -180,18 +189,26 @@ class TransferFunctionModel:
 
     @staticmethod
     def _bounded(channel: Channel, u: Array, dt: float, servo: Servo) -> Array:
-        from analysis.transfer_function.speed import move
+        from analysis.transfer_function.speed import move, track
 
         gain, k, w = speed_loop(channel.num, channel.den)
         shift, first = whole_steps(channel.delay, dt)
         late = np.concatenate([np.zeros(shift + 1), u])
-        limit = servo.rate_limit or np.inf
-        out, y, v = np.empty(len(u)), 0.0, 0.0
+        up, down, slew = servo.limits
+        out, y, v, r = np.empty(len(u)), 0.0, 0.0, 0.0
+        if servo.structure == "set-point":
+            tail = (k, w, up, down, slew, servo.dead_band)
+            for n in range(len(u)):
+                out[n] = gain * y
+                if first > 0.0:
+                    y, v, r = track(y, v, r, late[n], first, *tail)
+                y, v, r = track(y, v, r, late[n + 1], dt - first, *tail)
+            return out
         for n in range(len(u)):
             out[n] = gain * y
             if first > 0.0:
-                y, v = move(y, v, late[n], first, k, w, limit, servo.dead_band)
-            y, v = move(y, v, late[n + 1], dt - first, k, w, limit, servo.dead_band)
+                y, v = move(y, v, late[n], first, k, w, up, servo.dead_band)
+            y, v = move(y, v, late[n + 1], dt - first, k, w, up, servo.dead_band)
         return out
 
 

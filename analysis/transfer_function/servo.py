@@ -9,8 +9,8 @@ import numpy as np
 from analysis.array import Array
 from analysis.transfer_function.file import ModelFileError
 
-Structure = Literal["command", "speed"]
-STRUCTURES: tuple[Structure, ...] = ("command", "speed")
+Structure = Literal["command", "speed", "set-point"]
+STRUCTURES: tuple[Structure, ...] = ("command", "speed", "set-point")
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,11 +20,13 @@ class Servo:
     `structure` says where. `command`: dead band and rate limit on the command, then delay and
     transfer function, then backlash on the output. `speed`: the servo's own loop saturates, after
     the delay (see `analysis.transfer_function.speed`), then backlash; its channels must be of first
-    or second order without zeros.
+    or second order without zeros. `set-point`: as `speed`, behind a set point of bounded speed,
+    with a limit each way; its channels must be of second order.
 
     Attributes
     ----------
-    rate_limit : fastest change of the position aimed at [rad/s]
+    rate_limit : fastest change of the position aimed at [rad/s]; upward with `set-point`
+    rate_limit_back, slew : of `set-point`: fastest speed downward, and of the set point [rad/s]
     dead_band : commands closer than this to the one held are ignored, half width [rad]
     backlash : total play between drive and output [rad]
     """
@@ -33,9 +35,11 @@ class Servo:
     dead_band: float = 0.0
     backlash: float = 0.0
     structure: Structure = "command"
+    rate_limit_back: float = 0.0
+    slew: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("rate_limit", "dead_band", "backlash"):
+        for name in ("rate_limit", "dead_band", "backlash", "rate_limit_back", "slew"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise ModelFileError(f"servo {name} is {value:g}; it must be finite and ≥ 0")
@@ -43,6 +47,12 @@ class Servo:
             raise ModelFileError(
                 f"servo structure is {self.structure!r}; there are {', '.join(STRUCTURES)}"
             )
+
+    @property
+    def limits(self) -> tuple[float, float, float]:
+        """Fastest speed up, down, and of the set point [rad/s]; infinite where it is off."""
+        up = self.rate_limit or np.inf
+        return up, self.rate_limit_back or up, self.slew or np.inf
 
 
 def shaped_commands(commands: Array, dt: float, rate_limit: float, dead_band: float) -> Array:
@@ -94,8 +104,8 @@ def speed_loop(num: Sequence[float], den: Sequence[float]) -> tuple[float, float
     a = [c / den[0] for c in den]
     if len(num) != 1 or len(a) not in (2, 3) or min(a) <= 0.0:
         raise ModelFileError(
-            f"a servo of structure 'speed' has stable channels of first or second order without"
-            f" zeros, not of {len(num) - 1} zeros and {len(a) - 1} poles"
+            "a servo of structure 'speed' or 'set-point' has stable channels of first or second"
+            f" order without zeros, not of {len(num) - 1} zeros and {len(a) - 1} poles"
         )
     gain = num[0] / den[0] / a[-1]
     return (gain, a[1], 0.0) if len(a) == 2 else (gain, a[2] / a[1], a[1])

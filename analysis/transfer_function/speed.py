@@ -4,6 +4,10 @@
 linear k·w/(s² + w·s + k·w). Within the dead band the motor is off; beyond it the error comes to
 count in full over one more dead band, as behind a servo's pulse stretcher. Compiled, and shared by
 the simulation here and the actuator in flight.
+
+`track` is the servo that aims at a set point which follows its command at a bounded speed, with
+another fastest speed each way (a load helps one of them), and an error that counts in full outside
+of the dead band.
 """
 
 from analysis.compiled import njit
@@ -50,3 +54,36 @@ def move(
         y += h / 6.0 * (a1 + 2.0 * b1 + 2.0 * c1 + d1)
         v += h / 6.0 * (a2 + 2.0 * b2 + 2.0 * c2 + d2)
     return y, v
+
+
+@njit(nogil=True)
+def tracking_speed(error: float, k: float, up: float, down: float, dead_band: float) -> float:
+    """Speed aimed at [rad/s] for an error [rad], within −down to up."""
+    if abs(error) <= dead_band:
+        return 0.0
+    return min(max(k * error, -down), up)
+
+
+@njit(nogil=True)
+def track(
+    y: float, v: float, r: float, u: float, time: float, k: float, w: float,
+    up: float, down: float, slew: float, dead_band: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Position [rad], speed [rad/s] and set point [rad] after u was held for `time` [s]."""
+    longest = min(_LONGEST, _SHARE / max(k, w))
+    steps = int(time / longest) + 1
+    h = time / steps
+    for _ in range(steps):
+        after = min(max(u, r - slew * h), r + slew * h)
+        half = 0.5 * (r + after)
+        a1, a2 = v, w * (tracking_speed(r - y, k, up, down, dead_band) - v)
+        b1 = v + 0.5 * h * a2
+        b2 = w * (tracking_speed(half - y - 0.5 * h * a1, k, up, down, dead_band) - b1)
+        c1 = v + 0.5 * h * b2
+        c2 = w * (tracking_speed(half - y - 0.5 * h * b1, k, up, down, dead_band) - c1)
+        d1 = v + h * c2
+        d2 = w * (tracking_speed(after - y - h * c1, k, up, down, dead_band) - d1)
+        y += h / 6.0 * (a1 + 2.0 * b1 + 2.0 * c1 + d1)
+        v += h / 6.0 * (a2 + 2.0 * b2 + 2.0 * c2 + d2)
+        r = after
+    return y, v, r

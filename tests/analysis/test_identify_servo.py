@@ -139,7 +139,7 @@ def test_zeros_and_servo_exclude_each_other():
         identify([r], 2, 1, servo=True)
 
 
-@pytest.mark.parametrize("structure", ["speed", "command"])
+@pytest.mark.parametrize("structure", ["speed", "command", "set-point"])
 def test_an_identified_servo_is_flown_as_the_structure_it_was_found_to_be(structure):
     """The file's own simulation against the identification's; steps of 1 ms, hence 0.5 % of 0.2."""
     g = studies.Gimbal(45.0, 0.8, 0.012, 1.0)

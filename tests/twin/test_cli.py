@@ -72,7 +72,7 @@ MISTAKES = [
     ("step --gimbal transfer-function --set gimbal_backlash=0.1", "no servos"),
     ("fly --set gimbal_propellant.mass=0.2", "motor_propellant_mass"),
     ("fly --set gimbal_x.damping=-1", "0 or more"),
-    ("fly --integrator ab4 --dt 0.002", "0.001 s"),
+    ("fly --integrator ab4 --dt 0.002", "0.0005 s"),
     ("fly --dt 0", "from 1e-06 to 0.005 s"),
     ("fly --dt -0.001", "from 1e-06 to 0.005 s"),
     ("fly --dt 0.1", "from 1e-06 to 0.005 s"),

@@ -118,6 +118,7 @@ def test_a_signal_ends_the_process_and_the_one_with_limits_at_once(tmp_path, num
     program = (
         "import signal, sys; from analysis import limited\n"
         "signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell may ignore it
         "print('ready', flush=True)\n"
         f"limited.run({TRIAL!r}, {str(tmp_path / 'pid')!r}.encode(), seconds=60, megabytes=200)"
     )

@@ -3,7 +3,8 @@
 Parameters of an axis, one numeric of the model: mark, dt, feedback, rate limit, dead band,
 backlash; then per input: number of states, whole steps of delay, whether a rest is left, length of
 the register, feedthrough, and the matrices A, now, before, C. Minus one state marks a servo whose
-own speed is bounded, followed by gain, k, w, limit, dead band and the rest of the delay.
+own speed is bounded, followed by gain, k, w, limit, dead band and the rest of the delay; minus two
+one behind a set point of bounded speed, followed by those, the limit downward and the slew.
 """
 
 from typing import Final
@@ -19,7 +20,7 @@ from analysis.transfer_function import (
     speed_loop,
     whole_steps,
 )
-from analysis.transfer_function.speed import move
+from analysis.transfer_function.speed import move, track
 from hardware.frames import AXES
 from twin.errors import TwinError
 from twin.physics.native.cache import jit
@@ -33,7 +34,9 @@ REGISTERS: Final = _SHAPED + 2 * len(AXES)
 _HEAD: Final = 6
 _PER_INPUT: Final = 5
 _SPEED: Final = -1
+_SET_POINT: Final = -2
 _LOOP: Final = 6
+_LOOP_BEHIND_SET_POINT: Final = 8
 # 1/s; a hobby servo's poles lie at 10 to 300. Its Runge–Kutta steps are 0.2 of the fastest time
 # constant, so this one takes 100 of them in a millisecond, some 2 µs.
 FASTEST_SERVO: Final = 2e4
@@ -48,7 +51,7 @@ def packed(model: TransferFunctionModel, axis: str, dt: float) -> tuple[list[flo
         A speed-bounded servo is faster than any servo is, and would take a flight for ever.
     """
     servo = model.servo or Servo()
-    at_speed = servo.structure == "speed"
+    at_speed = servo.structure != "command"
     bounds = (0.0, 0.0) if at_speed else (servo.rate_limit, servo.dead_band)
     data: list[float] = [*bounds, servo.backlash]
     states = 0
@@ -81,10 +84,11 @@ def _packed_speed(channel: Channel, servo: Servo, dt: float, axis: str) -> tuple
         )
     shift, rest = whole_steps(channel.delay, dt)
     late = 1 if rest > 0.0 else 0
-    limit = servo.rate_limit or np.inf
-    head = [_SPEED, shift, late, shift + late, 0.0]
-    tail = [*loop, limit, servo.dead_band, rest]
-    return [float(v) for v in head + tail], 2 + shift + late
+    up, down, slew = servo.limits
+    behind = servo.structure == "set-point"
+    head = [_SET_POINT if behind else _SPEED, shift, late, shift + late, 0.0]
+    tail = [*loop, up, servo.dead_band, rest, *((down, slew) if behind else ())]
+    return [float(v) for v in head + tail], (3 if behind else 2) + shift + late
 
 
 @jit
@@ -98,6 +102,20 @@ def _advance_speed(
         y, v = move(y, v, before, rest, k, w, limit, dead_band)
     y, v = move(y, v, now, dt - rest, k, w, limit, dead_band)
     following[place], following[place + 1] = y, v
+    return gain * y
+
+
+@jit
+def _advance_set_point(
+    p: Array, dt: float, act: Array, following: Array, place: int, now: float, before: float
+) -> float:
+    """One step of a servo behind a set point of bounded speed; its next output [rad]."""
+    gain, k, w, up, dead_band, rest, down, slew = p
+    y, v, r = act[place], act[place + 1], act[place + 2]
+    if rest > 0.0:
+        y, v, r = track(y, v, r, before, rest, k, w, up, down, slew, dead_band)
+    y, v, r = track(y, v, r, now, dt - rest, k, w, up, down, slew, dead_band)
+    following[place], following[place + 1], following[place + 2] = y, v, r
     return gain * y
 
 
@@ -150,6 +168,11 @@ def advance(p: Array, act: Array, following: Array, commands: Array) -> None:
         if n == _SPEED:
             y += _advance_speed(p[at : at + _LOOP], dt, act, following, place, now, before)
             at, place = at + _LOOP, place + 2
+            continue
+        if n == _SET_POINT:
+            loop = p[at : at + _LOOP_BEHIND_SET_POINT]
+            y += _advance_set_point(loop, dt, act, following, place, now, before)
+            at, place = at + _LOOP_BEHIND_SET_POINT, place + 3
             continue
         A, gain_now = at, at + n * n
         gain_before, C = gain_now + n, gain_now + 2 * n
