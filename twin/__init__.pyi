@@ -31,6 +31,7 @@ def calibrate(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     gimbal: str = ...,
+    mechanism: str | PathLike[str] | None = ...,
     switch_deg: tuple[float, float, float, float] | None = ...,
     repeats: int = ...,
     seed: int = ...,
@@ -232,6 +233,7 @@ def rig(
     port: int | None = ...,
     link: str | PathLike[str] | None = ...,
     scene: Literal['bench', 'turntable'] = ...,
+    mechanism: str | PathLike[str] | None = ...,
     seed: int = ...,
     duration_s: float | None = ...,
 ) -> None: ...

@@ -65,12 +65,15 @@ class ServoParameters:
 
 
 def sample(rng: np.random.Generator) -> ServoParameters:
-    """Return a servo with random tolerances: speed ±20 %, travel ±4 %, trim ±40 µs."""
+    """Return a servo with random tolerances: speed ±20 %, gain ±35 %, travel ±4 %, trim ±40 µs."""
     base = ServoParameters()
+    board = rng.spawn(1)[0]  # of the servo's electronics
     return replace(
         base,
-        resistance=base.resistance * rng.uniform(0.7, 1.3),
-        torque_constant=base.torque_constant * rng.uniform(0.8, 1.2),
+        resistance=base.resistance * rng.uniform(0.8, 1.25),
+        torque_constant=base.torque_constant * rng.uniform(0.9, 1.1),
+        voltage=base.voltage * board.uniform(0.88, 1.12),
+        gain=base.gain * board.uniform(0.65, 1.35),
         dead_band=radians(rng.uniform(0.1, 0.5)),
         friction=rng.uniform(0.03, 0.15),
         backlash=radians(rng.uniform(0.5, 1.5)),

@@ -43,6 +43,7 @@ class MirrorResult(Result):
     lost, crc_errors : frames
     gaps_s : times without the rig
     health : last state of connection and sensors
+    notes : what is worth knowing about the rig, one line each
     """
 
     recording: str
@@ -56,6 +57,7 @@ class MirrorResult(Result):
     gaps_s: tuple[float, ...]
     health: str
     wall_s: float
+    notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, object]:
         """JSON values."""
@@ -74,7 +76,8 @@ class MirrorResult(Result):
         if self.gaps_s:
             times = ", ".join(f"{g:.2f}" for g in self.gaps_s)
             rows.append(("without the rig", f"{len(self.gaps_s)} times: {times} s"))
-        return [*rows, ("health", self.health), *recording_rows(self.recording)]
+        rows += [("health", self.health), *(("note", note) for note in self.notes)]
+        return rows + recording_rows(self.recording)
 
 
 class _Witness:
@@ -167,6 +170,7 @@ def mirror(config: Mirror) -> MirrorResult:
         gaps_s=witness.times_without(),
         health=readings.health,
         wall_s=time.perf_counter() - began,
+        notes=s.notes,
     )
 
 

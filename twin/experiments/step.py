@@ -13,6 +13,7 @@ from twin.config import Step
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.excitation import LONGEST, Excitation, Plan
+from twin.experiments.kept import Origin
 from twin.experiments.session import Session
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.loop.seats import Sequence as Commands
@@ -36,6 +37,7 @@ class StepResult(Result):
     excitation_s : experiment time commanded
     fault : what went wrong with the rig first; None where nothing did
     timing : whether real time left the run valid; None in lockstep
+    remarks : what is worth knowing about the rig, one line each
     """
 
     recording: str
@@ -50,6 +52,7 @@ class StepResult(Result):
     warnings: dict[str, int]
     fault: str | None = None
     timing: "Verdict | None" = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -62,7 +65,8 @@ class StepResult(Result):
         notes = [f"{a.axis}: {note}" for a in self.figures for note in a.notes]
         others = {k: v for k, v in vars(self).items() if k not in ("figures", "timing")}
         others["timing"] = None if self.timing is None else self.timing.as_dict()
-        return {**others, "figures": rows, "notes": notes}
+        others.pop("remarks")
+        return {**others, "figures": rows, "notes": [*notes, *self.remarks]}
 
     def rows(self) -> Rows:
         """The response as a table."""
@@ -70,15 +74,19 @@ class StepResult(Result):
         rows += lines(self.figures)
         rows.append(computing_row(self.wall_s, self.cpu_s, self.physics_steps, self.physics_s))
         rows += timing_rows(self.timing) + trouble_rows(self.fault, self.warnings)
+        rows += [("note", remark) for remark in self.remarks]
         return rows + recording_rows(self.recording)
 
 
-def step(config: Step, playback: "Recording | None" = None) -> StepResult:
+def step(
+    config: Step, playback: "Recording | None" = None, origin: Origin | None = None
+) -> StepResult:
     """Command a gimbal on the bench with a test signal and record its response.
 
     Parameters
     ----------
     playback : recording whose readings take the place of a rig
+    origin : what is recorded about the files of a run that is repeated
 
     Raises
     ------
@@ -87,7 +95,7 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
     """
     began, busy = time.perf_counter(), time.process_time()
     signal = excitation(config) if config.commands is None else None
-    with Session(config, "step", config.control_hz, playback=playback) as s:
+    with Session(config, "step", config.control_hz, playback=playback, origin=origin) as s:
         plant = s.plant
         if plant.twin.gimbal == "fixed":
             raise TwinError(f"--scene {config.scene}: has no gimbal to step")
@@ -116,6 +124,7 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
         warnings=plant.warnings(),
         fault=guard.fault if guard else None,
         timing=timing,
+        remarks=s.notes,
     )
 
 

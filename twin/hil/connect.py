@@ -23,10 +23,15 @@ from twin.hil.bench import BenchPlant
 from twin.hil.check import MotionChecked, check_motion
 from twin.hil.gimbal import RigGimbal
 from twin.hil.simulated import Device, make_device, nominal_calibration, parameters
+from twin.hil.tolerances import vary
 from twin.hil.turntable import measure_base
 from twin.plant.model import ModelConfig, TwinModel, load
 from twin.plant.plant import Plant
 
+OWN = (
+    "without --calibration the maps of a simulated rig are taken from its own parameters;"
+    " twin calibrate measures them"
+)
 RIG_PARAMETERS = ("gimbal_", TURNTABLE)  # prefixes of names; the second for turntables only
 
 
@@ -77,13 +82,36 @@ def device(options: RigOptions) -> Device:
     """
     faults = [parse(text) for text in options.faults]
     rig = parameters(_model(options, "bench").mj, options.unit)
-    plant = BenchPlant(_model(options, options.scene))
+    twin = _model(options, options.scene)
+    if options.unit is not None:
+        vary(twin.mj, rig)
+    plant = BenchPlant(twin)
     return make_device(options.seat, plant, rig, faults=faults, seed=options.seed)
+
+
+def check_parameters(options: RigOptions) -> None:
+    """Refuse parameters that a served rig does not have.
+
+    Raises
+    ------
+    TwinError : the first of them
+    """
+    names = _parameters(options.scene)
+    for name in options.overrides:
+        if not name.startswith(names):
+            raise TwinError(
+                f"--set {name}: a rig on the {options.scene} has no such parameter; must begin with"
+                f" {' or '.join(names)}"
+            )
+
+
+def _parameters(scene: str) -> tuple[str, ...]:
+    return RIG_PARAMETERS if scene == TURNTABLE else RIG_PARAMETERS[:1]
 
 
 def _model(options: RigOptions, scene: str) -> TwinModel:
     """A scene with the mechanism of the rig; only the bench has the limit switches."""
-    names = RIG_PARAMETERS if scene == TURNTABLE else RIG_PARAMETERS[:1]
+    names = _parameters(scene)
     ours = {k: v for k, v in options.overrides.items() if k.startswith(names)}
     return load(ModelConfig(scene=scene, mechanism=options.mechanism, overrides=ours))
 
@@ -198,6 +226,7 @@ def _replayed(options: RigOptions, plant: Plant, playback: Recording) -> RigGimb
 
 def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
     calibration = _calibration(options)
+    measured = calibration is not None
     simulated = device(options)
     if calibration is None:
         bench = _model(options, "bench").mj
@@ -211,6 +240,7 @@ def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
         lockstep=True,
         watch=options.watch,
     )
+    seat.note = "" if measured else OWN
     seat.bench = simulated.bench
     return seat
 

@@ -122,6 +122,7 @@ class RigGimbal:
     turntable : pulse width for the third servo, 0 for neutral [s]
     dropped : bytes of readings that came too fast and were dropped during the run
     base : map of the turntable the rig stands on; None on a fixed bench
+    note : what is worth knowing of its calibration, in one line; "" where it was measured
     bench : of a simulated rig
     notices : events before the run, for its first tick
     """
@@ -145,6 +146,7 @@ class RigGimbal:
         self._live = live
         self.turntable = 0.0
         self.base: BaseMap | None = None
+        self.note = ""
         self.bench: Bench | None = None
         self.notices: list[Event] = []
         self._origin = 0

@@ -1,0 +1,79 @@
+"""Simulated rigs with a serial number move as unlike the model as hobby servos do."""
+
+import numpy as np
+import pytest
+
+from hardware.emulator import reference_rig, sample_rig
+from twin.hil import BenchPlant, parameters
+from twin.hil.tolerances import vary
+from twin.physics import native
+from twin.plant.model import ModelConfig, load
+
+UNITS = range(1, 11)
+STEP = 0.2  # rad of shaft: about 5° of the gimbal
+
+
+def moved(unit):
+    """Angle of x every millisecond after a step of its shaft, from rest [rad]."""
+    twin = load(ModelConfig(scene="bench"))
+    if unit is not None:
+        vary(twin.mj, sample_rig(unit))
+    bench = BenchPlant(twin)
+    for _ in range(400):
+        bench.advance(1e-3, (0.0, 0.0, 0.0))
+    angles = []
+    for _ in range(400):
+        bench.advance(1e-3, (STEP, 0.0, 0.0))
+        angles.append(bench.angles()[0])
+    return np.array(angles)
+
+
+def rise(angles):
+    """Time from 10 to 90 % of where the motion ends [s]."""
+    share = (angles - angles[0]) / (angles[-1] - angles[0])
+    return 1e-3 * (int(np.argmax(share > 0.9)) - int(np.argmax(share > 0.1)))
+
+
+@pytest.fixture(scope="module")
+def motions():
+    with native.installed():
+        return {unit: moved(unit) for unit in (None, *UNITS)}
+
+
+def test_units_rise_as_differently_as_servos_do_and_the_plain_rig_is_the_model(motions):
+    times = np.array([rise(motions[u]) for u in UNITS])
+    assert times.std(ddof=1) / times.mean() > 0.07  # 10 % rms over 20 units and both axes
+    assert np.all(np.abs(times / rise(motions[None]) - 1.0) < 0.4)
+    # rods: another zero, another ratio
+    ends = np.degrees([motions[u][-1] for u in UNITS])
+    assert 0.1 < ends.std(ddof=1) < 1.0
+
+
+def test_a_rig_without_tolerances_changes_nothing():
+    twin, same = (load(ModelConfig(scene="bench")).mj for _ in range(2))
+    vary(twin, parameters(twin))
+    for field in ("actuator_gainprm", "actuator_dynprm", "dof_frictionloss", "jnt_range"):
+        np.testing.assert_array_equal(getattr(twin, field), getattr(same, field))
+    np.testing.assert_array_equal(twin.site_pos, same.site_pos)
+
+
+def test_every_tolerance_of_a_servo_reaches_its_part_of_the_model():
+    twin, same = (load(ModelConfig(scene="bench")).mj for _ in range(2))
+    rig, plain = sample_rig(7), reference_rig()
+    vary(twin, rig)
+    for k, axis in enumerate("xy"):
+        own, nominal = rig.plant.servos[k], plain.plant.servos[k]
+        play, servo = f"gimbal_play_{axis}", f"gimbal_servo_{axis}"
+        ratio = np.ptp(twin.joint(play).range) / np.ptp(same.joint(play).range)
+        assert ratio == pytest.approx(own.backlash / nominal.backlash)
+        friction = [m.joint(servo).frictionloss[0] for m in (twin, same)]
+        assert friction[0] / friction[1] == pytest.approx(own.friction / nominal.friction)
+        actuator = [int(m.actuator(servo).id) for m in (twin, same)]
+        dead = [m.actuator_user[a][0] for m, a in zip((twin, same), actuator, strict=True)]
+        assert dead[0] / dead[1] == pytest.approx(own.dead_band / nominal.dead_band)
+        # voltage over constant is the free speed of a motor
+        gains = [m.actuator_gainprm[a] for m, a in zip((twin, same), actuator, strict=True)]
+        speeds = [g[7] / g[1] for g in gains]
+        free = (own.voltage / own.torque_constant) / (nominal.voltage / nominal.torque_constant)
+        assert speeds[0] / speeds[1] == pytest.approx(free)
+        assert 0.8 <= free <= 1.25
