@@ -22,21 +22,36 @@ _VERSIONED = {"numba", "numpy"}  # their versions stand for their sources
 
 def njit(**options: Any) -> Callable[[F], F]:  # noqa: ANN401 - numba's own options
     """`numba.njit(cache=True, **options)` that keeps the type of the function."""
-    return lambda function: _keyed(function, numba.njit(cache=True, **options))
+    return lambda function: _keyed(function, lambda cache: numba.njit(cache=cache, **options))
 
 
 def cfunc(signature: Any, **options: Any) -> Callable[[F], Any]:  # noqa: ANN401 - numba's types
     """`numba.cfunc(signature, cache=True, **options)`."""
-    return lambda function: _keyed(function, numba.cfunc(signature, cache=True, **options))
+    return lambda function: _keyed(
+        function, lambda cache: numba.cfunc(signature, cache=cache, **options)
+    )
 
 
-def _keyed(function: Any, build: Callable[[Any], Any]) -> Any:  # noqa: ANN401 - as numba returns it
+def _keyed(function: Any, build: Callable[[bool], Any]) -> Any:  # noqa: ANN401 - numba's own
     name = function.__qualname__
     function.__qualname__ = f"{name}-{fingerprint(function)}"  # names the cache files
     try:
-        return build(function)
+        return build(True)(function)
+    except RuntimeError:  # no folder can be written: it is compiled in every process
+        return build(False)(function)
     finally:
         function.__qualname__ = name
+
+
+@cache
+def cache_folder() -> Path | None:
+    """Folder of the compiled functions of this module; None where numba can write none."""
+    from numba.core.caching import FunctionCache
+
+    try:
+        return Path(FunctionCache(fingerprint).cache_path)
+    except RuntimeError:
+        return None
 
 
 def fingerprint(function: FunctionType) -> str:

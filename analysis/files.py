@@ -5,8 +5,8 @@ import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from typing import IO
 
 from analysis.schema import AnalysisError
 
@@ -16,7 +16,7 @@ class FileError(AnalysisError):
 
 
 @contextmanager
-def opened(path: Path | str, largest: int) -> Iterator[IO[bytes]]:
+def opened(path: Path | str, largest: int) -> Iterator[BufferedReader]:
     """A regular file of at most `largest` bytes, open for reading.
 
     Devices, FIFOs, sockets and folders are refused before they are opened, which may block for

@@ -13,6 +13,7 @@ from analysis.schema import AnalysisError
 REFUSED = 3  # exit code of a process that says why on standard error
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST = 300  # characters of a reason
+GRACE = 30.0  # s; only a process that waits for something takes as long
 
 
 class LimitError(AnalysisError):
@@ -27,7 +28,7 @@ def run(module: str, request: bytes, *, seconds: float, megabytes: int) -> bytes
 
     Parameters
     ----------
-    seconds : processor time that it may take, and half the time on the clock
+    seconds : processor time that it may take; on the clock `GRACE` more, for a busy machine
     megabytes : memory that it may add to what it has after its imports
 
     Raises
@@ -40,8 +41,8 @@ def run(module: str, request: bytes, *, seconds: float, megabytes: int) -> bytes
     pipe = subprocess.PIPE
     try:
         done = subprocess.run(
-            command, input=request, stdout=pipe, stderr=pipe, env=environment, timeout=2 * seconds,
-            check=False,
+            command, input=request, stdout=pipe, stderr=pipe, env=environment, check=False,
+            timeout=seconds + GRACE,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise LimitError(f"takes longer than {seconds:g} s to read") from None

@@ -14,5 +14,9 @@ SWITCH_ANGLE = radians(9.0)  # of the printed rig: numeric switch_angle of mjcf/
 # MPU-6000/6050 product specification 6.1 and 6.2, register map revision 4.2.
 GYRO_NOISE = radians(0.005)  # rad/s/√Hz, one-sided
 GYRO_BIAS_WALK = radians(0.02)  # rad/s/√s while it warms up
+MPU6050, MPU6500 = 0x68, 0x70  # WHO_AM_I
+# With the gyro of the MPU6500: that, MPU9250 and MPU9255, register map revision 2.1.
+SUCCESSORS = (MPU6500, 0x71, 0x73)
+GYRO_DELAY_6500_S = (0.97e-3, 2.9e-3, 3.9e-3, 5.9e-3, 9.9e-3, 17.85e-3, 33.48e-3)
 GYRO_DELAY_S = (0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3)  # by DLPF setting
 ACCELEROMETER_NOISE = 400e-6 * STANDARD_GRAVITY  # m/s²/√Hz

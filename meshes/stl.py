@@ -52,7 +52,7 @@ def read(path: Path) -> NDArray[np.float32]:
     """
     try:
         size = path.stat().st_size
-        content = path.read_bytes() if size <= LARGEST else b""
+        content = path.read_bytes() if size <= LARGEST and path.is_file() else b""
     except OSError as error:
         raise MeshError(f"cannot read mesh {path}: {error.strerror}") from error
     if size > LARGEST:

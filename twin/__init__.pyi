@@ -10,6 +10,7 @@ from twin.errors import TwinError as TwinError
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.identify import IdentifyResult
+from twin.evaluation.identify import InformationResult
 from twin.evaluation.linkage import PhysicsResult
 from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
@@ -30,6 +31,7 @@ def calibrate(
     fault: tuple[str, ...] = ...,
     unit: int | None = ...,
     gimbal: str = ...,
+    mechanism: str | PathLike[str] | None = ...,
     switch_deg: tuple[float, float, float, float] | None = ...,
     repeats: int = ...,
     seed: int = ...,
@@ -150,10 +152,11 @@ def identify(
     gyro_delay_ms: float = ...,
     initial: Literal['rest', 'free'] = ...,
     check: tuple[str | PathLike[str], ...] = ...,
+    check_only: bool = ...,
     both: bool = ...,
     parameters: tuple[str, ...] = ...,
     mechanism: str | PathLike[str] | None = ...,
-) -> IdentifyResult | PhysicsResult: ...
+) -> IdentifyResult | PhysicsResult | InformationResult: ...
 def mechanism(
     action: Literal['show', 'check'],
     file: str | PathLike[str] | None,
@@ -230,6 +233,7 @@ def rig(
     port: int | None = ...,
     link: str | PathLike[str] | None = ...,
     scene: Literal['bench', 'turntable'] = ...,
+    mechanism: str | PathLike[str] | None = ...,
     seed: int = ...,
     duration_s: float | None = ...,
 ) -> None: ...

@@ -4,6 +4,7 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.identify.gimbal import cross_gains, identify_gimbal, own_records
 from analysis.identify.identification import identify
+from analysis.identify.information import Expectation, expectations
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.order import OrderScore, select_order
 from analysis.identify.prediction import fit_to, predict
@@ -13,12 +14,14 @@ __all__ = [
     "AxisEvidence",
     "ChannelFit",
     "Estimate",
+    "Expectation",
     "IdentificationError",
     "IdentifiedModel",
     "OrderScore",
     "ServoBounds",
     "by_pulses",
     "cross_gains",
+    "expectations",
     "fit_to",
     "identify",
     "identify_gimbal",

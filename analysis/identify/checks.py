@@ -107,6 +107,11 @@ def _check_readings(r: Measurement, what: str, values: Array) -> None:
                 f"{r.name}: {what} '{name}' has {int(good.sum())} readings in {len(values)} samples"
                 f"; {100 * (1 - good.mean()):.0f} % are missing"
             )
+        if np.ptp(values[good, axis]) == 0.0:
+            raise IdentificationError(
+                f"{r.name}: {what} '{name}' is {values[good, axis][0]:g} in every sample; give a"
+                " column that moves, or check the sensor"
+            )
         stuck = clipped(values[good, axis])
         if stuck.any():
             level = values[good, axis][stuck][0]

@@ -267,6 +267,11 @@ def _held_out(problem: Problem, residual: Array, fold: Mask) -> float:
     return total
 
 
+def servo_jacobian(problem: Problem, axis: int, structure: Structure, theta: Array) -> Array:
+    """Derivatives of the weighted output of a servo (rows, θ + linear), at its best gain."""
+    return _jacobian(problem, axis, structure, theta, _project(problem, axis, structure, theta)[1])
+
+
 def _jacobian(
     problem: Problem, axis: int, structure: Structure, theta: Array, linear: Array
 ) -> Array:

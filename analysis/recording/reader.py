@@ -10,6 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from analysis import schema
+from analysis.files import FileError
 from analysis.recording import rrd
 from analysis.recording.series import Event, Recording, RecordingError, TimeSeries
 
@@ -17,7 +18,6 @@ PROPERTIES = f"/__properties/{schema.PROPERTY}"
 TIMING = f"/__properties/{schema.TIMING}"
 TEXTS = (schema.EVENTS, schema.HEALTH, schema.ESTIMATOR)
 WANTED = frozenset([PROPERTIES, TIMING, *TEXTS, *schema.ENTITIES])
-MAX_BYTES = 4 * 2**30  # a day of flight; more is a mistake or an attack
 MAX_PROPERTIES = 16 * 2**20  # characters of JSON
 
 
@@ -38,14 +38,12 @@ def read(path: Path | str, *, growing: bool = False) -> Recording:
     path = Path(path)
     content = _Content(path)
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise RecordingError(f"{path}: larger than the {MAX_BYTES >> 30} GiB that are read")
         for entity, batch in rrd.batches(path, WANTED, growing=growing):
             content.take(entity, batch)
     except RecordingError:
         raise
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from None
+    except FileError as error:
+        raise RecordingError(f"cannot read {error}") from None
     except rrd.CutOffError as error:
         raise RecordingError(f"{path}: {error}; `twin view FILE` repairs it") from None
     except (ValueError, pa.ArrowException) as error:
@@ -67,8 +65,8 @@ def properties(path: Path) -> dict[str, object]:
             content.take(entity, batch)
             if "json" in content.texts:
                 break
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from None
+    except FileError as error:
+        raise RecordingError(f"cannot read {error}") from None
     except (ValueError, pa.ArrowException) as error:
         raise RecordingError(f"{path}: not a Rerun recording, or damaged ({error})") from None
     if "json" not in content.texts:

@@ -17,7 +17,10 @@ from typing import IO
 
 import pyarrow as pa
 
+from analysis.files import opened
+
 MAGIC, TRAILER = b"RRF2", b"RRF2FOOT"
+MAX_BYTES = 4 * 2**30  # a day of flight; more is a mistake or an attack
 HEADER_BYTES = 12
 _FRAME = struct.Struct("<QQ")
 END, DATA = 0, 2
@@ -50,9 +53,9 @@ def batches(
     Raises
     ------
     FormatError : at the first unsound byte met; `CutOffError` if the file ends before its footer
-    OSError : the file cannot be read
+    FileError : it cannot be read, or is not a regular file
     """
-    with path.open("rb") as file:
+    with opened(path, MAX_BYTES) as file:
         store = None
         for start, end in _data_frames(file, growing=growing):
             found = _fields(_read(file, start, end), 0, end - start)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from analysis.files import FileError, content
 from analysis.schema import AnalysisError
 
 SCHEMA = "tvc-twin/transfer-function/1"
@@ -31,14 +32,11 @@ def load(path: Path) -> Any:  # noqa: ANN401 - JSON is any until it has been che
     ModelFileError : the file cannot be read, is too large, or is not JSON
     """
     try:
-        with path.open("rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise ModelFileError(f"{path}: {error.strerror or error}") from error
-    if len(content) > LARGEST_FILE:
-        raise ModelFileError(f"{path} is larger than {LARGEST_FILE >> 20} MiB; a model is a few kB")
+        data = content(path, LARGEST_FILE)
+    except FileError as error:
+        raise ModelFileError(str(error)) from None
     try:
-        return json.loads(content, parse_constant=_constant)
+        return json.loads(data, parse_constant=_constant)
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error}") from error
     except (ValueError, RecursionError) as error:

@@ -55,6 +55,9 @@ def read(path: Path, rig: int | None = None) -> Calibration:
     CalibrationError : missing file, another format, implausible, or of another rig
     """
     try:
+        if not path.is_file():  # a device or FIFO would not end
+            path.stat()
+            raise CalibrationError(f"cannot read {path}: not a regular file")
         with path.open("rb") as file:
             data = file.read(LARGEST_FILE + 1)
     except OSError as error:

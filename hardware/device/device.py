@@ -60,6 +60,10 @@ class Device:
     board : kind of board
     build : identifier of its program, u32
     serial : serial number, u32; 0 without one
+
+    Attributes
+    ----------
+    imu_identity : WHO_AM_I of holder and base; 0 before it is read
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class Device:
         self.transmit = bytearray()
         self.pulse: Ticks = self.config.neutral
         self.flags = 0
+        self.imu_identity = (0, 0)
         self._encoder = Encoder()
         self._decoder = Decoder()
         self._acknowledged = 0
@@ -91,7 +96,16 @@ class Device:
 
     def hello(self) -> None:
         """Send HELLO."""
-        self._send(hello(self.board, self.build, self.config, self.reset_cause, self.serial))
+        self._send(
+            hello(
+                self.board,
+                self.build,
+                self.config,
+                self.reset_cause,
+                self.serial,
+                self.imu_identity,
+            )
+        )
 
     def receive(self, data: bytes, received_us: int, now_us: int) -> None:
         """Process bytes, the last of which arrived at `received_us` of the device's clock."""

@@ -10,6 +10,7 @@ from hardware.emulator.cable import Cable
 from hardware.emulator.injection import Injection
 from hardware.emulator.plant import Plant
 from hardware.frames import Pair, Triple
+from hardware.parts import MPU6050
 from hardware.protocol import Board, constants
 
 FRAME_TICKS = constants.PWM_PERIOD_US // LOOP_US
@@ -184,6 +185,8 @@ class Emulator:
             if answers:
                 self._imu[6 * k : 6 * k + 6] = counts[6 * k : 6 * k + 6]
                 self._read_us[k] = device_us - IMU_AGE_US[k]
+        if all(present):
+            self.device.imu_identity = (MPU6050, MPU6050)
         return present
 
     def _transmit(self, world_us: float) -> None:

@@ -22,6 +22,7 @@ class Reading(NamedTuple):
     fresh : the gyro was read for this frame; else its last reading is repeated
     command : gimbal angles of the pulse widths in force; None while the servos are not driven [rad]
     switches : closed limit switches +x, −x, +y, −y
+    force, base_force : readings of the accelerometers on holder and base [m/s²]
     """
 
     dt: float
@@ -33,6 +34,8 @@ class Reading(NamedTuple):
     fresh: bool = True
     command: Pair | None = None
     switches: tuple[bool, bool, bool, bool] = (False, False, False, False)
+    force: Triple = (0.0, 0.0, 0.0)
+    base_force: Triple = (0.0, 0.0, 0.0)
 
 
 class Prediction(NamedTuple):

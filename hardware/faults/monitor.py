@@ -9,28 +9,26 @@ compared with an angle dead-reckoned from the gyro.
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from math import cos, degrees, exp, radians
+from math import cos, degrees, radians
 from typing import Any
 
 from hardware.faults.actuation import MISREAD, Actuation
-from hardware.faults.axis import DRIFT, FORGOTTEN, LAG, LEAK, MOSTLY, SMOOTHING, STRANDED, Axis
+from hardware.faults.axis import DRIFT, LAG, LEAK, MOSTLY, SMOOTHING, STRANDED, Axis
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
+from hardware.faults.gravity import Gravity
 from hardware.faults.memory import filled, number
 from hardware.faults.states import (
     GYRO,
     NAMED,
-    ODD_SCORE,
     PAIR,
-    SCORE_TIME,
     SENSORS,
     SERVO,
     SUPPLY,
-    TRANSITIONS,
-    Fault,
     State,
     Track,
 )
-from hardware.frames import AXES, Pair, Triple
+from hardware.faults.tracks import DOUBTFUL, Tracks
+from hardware.frames import Pair, Triple
 
 GATE = 4.5  # σ; two Gaussian outliers of one sensor meet within 100 ms once in 60 hours
 CERTAIN = 9.0  # σ; one is enough
@@ -40,11 +38,14 @@ SETTLING = 1.5  # s; the gyro's bias is not yet known before
 FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit every time
 FROZEN_DELAYS = 5.5  # delays of its low-pass; a healthy one at rest for 600 s stood still for 2.0
 COMMON_DRIFT = radians(0.3)  # of both potentiometers of an axis together, when at rest
+# the same where maps are uncertain: 16° of motion by scales 8 % apart, and how late it shows [s]
+UNCERTAIN_DRIFT, UNCERTAIN_LAG = radians(1.5), 0.02
+DEPARTED = radians(0.25)  # from gravity, 10 σ of its average
+AVERAGED = 0.3  # of an offset that its average has reached
 UNDECIDED = 0.2  # s of disagreement with the gyro that the servo's command does not decide
-DOUBTFUL = 0.5  # s of disagreement in which no sensor can be named, until health reports it
 
 
-class Monitor:
+class Monitor(Tracks):
     """Monitors one rig; calls `listener(sensor, old, new, kind)` on every change.
 
     Parameters
@@ -58,44 +59,13 @@ class Monitor:
         listener: Callable[[str, State, State, str], None] | None = None,
         actuation: Actuation | None = None,
     ) -> None:
-        self.listener = listener
+        super().__init__(listener)
         self.actuation = actuation or Actuation()
-        self.time = 0.0
-        self._tracks = tuple(Track(i) for i in range(len(SENSORS)))
-        self._axes = (Axis(), Axis())
+        self._gravity = Gravity()
         self._running = 0.0  # s since `begin`
         self._last_gyro: Triple | None = None
         self._equal = 0
-        self._out = [False] * len(SENSORS)  # which sensors are named
         self._blur = 0.0  # 3 σ of the most uncertain potentiometer map [rad]
-        self._stands = False  # the gyro has repeated one reading for too long
-
-    @property
-    def healthy(self) -> bool:
-        """No sensor or servo is named and no axis is in doubt."""
-        return not any(self._out) and all(a.doubtful < DOUBTFUL for a in self._axes)
-
-    @property
-    def faults(self) -> tuple[Fault, ...]:
-        """The sensors and servos that are named."""
-        return tuple(
-            Fault(SENSORS[t.index], t.kind, t.since) for t in self._tracks if t.state in NAMED
-        )
-
-    @property
-    def states(self) -> dict[str, State]:
-        """State of every sensor and servo by name."""
-        return {SENSORS[t.index]: t.state for t in self._tracks}
-
-    def describe(self) -> str:
-        """Return the health in one line."""
-        parts = [f"{f.sensor} {f.kind}" for f in self.faults]
-        parts += [
-            f"potentiometers of {name} disagree"
-            for name, axis in zip(AXES, self._axes, strict=True)
-            if axis.doubtful >= DOUBTFUL and not parts
-        ]
-        return ", ".join(parts) or "ok"
 
     @property
     def note(self) -> str:
@@ -117,6 +87,7 @@ class Monitor:
             "last_gyro": None if self._last_gyro is None else list(self._last_gyro),
             "tracks": [asdict(track) for track in self._tracks],
             "axes": [asdict(axis) for axis in self._axes],
+            "gravity": asdict(self._gravity),
             "actuation": self.actuation.snapshot(),
         }
 
@@ -131,7 +102,9 @@ class Monitor:
         x, y = (filled(Axis, values) for values in memory["axes"])
         if [track.index for track in tracks] != list(range(len(SENSORS))):
             raise ValueError("tracks of other sensors")
+        gravity = filled(Gravity, memory["gravity"])
         self.actuation.restore(memory["actuation"])
+        self._gravity = gravity
         self._tracks, self._axes = tracks, (x, y)
         self.time, self._running = number(memory["time"]), number(memory["running"])
         self._equal = int(number(memory["equal"]))
@@ -150,6 +123,7 @@ class Monitor:
         for axis in self._axes:
             axis.begin()
         self.actuation.begin()
+        self._gravity.begin()
         return (a, b, c, d)
 
     def inspect(self, reading: Reading, prediction: Prediction) -> Remedy:
@@ -158,19 +132,19 @@ class Monitor:
         self.time += dt
         self._running += dt
         self._blur = max(prediction.tolerance)
-        fade = exp(-dt / SCORE_TIME)
-        for track in self._tracks:
-            if track.score:
-                track.score = track.score * fade if track.score > FORGOTTEN else 0.0
+        self._fade(dt)
         rest, supply = self._without_supply(reading, prediction)
         use = self._outliers(reading, prediction, rest)
         self._frozen(reading, prediction)
         self.actuation.advance(reading.command, prediction.angle, dt)
+        if reading.fresh:
+            self._gravity.update(reading.angle, reading.force, reading.base_force, dt)
         self._dead_reckon(reading, prediction, rest, use)
         if self._running > SETTLING:
             self._compare(reading, prediction)
         self._watch_servos(reading, prediction)
-        lost = self._advance(prediction, dt)
+        named = self._advance(prediction.angle, dt)
+        lost = (self._lost(0), self._lost(1)) if named else (None, None)
         usable = reading.fresh and not (self._out[GYRO] and self._is_frozen())
         marginal = supply or self._out[SUPPLY]
         x, y = (self._contradicted(k, reading, prediction, rest, use) for k in (0, 1))
@@ -180,23 +154,6 @@ class Monitor:
             1.0 if marginal else 0.0,
             (lost[0] or x, lost[1] or y),
         )
-
-    def _is_frozen(self) -> bool:
-        gyro = self._tracks[GYRO]
-        return gyro.state is State.FAULTY and gyro.kind == "frozen"
-
-    def _accuse(self, index: int, weight: float, kind: str) -> None:
-        track = self._tracks[index]
-        track.score = min(track.score + weight, 2.0)
-        if index < GYRO:
-            axis, k = self._axes[index // 2], index % 2
-            if axis.railed[k] > MOSTLY:
-                kind = "open"
-            elif axis.outlying[k] > MOSTLY:
-                kind = "deviating"
-        elif index == GYRO and self._stands:
-            kind = "frozen"
-        track.kind = kind
 
     def _without_supply(self, r: Reading, p: Prediction) -> tuple[list[float], bool]:
         """Return the innovations [rad] freed of a common supply error, and whether there is one."""
@@ -304,9 +261,14 @@ class Monitor:
                 axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
             uncertain = max(p.tolerance[2 * k], p.tolerance[2 * k + 1])
             moving = LAG * abs(p.rate[k]) + uncertain
+            if uncertain > DRIFT:  # offsets part the two, and cancel in their mean
+                common = 0.5 * abs(a + b) - UNCERTAIN_DRIFT - UNCERTAIN_LAG * abs(p.rate[k])
+            else:
+                common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT - moving
             if abs(a - b) > DRIFT + moving:
-                self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
-            elif min(abs(a), abs(b)) > COMMON_DRIFT + moving and a * b > 0 and not self._mute(r, k):
+                if not self._sagging(r):
+                    self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
+            elif common > 0 and not self._mute(r, k):
                 self._part(k, p.angle[k], 0.5 * (a + b), r.dt)
             elif axis.common:
                 axis.common = max(0.0, axis.common - r.dt)
@@ -339,7 +301,11 @@ class Monitor:
         for k, kind in enumerate(actuation.kinds):
             if not kind:
                 continue
-            if kind == MISREAD or self._out[PAIR + k]:
+            # The horn has not slipped if gravity has not moved either.
+            u, v = self._gravity.departed(2 * k), self._gravity.departed(2 * k + 1)
+            offset = abs(actuation.axes[k].mean)
+            drifted = kind.startswith("offset") and 0.5 * abs(u + v) > AVERAGED * offset
+            if drifted or kind == MISREAD or self._out[PAIR + k]:
                 self._accuse(PAIR + k, 1.0, "deviating")
             else:
                 self._accuse(SERVO + k, 1.0, kind)
@@ -348,6 +314,9 @@ class Monitor:
         self, index: int, a: float, b: float, margin: float, dt: float, separable: bool
     ) -> None:
         """Name the one further off; if the maps are too uncertain, doubt the axis."""
+        u, v = (abs(self._gravity.departed(2 * index + n)) for n in (0, 1))
+        if separable and max(u, v) > DEPARTED:  # slow, and the estimate has followed half of it
+            a, b = u, v
         if not separable:
             self._doubt(index, dt)
         elif abs(a) > abs(b) + 0.5 * margin:
@@ -357,37 +326,24 @@ class Monitor:
         else:
             self._doubt(index, dt)
 
+    def _sagging(self, r: Reading) -> bool:
+        """Name a supply error that has grown slowly: one factor for all potentiometers."""
+        if any(self._out[:POTENTIOMETERS]):
+            return False
+        apart = [*self._axes[0].distance, *self._axes[1].distance]
+        slope = [f * g for f, g in zip(r.fraction, r.gain, strict=True)]
+        error = sum(s * a for s, a in zip(slope, apart, strict=True)) / sum(s * s for s in slope)
+        shares = [abs(s * error) for s in slope]
+        left = max(abs(a - s * error) for a, s in zip(apart, slope, strict=True))
+        if left > 0.5 * min(shares) or max(shares) < 0.4 * DRIFT:
+            return False
+        self._accuse(SUPPLY, 0.2, "sag")
+        return True
+
     def _doubt(self, index: int, dt: float) -> None:
         if not (self._out[2 * index] or self._out[2 * index + 1]):
             self._axes[index].doubtful += 2 * dt
 
-    def _advance(self, p: Prediction, dt: float) -> tuple[Pair | None, Pair | None]:
-        """Move every sensor's state along `TRANSITIONS`; return what the filters should forget."""
-        forget: tuple[Pair | None, Pair | None] = (None, None)
-        for track in self._tracks:
-            if track.score <= ODD_SCORE and track.state is State.OK:
-                continue
-            angle = p.angle[track.index // 2 if track.index < GYRO else track.index % 2]
-            track.clean = 0.0 if track.score > ODD_SCORE else track.clean + dt
-            if track.clean == 0.0:
-                track.lowest = track.highest = angle
-            track.lowest, track.highest = min(track.lowest, angle), max(track.highest, angle)
-            new = TRANSITIONS.get((track.state, track.sign()), track.state)
-            if new is track.state:
-                continue
-            if new is State.FAULTY and track.state not in NAMED:
-                track.since = self.time
-                if track.index == GYRO:
-                    forget = (self._lost(0), self._lost(1))
-            self._change(track, new)
-        return forget
-
     def _lost(self, index: int) -> Pair:
         a, b = self._axes[index].distance
         return abs(a + b) / 2 + DRIFT, radians(30.0)
-
-    def _change(self, track: Track, new: State) -> None:
-        old, track.state = track.state, new
-        self._out[track.index] = new in NAMED
-        if self.listener is not None:
-            self.listener(SENSORS[track.index], old, new, track.kind)

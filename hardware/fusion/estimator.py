@@ -151,6 +151,8 @@ class Fusion:
             bool(frame.flags & _HOLDER_IMU),
             self._commands.angles(frame),
             frame.switches,
+            frame.accelerometer,
+            frame.base_accelerometer,
         )
 
     def _rate(self, frame: SensorFrame) -> Pair:

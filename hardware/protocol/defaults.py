@@ -1,7 +1,7 @@
 """HELLO and settings of a board after boot, for the firmware and every board in Python."""
 
 from hardware.protocol import messages as m
-from hardware.protocol.messages import Board, Config, Hello, Triple
+from hardware.protocol.messages import Board, Config, Hello, Pair, Triple
 from hardware.protocol.table import LAYOUT
 
 
@@ -21,7 +21,12 @@ def default_config() -> Config:
 
 
 def hello(
-    board: Board, build: int, config: Config, reset_cause: int = 1, serial: int = m.SERIAL_NONE
+    board: Board,
+    build: int,
+    config: Config,
+    reset_cause: int = 1,
+    serial: int = m.SERIAL_NONE,
+    imu_identity: Pair = (0, 0),
 ) -> Hello:
     """Return the HELLO of a device of this version.
 
@@ -32,6 +37,7 @@ def hello(
     config : settings in force
     reset_cause : bits of MCUSR
     serial : serial number, u32; 0 without one
+    imu_identity : WHO_AM_I of holder and base; 0 before it is read
     """
     return Hello(
         protocol=m.PROTOCOL,
@@ -56,6 +62,7 @@ def hello(
         neutral=config.neutral,
         minimum=config.minimum,
         maximum=config.maximum,
+        imu_identity=imu_identity,
     )
 
 

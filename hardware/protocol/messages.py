@@ -162,6 +162,10 @@ class Hello:
     neutral: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
     minimum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
     maximum: Annotated[Triple, Wire("H", "0.5 µs", _pulse, 3)]
+    imu_identity: Annotated[
+        Pair,
+        Wire("B", "", "WHO_AM_I of holder and base: 0x68 MPU6050, 0x70 MPU6500; 0 unread", 2),
+    ]
 
 
 @message(0x82)

@@ -151,6 +151,8 @@ class Gateway:
         fresh = motion.fresh if self._motion.ready else (False, False)
         code = self._codes.latest.code if self._codes.ready else (None,) * _CHANNELS
         wired = [c or 0 for c in code]
+        holder, base = self._imus
+        self.device.imu_identity = (holder.identity, base.identity)
         age = [min(max(sample_us - t, 0), 0xFFFF) for t in motion.read_us]
         self.device.report(
             Sample(

@@ -11,7 +11,7 @@ from hardware.frames import HardwareError
 from hardware.protocol import constants
 
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG = 0x19, 0x1A, 0x1B, 0x1C
-ACCEL_XOUT_H, PWR_MGMT_1 = 0x3B, 0x6B
+ACCEL_XOUT_H, PWR_MGMT_1, WHO_AM_I = 0x3B, 0x6B, 0x75
 READING = 14  # accelerometer, temperature, gyro: three, one, three words
 CLOCK_PLL_X = 1
 FS_SEL_500, AFS_SEL_4 = 1 << 3, 1 << 3
@@ -69,6 +69,7 @@ class Imu:
     def __init__(self, bus: Bus, address: int) -> None:
         self.bus, self.address = bus, address
         self.dlpf = -1
+        self.identity = 0
 
     def read(self, dlpf: int) -> tuple[int, int, int, int, int, int] | None:
         """Return gyro and accelerometer counts at a low-pass setting, None without an answer."""
@@ -94,6 +95,7 @@ class Imu:
             (SMPLRT_DIV, 0),
         ):
             self.bus.write_byte_data(self.address, register, value)
+        self.identity = self.bus.read_i2c_block_data(self.address, WHO_AM_I, 1)[0]
         self.dlpf = dlpf
 
 

@@ -232,8 +232,10 @@ class Connection(ABC):
 
     def _greet(self, hello: Hello, sequence: int) -> None:
         check(hello, self._serial)
-        # Within a session only a low-pass that was set anew makes the gyro later.
-        self._delay_known &= self.hello is not None and self.hello.dlpf == hello.dlpf
+        # Within a session another low-pass, or knowing which chip it is, changes the gyro's delay.
+        before = self.hello
+        self._delay_known &= before is not None and before.dlpf == hello.dlpf
+        self._delay_known &= before is not None and before.imu_identity == hello.imu_identity
         self.hello = hello
         self._converter = Converter(hello)
         # Number 0 is a boot; any other answers a request and changes nothing once the rig is ready.

@@ -7,7 +7,7 @@ from hardware.calibration.result import Calibration, nominal
 from hardware.faults import Fault
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from hardware.fusion import BaseMap, Fusion, Noise
-from hardware.parts import GYRO_DELAY_S
+from hardware.parts import GYRO_DELAY_6500_S, GYRO_DELAY_S, SUCCESSORS
 from hardware.protocol import (
     Command,
     Config,
@@ -70,6 +70,7 @@ class Rig(Connection):
         self.gyro_delay = self.fusion.noise.gyro_delay
         self._frames = 0
         self._latest: Telemetry | None = None
+        self._asked = False  # in this session, for the kind of IMU
 
     def renew(self, base: BaseMap | None = None) -> None:
         """Reset every estimate to its state before the first frame.
@@ -176,6 +177,7 @@ class Rig(Connection):
         )
 
     def _restart(self) -> None:
+        self._asked = False
         self.fusion.restart()
 
     def _take(self, event: Frame) -> SensorFrame | None:
@@ -203,7 +205,12 @@ class Rig(Connection):
         """Take the gyro's delay from the first frame of a session that has a holder IMU."""
         if self._delay_known or self.hello is None or not t.flags & Flags.HOLDER_IMU:
             return
-        low_pass = GYRO_DELAY_S[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
+        chip = self.hello.imu_identity[0]
+        if chip == 0 and not self._asked:  # a HELLO of before the IMUs were set up
+            self.line.send(HelloRequest())
+            self._asked = True
+        delays = GYRO_DELAY_6500_S if chip in SUCCESSORS else GYRO_DELAY_S
+        low_pass = delays[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
         self.gyro_delay = low_pass + t.imu_age_us[0] * 1e-6
         self.fusion.set_gyro_delay(self.gyro_delay)
         self._delay_known = True

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.identify import fit_to, identify
+from analysis.identify import expectations, fit_to, identify
 from analysis.recording import measurement
 from tests.benchmarks import coverage
 from tests.benchmarks.identification import Gimbal, moved, random_steps
@@ -61,3 +61,17 @@ def test_a_record_that_begins_in_motion_is_predicted_with_its_motion():
     model = identify(runs[:1])
     assert fit_to(model, runs)[:, 0].min() > 95.0
     assert fit_to(model, [replace(runs[1], initial="rest")])[0, 0] < 80.0
+
+
+@pytest.mark.parametrize("kind", ["exact", "single"])
+def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
+    """The linear figures against the errors of the fit; bounds of a single step are unknown."""
+    r, true = coverage.one_axis(kind, 1)
+    expected = {e.name: e for e in expectations([r])}
+    model = identify([r])
+    for e in model.estimates:
+        scale = 1.0 if e.name.endswith("delay") else abs(e.value)
+        error = abs(e.value - true["x/x"][e.name.removeprefix("x/x ")]) / scale
+        assert error < 2.0 * expected[e.name].half
+    assert expected["x rate limit"].enough == (kind == "exact")
+    assert np.isinf(expected["x backlash"].half) == (kind == "single")

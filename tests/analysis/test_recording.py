@@ -120,7 +120,7 @@ def test_no_recording_is_refused_in_one_line(tmp_path):
         assert "\n" not in str(caught.value)
     with pytest.raises(RecordingError, match="No such file"):
         recording.read(tmp_path / "nothing.rrd")
-    with pytest.raises(RecordingError, match="directory"):
+    with pytest.raises(RecordingError, match="not a regular file"):
         recording.read(tmp_path)
 
 

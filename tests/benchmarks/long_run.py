@@ -30,7 +30,7 @@ from twin.recorder.rows import Rows
 
 MINUTE_NS = 60_000_000_000
 ROW_NS = 2_000_000  # 500 rows a second, as a rig sends them
-WARM = 10  # runs after which every cache is filled
+WARM = 20  # runs after which every cache is filled
 MB = 1e6
 
 
@@ -122,7 +122,8 @@ def main() -> None:
         for k in range(0, len(measured), 10):
             print(f"run {k + 1:4d}: {measured[k][0]} threads, {measured[k][1]:.0f} MB")
         threads, memory = zip(*measured[WARM:], strict=True)
-        print(f"threads {min(threads)} to {max(threads)}, memory {memory[-1] - memory[0]:+.1f} MB")
+        grown = np.mean(memory[-10:]) - np.mean(memory[:10])
+        print(f"threads {min(threads)} to {max(threads)}, memory {grown:+.1f} MB in ten runs' mean")
     elif what == "hour":
         with tempfile.TemporaryDirectory() as folder:
             began = time.perf_counter()

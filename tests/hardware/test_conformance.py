@@ -92,6 +92,12 @@ def test_hello_at_boot_carries_the_kind_of_board_and_the_default_settings(make):
     assert rig.driven() == NEUTRAL
 
 
+def test_hello_names_the_imus_once_they_have_been_read(rig):
+    rig.run(60)
+    known = (0, 0) if isinstance(rig, CoreRig) else (0x68, 0x68)  # the core alone reads no IMU
+    assert rig.hello().imu_identity == known
+
+
 def test_telemetry_is_sent_every_2_ms_without_a_gap(rig):
     rig.run(30)  # a Nano sets up its IMUs first, which takes longer than reading them
     frames = rig.run(400)

@@ -266,11 +266,12 @@ READING = bytes.fromhex("0102 fffe 7fff 0b0c 8000 0001 0203").hex()
 def test_imus_are_set_up_register_by_register_and_then_read(core):
     _imu(core, "imu_new")
     both = {0x68: READING, 0x69: READING}
-    written = [_round(core, both) for _ in range(5)]
+    written = [_round(core, both) for _ in range(6)]
     # RM-MPU-6000A-00: PLL on gyro x; DLPF 2; ±500 °/s; ±4 g; sample rate undivided.
-    expected = [(0x6B, 1), (0x1A, 2), (0x1B, 8), (0x1C, 8), (0x19, 0)]
+    expected = [(0x75, 0), (0x6B, 1), (0x1A, 2), (0x1B, 8), (0x1C, 8), (0x19, 0)]
     assert [(r[0][1], r[0][2]) for r in written] == expected
     assert [(r[1][1], r[1][2]) for r in written] == expected
+    assert [r[0][3] for r in written] == [1, 0, 0, 0, 0, 0]  # the first reads WHO_AM_I
     assert _round(core, both, now=77) == [(0x68, 0x3B, 0, 14), (0x69, 0x3B, 0, 14)]
     state = _imu(core, "imu_configure", 2)
     assert state[5:13] == [1, 77, -32768, 1, 0x0203, 0x0102, -2, 0x7FFF]
@@ -279,17 +280,17 @@ def test_imus_are_set_up_register_by_register_and_then_read(core):
 @pytest.mark.parametrize("trouble", [None, "00" * 14], ids=["unplugged", "asleep"])
 def test_an_imu_that_does_not_answer_is_set_up_again(core, trouble):
     _imu(core, "imu_new")
-    for _ in range(6):
+    for _ in range(7):
         _round(core, {0x68: READING, 0x69: READING})
     _round(core, {0x68: trouble, 0x69: READING})
     state = _imu(core, "imu_configure", 2)
     assert (state[5], state[13]) == (0, 1)
-    assert _round(core, {0x68: READING, 0x69: READING})[0][1:3] == (0x6B, 1)
+    assert _round(core, {0x68: READING, 0x69: READING})[0][1:3] == (0x75, 0)
 
 
 def test_another_filter_setting_sets_both_imus_up_again(core):
     _imu(core, "imu_new")
-    for _ in range(6):
+    for _ in range(7):
         _round(core, {0x68: READING, 0x69: READING})
     _imu(core, "imu_configure", 6)
     rounds = [_round(core, {0x68: READING, 0x69: READING}) for _ in range(2)]

@@ -12,6 +12,7 @@ import pytest
 from hardware.calibration import nominal
 from hardware.device import PtyPort, Server
 from hardware.emulator import Emulator, parse, sample_rig
+from hardware.emulator.emulator import IMU_AGE_US
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import GimbalCommand
 from hardware.parts import GYRO_DELAY_S
@@ -421,6 +422,22 @@ def test_counts_become_si_units_by_the_scales_of_hello():
     assert frame.switches == (True, False, True, False)
     assert frame.joystick == pytest.approx((0.0, 1023 / 512 - 1))
     assert (frame.time_ns, frame.device_us, frame.flags) == (5, 6, 3)
+
+
+@pytest.mark.parametrize(
+    ("chip", "low_pass"), [(0x68, 2.8e-3), (0x70, 3.9e-3), (0x71, 3.9e-3), (0x12, 2.8e-3)]
+)
+def test_the_gyros_delay_is_that_of_the_chip_named_in_hello(chip, low_pass, monkeypatch):
+    """Data sheets at DLPF 2: MPU-6050 98 Hz, 2.8 ms; MPU-6500 92 Hz, 3.9 ms."""
+    monkeypatch.setattr("hardware.emulator.emulator.MPU6050", chip)
+    device = Emulator()  # its HELLO at boot is of before the chips are read, as a Nano's is
+    rig = in_process(device)
+    assert rig.connect().imu_identity == (0, 0)
+    for _ in range(50):
+        device.advance_us(2000)
+        rig.poll()
+    assert rig.hello.imu_identity == (chip, chip)
+    assert rig.gyro_delay == pytest.approx(low_pass + IMU_AGE_US[0] * 1e-6)
 
 
 @pytest.mark.realtime

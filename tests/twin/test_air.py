@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from twin.config import Fly
+from twin.config.vehicle import Vehicle as Settings
 from twin.experiments.fly import fly
+from twin.experiments.vehicle import vehicle
 from twin.physics import native
 from twin.physics.aerodynamics import density, gust, gust_modes, speed_of_sound
 from twin.physics.native.recovery import is_open
@@ -63,6 +65,12 @@ def test_axial_drag_follows_its_table_over_the_mach_number(tmp_path, time, colum
         wanted = np.interp(speed / speed_of_sound(height + station), table[:, 0], table[:, column])
         q = 0.5 * density(height + station) * speed**2
         assert (still - got) / (q * area) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_the_table_is_named_where_a_vehicle_is_shown(tmp_path):
+    (tmp_path / "drag.csv").write_text(DRAG)
+    shown = vehicle(Settings("show", described(tmp_path, 'drag_table = "drag.csv"')))
+    assert "drag.csv takes its place: 0.5 to 1.1 with the motor off, Mach 0 to 1.2" in shown.text()
 
 
 @pytest.mark.parametrize(

@@ -244,3 +244,51 @@ def test_a_terminal_of_one_column_gets_the_help(tmp_path, capsys, monkeypatch):
     code, out, _ = run(capsys, "view", "--help")
     assert code == 0
     assert "--web" in out
+
+
+def table(path, name="y", last=0.2):
+    """A table of steps whose angle follows at once."""
+    rows = [(k * 0.01, (k // 50 % 2) * 0.1) for k in range(500)]
+    lines = (f"{t:.2f},{u},{u * 0.9 if name == 'y' else last}\n" for t, u in rows)
+    path.write_text(f"t,u,{name}\n{''.join(lines)}")
+
+
+def test_what_cannot_be_identified_from_is_refused_in_one_line(capsys, here):
+    table(here / "constant.csv", "z")
+    table(here / "a.csv")
+    table(here / "b.csv")
+    columns = ("--time", "t", "--input", "u", "--angle")
+    code, _, err = run(capsys, "identify", "constant.csv", *columns, "z")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "is 0.2 in every sample" in err
+    for twice in ("a.csv", "b.csv"):  # the same file, and a copy
+        code, _, err = run(capsys, "identify", "a.csv", twice, *columns, "y")
+        assert (code, err.count("\n")) == (2, 1)
+        assert "give every measurement once" in err
+
+
+def test_a_served_rig_refuses_parameters_that_it_does_not_have(capsys, here):
+    code, _, err = run(capsys, "rig", "--set", "nope=5", "--duration-s", "0.1")
+    assert code == 2
+    assert err == (
+        "twin: --set nope: a rig on the bench has no such parameter; must begin with gimbal_\n"
+    )
+
+
+@pytest.mark.parametrize("module", ["analysis.schema", "tyro", "twin.experiments.fly", "mujoco"])
+def test_an_interrupt_while_something_is_imported_is_one_line(tmp_path, module):
+    program = f"""
+import os, signal, sys
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+from twin.cli.main import main
+main(["fly"])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "twin: interrupted; nothing was recorded\n"

@@ -98,3 +98,25 @@ def test_what_a_cached_function_reaches_is_in_its_key(name):
         assert compiled.fingerprint(function) in key  # nothing it uses was bound or changed later
         parts = compiled._reached(function, set())
         assert not [p for p in parts if " at 0x" in p]  # an address differs in every process
+
+
+def test_where_no_cache_can_be_written_functions_are_compiled_in_every_process(monkeypatch):
+    """As in a read-only installation of a user whose home cannot be written."""
+    from numba.core.caching import CacheImpl
+
+    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+    twice = compiled.njit()(lambda x: 2 * x)
+    assert twice(3) == 6
+    assert compiled.cache_folder.__wrapped__() is None
+
+
+def test_the_doctor_says_where_compiled_code_is_kept(monkeypatch):
+    from twin.cli import doctor
+
+    found = {f.topic: f for f in doctor._native()}["compiled code"]
+    assert found.level == "ok"
+    assert str(compiled.cache_folder()) in found.state
+    monkeypatch.setattr(doctor, "cache_folder", lambda: None)
+    found = {f.topic: f for f in doctor._native()}["compiled code"]
+    assert found.level == "note"
+    assert "NUMBA_CACHE_DIR" in found.remedy

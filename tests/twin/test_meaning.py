@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from twin.cli.main import main
 from twin.errors import DivergenceError, TwinError
 from twin.physics.mechanism import check_response
 from twin.plant.compose import MJCF
@@ -77,6 +78,15 @@ def test_a_position_servo_of_another_kind_is_accepted(tmp_path):
 def test_a_linkage_that_does_not_hold_together_is_refused(tmp_path, old, new, message):
     with pytest.raises(TwinError, match=message):
         load(ModelConfig(scene="bench", mechanism=linkage(tmp_path, old, new)))
+
+
+@pytest.mark.parametrize("verb", ["rig", "calibrate"])
+def test_rig_and_calibration_take_their_mechanism_from_a_file(tmp_path, capsys, verb):
+    mirrored = direct(tmp_path, POSITION, 'gear="-1"')
+    with pytest.raises(SystemExit) as end:
+        main([verb, "--mechanism", str(mirrored)])
+    assert end.value.code == 2
+    assert "its gear is -1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["mechanism.xml", "examples/direct_drive.xml"])

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -20,7 +21,7 @@ from tests.benchmarks import long_run
 from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer
-from twin.recorder import DetachedRecorder, Recorder, RecorderError, scene, shapes
+from twin.recorder import DetachedRecorder, Recorder, RecorderError, ring, scene, shapes
 from twin.viewer import opening
 
 
@@ -422,6 +423,22 @@ def test_a_closed_recording_leaves_no_thread_behind(tmp_path):
         runs.fly(tmp_path / f"{k}.rrd", 0.1)
         threads.append(process.num_threads())
     assert threads[1:] == threads[:1] * 3
+
+
+def test_shared_memory_of_a_killed_process_is_deleted_at_the_next_start():
+    program = (
+        "import os, signal; from twin.recorder import ring;"
+        "print(ring.make(4, 2).path, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    killed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    left = Path(killed.stdout.strip())
+    assert left.exists()
+    kept = Path(ring.make(4, 2).path)
+    assert not left.exists()
+    own = Path(ring.make(4, 2).path)
+    assert kept.exists()  # its process is alive
+    kept.unlink()
+    own.unlink()
 
 
 def test_rows_are_in_the_file_when_they_have_been_written(tmp_path):

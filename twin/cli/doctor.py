@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
+from analysis.compiled import cache_folder
 from twin.config import Doctor
 from twin.config.result import Result, Rows
 
@@ -109,6 +110,13 @@ def _native() -> Iterator[Finding]:
 
     layout.verify()
     yield Finding("native callbacks", "ok", "field offsets agree with this MuJoCo")
+    folder = cache_folder()
+    if folder is None:
+        remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
+        state = "none can be written: every start compiles for 20 s or more"
+        yield Finding("compiled code", "note", state, remedy)
+    else:
+        yield Finding("compiled code", "ok", f"kept in {folder}")
 
 
 def _rendering() -> Iterator[Finding]:

@@ -9,6 +9,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
+from analysis.files import FileError, content
 from twin.cli.arguments import described
 from twin.config.base import hints, without_markers
 from twin.config.types import POSITIONAL
@@ -118,14 +119,12 @@ def load(path: str | os.PathLike[str]) -> Any:  # noqa: ANN401  depends on the f
     """
     file = Path(path)
     try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise TwinError(f"{file} is larger than {LARGEST_FILE} bytes")
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise TwinError(f"cannot read {file}: {error.strerror}") from None
+        held = json.loads(content(file, LARGEST_FILE))
+    except FileError as error:
+        raise TwinError(f"cannot read {error}") from None
     except (ValueError, RecursionError):
         raise TwinError(f"{file}: is not JSON; recordings are read with twin.read") from None
-    schema = content.get("schema", "") if isinstance(content, dict) else ""
+    schema = held.get("schema", "") if isinstance(held, dict) else ""
     if str(schema).startswith("tvc-twin/transfer-function/"):
         from analysis.transfer_function import TransferFunctionModel
 

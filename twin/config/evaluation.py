@@ -90,6 +90,9 @@ class Identify(Columns, Output, Parameters):
     """Whether the gimbal was at rest when a record starts, or may have moved (free)."""
     check: Files = ()
     """Recording or table for validation: predicted, not fitted. Repeatable."""
+    check_only: Flag = False
+    """Print what the records can determine and how well, and what to record for the rest; no model
+    is written."""
     both: Flag = False
     """Use the model of a single axis for both axes, so that it can be flown."""
     parameters: tuple[str, ...] = ()
@@ -109,6 +112,10 @@ class Identify(Columns, Output, Parameters):
         super().validate()
         if not self.sources:
             raise TwinError("twin identify needs a recording or table")
+        if self.check_only and (self.linkage or self.check or self.out is not None):
+            raise TwinError(
+                "--check-only writes no model; it excludes --linkage, --check and --out"
+            )
         if self.from_pulses and self.linkage:
             raise TwinError("--from-pulses excludes --linkage, which always uses the pulses")
         if self.gyro_delay_ms and not self.rate:

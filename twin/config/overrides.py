@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from analysis.files import FileError, content
 from twin.errors import TwinError
 
 LARGEST_FILE = 1_000_000  # bytes
@@ -51,18 +52,14 @@ def _pairs(
 
 def _from_file(file: Path) -> dict[str, float]:
     try:
-        if file.stat().st_size > LARGEST_FILE:
-            raise TwinError(f"{file} is larger than {LARGEST_FILE} bytes")
-        content = json.loads(file.read_text())
-    except OSError as error:
-        raise TwinError(f"cannot read overrides {file}: {error.strerror}") from error
+        values = json.loads(content(file, LARGEST_FILE))
+    except FileError as error:
+        raise TwinError(f"cannot read overrides {error}") from None
     except (ValueError, RecursionError) as error:
-        if isinstance(error, TwinError):
-            raise
-        raise TwinError(f"{file} is not JSON: {error}") from error
-    if not isinstance(content, dict):
+        raise TwinError(f"{file} is not JSON: {error}") from None
+    if not isinstance(values, dict):
         raise TwinError(f'{file}: overrides are one JSON object, {{"name": number, …}}')
-    return {str(name): number(value, f"{file}: {name}") for name, value in content.items()}
+    return {str(name): number(value, f"{file}: {name}") for name, value in values.items()}
 
 
 def number(value: object, where: str) -> float:

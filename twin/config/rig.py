@@ -25,6 +25,8 @@ class Rig(SimulatedRig, Parameters):
     """Name of a symbolic link to the pseudo-terminal, for example /tmp/rig."""
     scene: Literal["bench", "turntable"] = "bench"
     """Clamped (bench), or on a base that a third servo turns (turntable)."""
+    mechanism: Path | None = None
+    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     seed: Seed = 0
     """Random seed of the sensor noise."""
     duration_s: Duration | None = None
@@ -55,6 +57,8 @@ class Calibrate(SimulatedRig, Output):
 
     gimbal: str = "emulator"
     """Rig: emulator, firmware, or a port such as /dev/ttyUSB0 or socket://127.0.0.1:5555."""
+    mechanism: Path | None = None
+    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     switch_deg: tuple[SwitchAngle, SwitchAngle, SwitchAngle, SwitchAngle] | None = None
     """Angles at which the switches +x, -x, +y and -y close [°]; those of the printed calibration
     frame if omitted."""

@@ -11,8 +11,10 @@ import numpy as np
 
 from analysis.identify import (
     AxisEvidence,
+    Expectation,
     IdentifiedModel,
     OrderScore,
+    expectations,
     fit_to,
     identify_gimbal,
 )
@@ -119,7 +121,7 @@ def _unexplained(a: AxisEvidence) -> Rows:
     return rows
 
 
-def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
+def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationResult":
     """Identify a gimbal from recordings or tables and write the model file.
 
     Raises
@@ -132,6 +134,8 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
         from twin.evaluation.linkage import identify_linkage
 
         return identify_linkage(config)
+    if config.check_only:
+        return _information(config)
     began = time.perf_counter()
     out = writable(config.out or Path("runs/model.json"), ".json", force=config.force)
     source = given(config, config.sources)
@@ -165,6 +169,42 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult":
         notes,
         time.perf_counter() - began,
     )
+
+
+@dataclass(frozen=True)
+class InformationResult(Result):
+    """What records can determine, before a model is made of them."""
+
+    expected: tuple[Expectation, ...]
+    sources: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values; a half width is None where the records show nothing of a parameter."""
+        return {
+            "parameters": [{**e.to_dict(), "enough": e.enough} for e in self.expected],
+            "sources": list(self.sources),
+            "warnings": list(self.warnings),
+        }
+
+    def rows(self) -> Rows:
+        """Each parameter with its expected interval, and what to record where that is wide."""
+        rows = [("can determine", ", ".join(self.sources))]
+        for e in self.expected:
+            scale, unit = (1e3, "ms") if e.name.endswith("delay") else (100.0, "%")
+            text = f"± {scale * e.half:.2g} {unit}" if np.isfinite(e.half) else "nothing"
+            if not e.enough:
+                text += f", not determined (± {scale * e.bar:.2g} {unit} is): {e.advice}"
+            rows.append((e.name, text))
+        return rows + [("WARNING", w) for w in self.warnings]
+
+
+def _information(config: Identify) -> InformationResult:
+    source = given(config, config.sources)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found = expectations(source.runs, config.poles, max_delay=_longest(config))
+    return InformationResult(found, tuple(r.name for r in source.runs), source.doubts)
 
 
 def _delay(text: str) -> Literal["free"] | float:

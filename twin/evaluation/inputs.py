@@ -1,5 +1,6 @@
 """Files given to a command as measurements: recordings of the twin, and tables from any rig."""
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis import recording
+from analysis.files import opened
 from analysis.identify import by_pulses
 from analysis.recording import Measurement
 from analysis.recording.caveats import caveats
@@ -19,6 +21,8 @@ from twin.errors import TwinError
 # only (docs/control.md). Used as exact it would promise deviations a hundred times too small, so
 # noise of that size is added.
 READING = math.radians(0.01)
+
+LARGEST = 1 << 32  # bytes of a file
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ def given(config: Identify, files: tuple[Path, ...]) -> Given:
     ------
     TwinError, AnalysisError : a file or flag that cannot be used, in one line
     """
+    _refuse_twins(files)
     read = [_tabled(config, f) if is_table(f) else _recorded(config, f) for f in files]
     runs, simulated = [r for g in read for r in g.runs], any(g.simulated for g in read)
     inputs = runs[0].inputs
@@ -51,6 +56,19 @@ def given(config: Identify, files: tuple[Path, ...]) -> Given:
     if not config.linkage and 0 < len(moved) < len(inputs) == len(runs[0].outputs):
         runs = [r.select(moved, [r.outputs[r.inputs.index(n)] for n in moved]) for r in runs]
     return Given(runs, simulated, tuple(d for g in read for d in g.doubts))
+
+
+def _refuse_twins(files: tuple[Path, ...]) -> None:
+    """Refuse two files of one content, which would halve every interval."""
+    seen_before: dict[str, Path] = {}
+    for path in files if len(files) > 1 else ():
+        with opened(path, LARGEST) as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        if digest in seen_before:
+            raise TwinError(
+                f"{path}: has the content of {seen_before[digest]}; give every measurement once"
+            )
+        seen_before[digest] = path
 
 
 def _recorded(config: Identify, file: Path) -> Given:

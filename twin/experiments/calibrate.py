@@ -103,7 +103,12 @@ def calibrate(config: Calibrate) -> CalibrationResult:
     writable(config.out, ".json", force=config.force)
     rig = _rig(config)
     options = RigOptions(
-        seat=config.gimbal, unit=config.unit, faults=config.fault, seed=config.seed, fuse=False
+        seat=config.gimbal,
+        unit=config.unit,
+        faults=config.fault,
+        seed=config.seed,
+        fuse=False,
+        mechanism=config.mechanism,
     )
     with compiled(), open_rig(options, None) as seat:
         began = seat.now_ns()
@@ -117,7 +122,7 @@ def calibrate(config: Calibrate) -> CalibrationResult:
 
 
 def _rig(config: Calibrate) -> CalibrationRig:
-    bench = load(ModelConfig(scene="bench")).mj
+    bench = load(ModelConfig(scene="bench", mechanism=config.mechanism)).mj
     if config.switch_deg is None:
         angles = switch_angles(bench)
     else:

@@ -10,6 +10,7 @@ from twin.config import OBJECT, Fly
 from twin.control import AttitudeController, Setpoint
 from twin.errors import TwinError
 from twin.experiments.flight import Flight, FlightResult
+from twin.experiments.kept import Origin
 from twin.experiments.miss import missed
 from twin.experiments.own_controller import OwnController, load
 from twin.experiments.programme import setpoint
@@ -26,7 +27,10 @@ if TYPE_CHECKING:
 
 
 def fly(
-    config: Fly, playback: "Recording | None" = None, controller: object | None = None
+    config: Fly,
+    playback: "Recording | None" = None,
+    controller: object | None = None,
+    origin: Origin | None = None,
 ) -> FlightResult:
     """Fly the vehicle once, with the component in the gimbal seat that was asked for; record it.
 
@@ -34,6 +38,7 @@ def fly(
     ----------
     playback : recording whose readings take the place of a rig
     controller : own controller object in place of the attitude loop and of `config.controller`
+    origin : what is recorded about the files of a flight that is repeated
 
     Raises
     ------
@@ -45,7 +50,9 @@ def fly(
         config = replace(config, controller=f"{OBJECT}{type(controller).__name__}")
     elif config.controller is not None:
         controller = load(config.controller)
-    with Session(config, "fly", config.control_hz, motor=config.motor, playback=playback) as s:
+    with Session(
+        config, "fly", config.control_hz, motor=config.motor, playback=playback, origin=origin
+    ) as s:
         plant = s.plant
         if not plant.has_vehicle:
             raise TwinError(f"--scene {config.scene}: has no joint 'vehicle' to fly")

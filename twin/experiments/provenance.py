@@ -1,7 +1,6 @@
 """What a recording says about the run that made it, and the recorder that writes it."""
 
-import hashlib
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -10,14 +9,12 @@ from typing import TYPE_CHECKING
 from twin.config import Run
 from twin.config.paths import writable
 from twin.config.seats import SIMULATED
-from twin.physics.motor import split_name
-from twin.plant.compose import described_motor
+from twin.experiments.kept import RESULTS, Origin, files_of, repeated
 from twin.plant.model import TwinModel
 from twin.recorder import DetachedRecorder, Recorder, Sink
 from twin.recorder.rows import Rows
 
 if TYPE_CHECKING:
-    from analysis.recording import Recording
     from twin.hil import RigGimbal
     from twin.hil.shadow import Shadow
 
@@ -25,8 +22,6 @@ VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba", "rerun-sdk")
 # Each write costs the same however much it holds; in real time a viewer may be watching, and the
 # process that writes may be ended by force.
 DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 1_000_000_000
-LARGEST_KEPT = 200_000  # bytes of a motor, model or vehicle file that a recording carries whole
-UNRECORDED = ("out", "json", "force")  # where results go changes nothing about the run
 
 
 def make_recorder(
@@ -39,7 +34,7 @@ def make_recorder(
     serve: int | None = None,
     drain_ns: int | None = None,
     rig: "RigGimbal | None" = None,
-    playback: "Recording | None" = None,
+    origin: Origin | None = None,
     shadow: "Shadow | None" = None,
 ) -> Sink:
     """The run's recorder, its properties complete enough to repeat the run.
@@ -50,16 +45,16 @@ def make_recorder(
     serve : port of a live viewer on this machine
     drain_ns : time between two writes; by the clock if omitted
     rig : its base, if it turns, belongs to the properties
+    origin : of a run that is repeated; its files are this run's files, whatever became of them
     shadow : model beside the rig
-    playback : recording that is repeated; its files are this run's files, whatever became of them
 
     Raises
     ------
     TwinError : the file cannot be written, or the port is taken
     """
     properties = _properties(config, verb, twin)
-    if playback is not None:
-        properties["files"] = _files_of(playback) | _only(properties["files"], "controller")
+    if origin is not None:
+        properties = repeated(properties, origin)
     if rig is not None and rig.base is not None:
         properties["base"] = asdict(rig.base)
     if rig is not None:
@@ -82,14 +77,14 @@ def make_recorder(
 
 
 def _properties(config: Run, verb: str, twin: TwinModel) -> dict[str, object]:
-    settings = {k: v for k, v in config.as_properties().items() if k not in UNRECORDED}
+    settings = {k: v for k, v in config.as_properties().items() if k not in RESULTS}
     return {
         "command": verb,
         "configuration": settings,
         "versions": {name: version(name) for name in VERSIONS},
         "model_sha256": twin.sha256,
         "seed": config.seed,
-        "files": {name: _kept(path) for name, path in _files(config).items()},
+        "files": files_of(config),
     }
 
 
@@ -107,37 +102,3 @@ def _shadow(config: Run, shadow: "Shadow | None") -> dict[str, object] | None:
         "set": ours,
         "differs": [k for k in either if ours.get(k) != rigs.get(k)],
     }
-
-
-def _files_of(playback: "Recording") -> dict[str, object]:
-    files = playback.properties.get("files")
-    return dict(files) if isinstance(files, dict) else {}
-
-
-def _only(files: object, name: str) -> dict[str, object]:
-    return {name: files[name]} if isinstance(files, dict) and name in files else {}
-
-
-def _files(config: Run) -> dict[str, Path]:
-    """Files that decide what the run does, by the setting that names them."""
-    values = {f.name: getattr(config, f.name) for f in fields(config) if f.name not in UNRECORDED}
-    named = {name: value for name, value in values.items() if isinstance(value, Path)}
-    if "motor" in named:
-        named["motor"] = split_name(named["motor"])[0]
-    if "vehicle" in named and (own := described_motor(named["vehicle"])) is not None:
-        named["vehicle_motor"] = own
-    if (own := getattr(config, "controller_file", None)) is not None:
-        named["controller"] = own
-    return named
-
-
-def _kept(path: Path) -> dict[str, str]:
-    """Digest of a file a run was given, and its text where that is short."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return {}
-    kept = {"sha256": hashlib.sha256(content).hexdigest()}
-    if len(content) <= LARGEST_KEPT:
-        kept["text"] = content.decode(errors="replace")
-    return kept

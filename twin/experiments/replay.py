@@ -1,7 +1,8 @@
 """`twin replay`: repeat a recorded run, bit for bit or with changed settings.
 
-The recording's properties are the settings. Its recorded frames take the place of a rig and are
-fused again; the only other data used are the arrays that the new run is compared with.
+The recording's properties are the settings, and hold the files that its run was given: no file that
+it names is opened. Its recorded frames take the place of a rig and are fused again; the only other
+data used are the arrays that the new run is compared with.
 """
 
 from collections.abc import Mapping
@@ -21,6 +22,7 @@ from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
 from twin.experiments.flight import FlightResult
 from twin.experiments.fly import fly
+from twin.experiments.kept import Origin, origin, restored
 from twin.experiments.provenance import VERSIONS
 from twin.experiments.step import StepResult, step
 from twin.plant.compiled import compiled
@@ -134,7 +136,8 @@ def replay(config: Replay, controller: object | None = None) -> ReplayResult:
     _check_controller(recorded, config)
     asked = _changed(recorded, config)
     if not config.force:
-        _check(old, recorded, config.recording)
+        with restored(old, recorded, config.recording, force=False) as original:
+            _check(old, original, config.recording)
     out = config.out or config.recording.with_suffix(".replay.rrd")
     if not out.is_dir():
         writable(out, ".rrd", force=config.force)
@@ -142,7 +145,9 @@ def replay(config: Replay, controller: object | None = None) -> ReplayResult:
         raise TwinError(f"--out {out}: the replay must not overwrite what it repeats")
     # a rig that is named anew is simulated anew; otherwise its recorded frames stand in for it
     playback = old if is_rig(asked.gimbal) and config.gimbal is None else None
-    result = _flown(replace(asked, out=out, force=config.force), playback, controller)
+    with restored(old, asked, config.recording, force=config.force) as again:
+        again = replace(again, out=out, force=config.force)
+        result = _flown(again, playback, controller, origin(old, asked))
     new = read(result.recording)
     return ReplayResult(
         recording=str(config.recording),
@@ -267,12 +272,12 @@ def _text(value: object) -> str:
 
 
 def _flown(
-    config: Run, playback: Recording | None, own: object | None
+    config: Run, playback: Recording | None, own: object | None, source: Origin
 ) -> FlightResult | StepResult:
     if isinstance(config, Fly):
-        return fly(config, playback, own)
+        return fly(config, playback, own, source)
     assert isinstance(config, Step)
-    return step(config, playback)
+    return step(config, playback, source)
 
 
 def _figures(recording: Recording) -> dict[str, float]:

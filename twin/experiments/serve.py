@@ -12,6 +12,7 @@ from hardware.key import VARIABLE
 from twin.config import Rig
 from twin.experiments.signals import until_signal
 from twin.hil import RigOptions, device
+from twin.hil.connect import check_parameters
 from twin.loop import realtime
 from twin.plant.compiled import compiled
 
@@ -35,7 +36,9 @@ def rig(config: Rig) -> None:
         seed=config.seed,
         overrides=config.overrides,
         scene=config.scene,
+        mechanism=config.mechanism,
     )
+    check_parameters(options)
     with compiled(), until_signal() as ended:
         simulated = device(options)
         with serve(simulated, tcp=config.port, link=config.link) as server:

@@ -15,6 +15,7 @@ from twin.experiments.assembly import (
     shadow_options,
     steps_per_tick,
 )
+from twin.experiments.kept import Origin
 from twin.experiments.provenance import make_recorder
 from twin.hil.failsafe import Guard
 from twin.loop.clock import Clock, Ledger, Lockstep, Wall
@@ -48,6 +49,7 @@ class Session:
     control_hz : rate of the loop [Hz]
     motor : motor file in place of the vehicle's own motor
     playback : recording whose readings take the place of a rig
+    origin : what is recorded about the files of a run that is repeated
     timed : whether the lateness of every tick is recorded in real time
 
     Attributes
@@ -72,11 +74,13 @@ class Session:
         *,
         motor: Path | None = None,
         playback: "Recording | None" = None,
+        origin: Origin | None = None,
         timed: bool = True,
     ) -> None:
         self.config, self.verb = config, verb
         self.real_time = config.real_time and playback is None
         self._control_hz, self._motor, self._playback = control_hz, motor, playback
+        self._origin = origin
         # a rig is released before its run is judged, and before the recording is complete
         self._stack, self._live = ExitStack(), ExitStack()
         self.rig: RigGimbal | None = None
@@ -184,7 +188,7 @@ class Session:
         self.recorder = self._stack.enter_context(
             make_recorder(
                 self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,
-                serve=serve, drain_ns=drain_ns, rig=self.rig, playback=self._playback,
+                serve=serve, drain_ns=drain_ns, rig=self.rig, origin=self._origin,
                 shadow=self.shadow,
             )
         )  # fmt: skip

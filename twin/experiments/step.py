@@ -13,6 +13,7 @@ from twin.config import Step
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.excitation import LONGEST, Excitation, Plan
+from twin.experiments.kept import Origin
 from twin.experiments.session import Session
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.loop.seats import Sequence as Commands
@@ -77,12 +78,15 @@ class StepResult(Result):
         return rows + recording_rows(self.recording)
 
 
-def step(config: Step, playback: "Recording | None" = None) -> StepResult:
+def step(
+    config: Step, playback: "Recording | None" = None, origin: Origin | None = None
+) -> StepResult:
     """Command a gimbal on the bench with a test signal and record its response.
 
     Parameters
     ----------
     playback : recording whose readings take the place of a rig
+    origin : what is recorded about the files of a run that is repeated
 
     Raises
     ------
@@ -91,7 +95,7 @@ def step(config: Step, playback: "Recording | None" = None) -> StepResult:
     """
     began, busy = time.perf_counter(), time.process_time()
     signal = excitation(config) if config.commands is None else None
-    with Session(config, "step", config.control_hz, playback=playback) as s:
+    with Session(config, "step", config.control_hz, playback=playback, origin=origin) as s:
         plant = s.plant
         if plant.twin.gimbal == "fixed":
             raise TwinError(f"--scene {config.scene}: has no gimbal to step")

@@ -21,7 +21,7 @@ from twin.plant.model import ModelConfig, TwinModel, load
 
 BURN: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the burn time
 ANGLES: Final = (0.0, 2.0, 5.0, 10.0)  # degrees
-NO_MACH: Final = "the coefficients hold below Mach 0.6; they do not depend on the Mach number"
+NO_MACH: Final = "normal forces hold below Mach 0.6; they do not depend on the Mach number"
 
 
 @dataclass(frozen=True)
@@ -188,6 +188,12 @@ def report(twin: TwinModel, name: str, built: vehicles.Vehicle | None = None) ->
     if built is not None:
         source = "as the description states" if built.design.drag is not None else ""
         source = source or f"from the shape: {built.drag.text}"
+        if built.drag_table is not None:
+            mach, drag = built.drag_table.mach, built.drag_table.coasting
+            source = (
+                f"in flight {built.design.drag_table} takes its place: {drag.min():.3g} to"
+                f" {drag.max():.3g} with the motor off, Mach {mach[0]:g} to {mach[-1]:g}"
+            )
     return VehicleResult(
         name=name,
         states=states,

@@ -89,9 +89,29 @@ def device(options: RigOptions) -> Device:
     return make_device(options.seat, plant, rig, faults=faults, seed=options.seed)
 
 
+def check_parameters(options: RigOptions) -> None:
+    """Refuse parameters that a served rig does not have.
+
+    Raises
+    ------
+    TwinError : the first of them
+    """
+    names = _parameters(options.scene)
+    for name in options.overrides:
+        if not name.startswith(names):
+            raise TwinError(
+                f"--set {name}: a rig on the {options.scene} has no such parameter; must begin with"
+                f" {' or '.join(names)}"
+            )
+
+
+def _parameters(scene: str) -> tuple[str, ...]:
+    return RIG_PARAMETERS if scene == TURNTABLE else RIG_PARAMETERS[:1]
+
+
 def _model(options: RigOptions, scene: str) -> TwinModel:
     """A scene with the mechanism of the rig; only the bench has the limit switches."""
-    names = RIG_PARAMETERS if scene == TURNTABLE else RIG_PARAMETERS[:1]
+    names = _parameters(scene)
     ours = {k: v for k, v in options.overrides.items() if k.startswith(names)}
     return load(ModelConfig(scene=scene, mechanism=options.mechanism, overrides=ours))
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import mujoco
 
+from analysis.compiled import cache_folder
 from twin.physics import native
 
 _lock = threading.Lock()
@@ -63,4 +64,7 @@ def _warn(message: str) -> None:
 
 
 def _explain_wait() -> None:
-    print("twin: compiling the native forces, once after an update …", file=sys.stderr)
+    when = "once after an update"
+    if cache_folder() is None:
+        when = "at every start, since no cache can be written; NUMBA_CACHE_DIR may name a folder"
+    print(f"twin: compiling the native forces, {when} …", file=sys.stderr)

@@ -37,13 +37,21 @@ def is_description(vehicle: Path | None) -> bool:
     return vehicle is not None and vehicle.suffix.lower() == ".toml"
 
 
-def described_motor(vehicle: Path) -> Path | None:
-    """Motor file that a vehicle's description names; None for an MJCF file or without one."""
+def described_files(vehicle: Path) -> dict[str, Path]:
+    """Files that a vehicle's description names, by what they are; none of an MJCF file."""
     if not is_description(vehicle):
-        return None
+        return {}
     from twin.physics import vehicle as vehicles
 
-    return vehicles.motor_path(vehicles.described(vehicle))
+    design = vehicles.described(vehicle)
+    found = {}
+    if (motor := vehicles.motor_path(design)) is not None:
+        found["motor"] = motor
+    if design.gimbal is not None and design.gimbal.mechanism:
+        found["mechanism"] = vehicles.mechanism_file(design)
+    if design.drag_table:
+        found["drag_table"] = vehicle.parent / design.drag_table
+    return found
 
 
 def compose(
@@ -92,6 +100,16 @@ def _parsed(path: Path, parse: Callable[[], mujoco.MjSpec]) -> mujoco.MjSpec:
 def one_line(error: Exception) -> str:
     """The text of an error with its line breaks folded."""
     return " ".join(str(error).split())
+
+
+def flattened(path: Path) -> ET.Element:
+    """Root element of an MJCF file, includes resolved and file references absolute.
+
+    Raises
+    ------
+    TwinError : a file is missing or is not MJCF
+    """
+    return _tree(path)
 
 
 def _tree(

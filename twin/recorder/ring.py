@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 # Memory on Linux; elsewhere a file that the system keeps in its cache. Names come from `mkstemp`.
 SHARED = Path("/dev/shm")  # noqa: S108
+PREFIX = "tvc-twin-ring-"
 _HEAD, _TAIL = 0, 8  # words of the counters, a cache line apart
 
 
@@ -45,12 +47,15 @@ class Shape:
 def make(capacity: int, width: int) -> Shape:
     """Create the file of a ring and write every page of it; the caller deletes it.
 
+    Files that processes killed before that have left are deleted here.
+
     Raises
     ------
     OSError : no memory or disk space
     """
     folder = SHARED if os.access(SHARED, os.W_OK) else None
-    handle, path = tempfile.mkstemp(prefix="tvc-twin-", dir=folder)
+    _sweep(folder or Path(tempfile.gettempdir()))
+    handle, path = tempfile.mkstemp(prefix=f"{PREFIX}{os.getpid()}-", dir=folder)
     shape = Shape(path, capacity, width)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -59,6 +64,21 @@ def make(capacity: int, width: int) -> Shape:
         Path(path).unlink(missing_ok=True)
         raise
     return shape
+
+
+def _sweep(folder: Path) -> None:
+    """Delete the files of this user's processes that are gone; their names have the process."""
+    for path in folder.glob(f"{PREFIX}*-*"):
+        process = path.name.removeprefix(PREFIX).partition("-")[0]
+        if not process.isdecimal() or os.name != "posix":
+            continue
+        try:
+            os.kill(int(process), 0)
+        except ProcessLookupError:
+            with suppress(OSError):  # another user's, or deleted by another process meanwhile
+                path.unlink()
+        except (PermissionError, OverflowError):
+            continue
 
 
 class Ring:

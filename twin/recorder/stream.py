@@ -67,9 +67,9 @@ class Recorder(Sink):
         text = json_text(properties)
         if serve is not None:
             refuse_taken(serve)
-        self._mark = claimed(self.path, self._partial)
         self._layout(capacity, drain_ns)
         self._poses = None if model is None else Poses(model, pose_period_ns)
+        self._mark = claimed(self.path, self._partial)  # late: a killed run leaves it empty
         self._texts: list[tuple[str, int, str, str]] = []
         self._last_wall = 0
         self._reached = 0

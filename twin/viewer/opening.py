@@ -11,12 +11,14 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from analysis.files import FileError, opened
 from analysis.recording.lock import held
 from analysis.recording.rrd import MAGIC
 from twin.errors import TwinError
 
 LOOPBACK = "127.0.0.1"
 START_SECONDS = 30.0
+LARGEST = 1 << 50  # bytes
 WRITER_WAIT_S = 5.0  # the file of a killed run is complete after 0.2 s; else the run is still on
 EMPTY_BYTES = 1000  # Rerun writes 100 to 400 for a recording without content
 
@@ -60,10 +62,10 @@ def repaired(path: Path) -> Path:
     """
     path = _let_finish(path)
     try:
-        with path.open("rb") as file:
+        with opened(path, LARGEST) as file:
             start = file.read(len(MAGIC))
-    except OSError as error:
-        raise ViewerError(f"cannot open {path}: {error.strerror or error}") from None
+    except FileError as error:
+        raise ViewerError(f"cannot open {error}") from None
     if start != MAGIC:
         raise ViewerError(f"{path}: not a Rerun recording (.rrd)")
     if path.suffix == ".rrd" and complete(path):

@@ -143,6 +143,7 @@ void report() {
     const uint32_t age = s.device_us - imus.read_us[i];
     s.imu_age_us[i] = age < 0xFFFF ? static_cast<uint16_t>(age) : 0xFFFF;
     s.imu_fresh[i] = imus.fresh[i];
+    gimbal.imu_identity[i] = imus.identity[i];
   }
   s.switches = read_switches();
   s.overruns = uart::overruns();

@@ -33,6 +33,7 @@ bool plausible(const wire::Config& config) {
 
 Gimbal::Gimbal(uint8_t board)
     : transmit(),
+      imu_identity(),
       receiver_(),
       sender_(transmit),
       config_(),
@@ -94,6 +95,7 @@ void Gimbal::hello() {
   memcpy(hello.neutral, config_.neutral, sizeof hello.neutral);
   memcpy(hello.minimum, config_.minimum, sizeof hello.minimum);
   memcpy(hello.maximum, config_.maximum, sizeof hello.maximum);
+  memcpy(hello.imu_identity, imu_identity, sizeof hello.imu_identity);
   overruns_seen_ = overruns_;
   sender_.send(hello);
 }

@@ -40,6 +40,7 @@ class Gimbal {
   uint32_t serial() const { return serial_; }  // serial number, to be kept by the board
 
   TransmitRing transmit;
+  uint8_t imu_identity[2];  // set by the board
 
  private:
   void hello();

@@ -8,7 +8,7 @@
 namespace {
 
 constexpr uint8_t SMPLRT_DIV = 0x19, CONFIG = 0x1A, GYRO_CONFIG = 0x1B, ACCEL_CONFIG = 0x1C;
-constexpr uint8_t ACCEL_XOUT_H = 0x3B, PWR_MGMT_1 = 0x6B;
+constexpr uint8_t ACCEL_XOUT_H = 0x3B, PWR_MGMT_1 = 0x6B, WHO_AM_I = 0x75;
 constexpr uint8_t READING = 14;  // accelerometer, temperature, gyro: three, one, three words
 constexpr uint8_t CLOCK_PLL_X = 0x01;
 
@@ -16,14 +16,14 @@ static_assert(wire::GYRO_RANGE_DPS == 500, "FS_SEL below");
 static_assert(wire::ACCELEROMETER_RANGE_G == 4, "AFS_SEL below");
 constexpr uint8_t FS_SEL_500 = 1 << 3, AFS_SEL_4 = 1 << 3;
 
-constexpr uint8_t STEPS = 5;
+constexpr uint8_t STEPS = 6, IDENTIFY = 0, SETTINGS = 1;
 
 void setup_step(uint8_t step, uint8_t dlpf, Transaction& t) {
-  const uint8_t reg[STEPS] = {PWR_MGMT_1, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, SMPLRT_DIV};
-  const uint8_t value[STEPS] = {CLOCK_PLL_X, dlpf, FS_SEL_500, AFS_SEL_4, 0};
+  const uint8_t reg[STEPS] = {WHO_AM_I, PWR_MGMT_1, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, SMPLRT_DIV};
+  const uint8_t value[STEPS] = {0, CLOCK_PLL_X, dlpf, FS_SEL_500, AFS_SEL_4, 0};
   t.reg = reg[step];
   t.value = value[step];
-  t.count = 0;
+  t.count = step == IDENTIFY;
 }
 
 int16_t big_endian(const uint8_t* bytes) {
@@ -38,12 +38,13 @@ bool all_zero(const uint8_t* data) {
 
 }  // namespace
 
-Imus::Imus() : gyro(), accelerometer(), read_us(), fresh(), dlpf_(wire::DLPF), sensor_(COUNT), step_() {}
+Imus::Imus() : gyro(), accelerometer(), read_us(), fresh(), identity(), dlpf_(wire::DLPF), sensor_(COUNT), step_() {}
 
 void Imus::configure(uint8_t dlpf) {
   if (dlpf == dlpf_) return;
   dlpf_ = dlpf;
-  step_[0] = step_[1] = 0;
+  for (uint8_t i = 0; i < COUNT; ++i)
+    if (step_[i] > SETTINGS) step_[i] = SETTINGS;
 }
 
 void Imus::begin() {
@@ -76,6 +77,7 @@ void Imus::done(bool ok, const uint8_t* data, uint32_t now_us) {
     return;
   }
   if (step_[i] < STEPS) {
+    if (step_[i] == IDENTIFY) identity[i] = data[0];
     ++step_[i];
     return;
   }

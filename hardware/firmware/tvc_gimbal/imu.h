@@ -30,6 +30,7 @@ class Imus {
   int16_t accelerometer[COUNT][3];
   uint32_t read_us[COUNT];
   bool fresh[COUNT];  // read in this round
+  uint8_t identity[COUNT];  // WHO_AM_I, 0 before it is read
 
  private:
   uint8_t dlpf_;

@@ -25,7 +25,7 @@ static constexpr uint32_t SERIAL_NONE = 0;
 static constexpr uint32_t SERIAL_BLANK = 4294967295;
 static constexpr uint8_t DLPF = 2;
 static constexpr uint8_t DLPF_HIGHEST = 6;
-static constexpr uint16_t LAYOUT = 0xfd45;
+static constexpr uint16_t LAYOUT = 0xb24d;
 static constexpr uint8_t MAX_PAYLOAD = 96;
 static constexpr uint8_t MAX_ENCODED = 102;
 static constexpr uint8_t FIRMWARE[] = {1, 0, 0};
@@ -115,8 +115,9 @@ struct __attribute__((packed)) Hello {
   uint16_t neutral[3];  // [0.5 µs] servo x, servo y, turntable
   uint16_t minimum[3];  // [0.5 µs] servo x, servo y, turntable
   uint16_t maximum[3];  // [0.5 µs] servo x, servo y, turntable
+  uint8_t imu_identity[2];  // WHO_AM_I of holder and base: 0x68 MPU6050, 0x70 MPU6500; 0 unread
 };
-static_assert(sizeof(Hello) == 61, "padded");
+static_assert(sizeof(Hello) == 63, "padded");
 
 // One sample of all sensors, with status and counters.
 struct __attribute__((packed)) Telemetry {

@@ -50,7 +50,8 @@ def check_figures(
 
 
 def _check_specific_impulse(motor: str, impulse: float, propellant: float) -> None:
-    specific, (low, high) = impulse / (propellant * GRAVITY), SPECIFIC_IMPULSE
+    weight = max(propellant * GRAVITY, math.ulp(0.0))
+    specific, (low, high) = impulse / weight, SPECIFIC_IMPULSE
     if low <= specific <= high:
         return
     hint = ""
@@ -65,6 +66,7 @@ def _check_specific_impulse(motor: str, impulse: float, propellant: float) -> No
 
 
 def _check_density(motor: str, propellant: float, loaded: float, volume: float) -> None:
+    volume = max(volume, math.ulp(0.0))  # of sizes whose product vanishes
     inside, whole = propellant / volume, loaded / volume
     if inside > DENSEST_PROPELLANT:
         raise MotorError(

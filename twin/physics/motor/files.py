@@ -6,6 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Final
 
+from analysis.files import FileError, content
 from twin.physics.motor import eng, rse, table
 from twin.physics.motor.curve import Motor
 from twin.physics.motor.entry import Entry
@@ -81,10 +82,10 @@ def entries(path: Path, like: Mapping[str, float] | None = None) -> list[Entry]:
     ------
     MotorError : unreadable, too large, or without a motor
     """
-    content = _content(path)
-    text = _text(content)
+    data = _content(path)
+    text = _text(data)
     if text.lstrip("\ufeff \t\r\n").startswith("<") and not _is_rasp(path):
-        return rse.entries(content, str(path), LARGEST_FILE)
+        return rse.entries(data, str(path), LARGEST_FILE)
     if path.suffix.lower() in TABLES:
         return table.entries(text, str(path), path.stem, like)
     return eng.entries(text, str(path))
@@ -96,21 +97,15 @@ def _is_rasp(path: Path) -> bool:
 
 def _content(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise MotorError(f"cannot read motor {path}: {error.strerror}") from error
-    except ValueError:  # a zero byte in the name
-        raise MotorError(f"cannot read motor {str(path)!r}: not a file name") from None
-    if len(content) > LARGEST_FILE:
-        raise MotorError(f"{path} is larger than {LARGEST_FILE} bytes; no motor file is")
-    return content
+        return content(path, LARGEST_FILE)
+    except FileError as error:
+        raise MotorError(f"cannot read motor {error}") from None
 
 
-def _text(content: bytes) -> str:
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", errors="replace")
-    return content.decode("utf-8-sig", errors="replace")
+def _text(data: bytes) -> str:
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
+    return data.decode("utf-8-sig", errors="replace")
 
 
 def _names(found: list[Entry]) -> str:

@@ -1,8 +1,19 @@
 """Vehicles from a short description: TOML file, checked design, coefficients, MJCF."""
 
 from twin.physics.vehicle.built import Vehicle
+from twin.physics.vehicle.carrier import mechanism_file
 from twin.physics.vehicle.design import Design, VehicleError
 from twin.physics.vehicle.mjcf import mjcf
 from twin.physics.vehicle.read import described, motor_path, parse, read
 
-__all__ = ["Design", "Vehicle", "VehicleError", "described", "mjcf", "motor_path", "parse", "read"]
+__all__ = [
+    "Design",
+    "Vehicle",
+    "VehicleError",
+    "described",
+    "mechanism_file",
+    "mjcf",
+    "motor_path",
+    "parse",
+    "read",
+]

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.files import FileError, content
 from twin.physics.vehicle.design import VehicleError
 
 Array = NDArray[np.float64]
@@ -79,12 +80,8 @@ def _numbers(text: str) -> list[float] | None:
 
 def _text(path: Path) -> str:
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-        if len(content) <= LARGEST_FILE:
-            return content.decode("utf-8-sig")
-    except OSError as error:
-        raise VehicleError(f"cannot read drag table {path}: {error.strerror}") from None
+        return content(path, LARGEST_FILE).decode("utf-8-sig")
+    except FileError as error:
+        raise VehicleError(f"cannot read drag table {error}") from None
     except UnicodeDecodeError:
         raise VehicleError(f"{path} is not a text in UTF-8") from None
-    raise VehicleError(f"{path} is larger than {LARGEST_FILE} bytes; no drag table is")

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
+from analysis.files import FileError, content
 from twin.physics import motor
 from twin.physics.motor import Motor
 from twin.physics.units import SI, UnitError, quantity
@@ -78,15 +79,11 @@ def _beside(design: Design, name: str) -> str:
 
 def _text(path: Path) -> str:
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
-        if len(content) <= LARGEST_FILE:
-            return content.decode("utf-8-sig")
-    except OSError as error:
-        raise VehicleError(f"cannot read vehicle {path}: {error.strerror}") from None
+        return content(path, LARGEST_FILE).decode("utf-8-sig")
+    except FileError as error:
+        raise VehicleError(f"cannot read vehicle {error}") from None
     except UnicodeDecodeError:
         raise VehicleError(f"{path} is not a text in UTF-8") from None
-    raise VehicleError(f"{path} is larger than {LARGEST_FILE} bytes; no vehicle is")
 
 
 def parse(text: str, name: str = "vehicle", source: Path | None = None) -> Design:
@@ -97,12 +94,12 @@ def parse(text: str, name: str = "vehicle", source: Path | None = None) -> Desig
     VehicleError : not TOML, or the key, its value and what would be right
     """
     try:
-        content = tomllib.loads(text)
+        tables = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
         reason = " ".join(str(error).split())[:LONGEST]
         raise VehicleError(f"{name} is not valid TOML: {reason}") from None
     try:
-        return replace(_design(content), source=source)
+        return replace(_design(tables), source=source)
     except VehicleError as error:
         raise VehicleError(f"{name}: {error}") from None
 

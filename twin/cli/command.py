@@ -1,0 +1,81 @@
+"""One verb of the command line: from arguments to settings, and from results to the exit code."""
+
+import io
+import json
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from analysis.schema import AnalysisError
+from hardware.frames import HardwareError
+from twin.cli.arguments import parse
+from twin.config import Settings
+from twin.config.result import Result
+from twin.errors import CheckError, DivergenceError, TwinError
+
+MISTAKE, FAILED = 2, 1
+NARROWEST = 40  # columns
+
+
+def run(arguments: Sequence[str]) -> NoReturn:
+    """Run one verb and end the process with 0, 1 (a check failed) or 2 (the user's mistake)."""
+    _prepare_terminal()
+    try:
+        verb, settings = parse(list(arguments))
+        sys.exit(_status(settings, verb.function(settings)))
+    except (TwinError, AnalysisError, HardwareError) as error:
+        _complain(f"twin: {error}")
+        sys.exit(MISTAKE)
+    except (DivergenceError, CheckError) as error:
+        _complain(f"twin: {error}")
+        sys.exit(FAILED)
+    except KeyboardInterrupt as interrupt:
+        kept = " ".join(getattr(interrupt, "__notes__", ()))  # the recorder adds where
+        _complain(f"twin: interrupted; {kept or 'nothing was recorded'}")
+        sys.exit(128 + signal.SIGINT)
+    except BrokenPipeError:
+        _discard_output()
+        sys.exit(FAILED)
+
+
+def _status(settings: Settings, result: Result | int | None) -> int:
+    """Print a result; returns the exit code."""
+    if not isinstance(result, Result):
+        return result or 0
+    as_json = getattr(settings, "json", False)
+    _print(json.dumps(result.as_dict(), allow_nan=False) if as_json else result.text())
+    ignored = getattr(settings, "on_fault", None) == "ignore"
+    return 0 if result.passed or ignored else FAILED
+
+
+def _print(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _discard_output()
+        raise TwinError(f"cannot print the result: {error.strerror}") from None
+
+
+def _discard_output() -> None:
+    """Let nothing more be written at exit to an output that is closed or full."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _prepare_terminal() -> None:
+    """Print on terminals of any encoding and width.
+
+    A character that the encoding lacks, such as ° in ASCII, is replaced by a question mark.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    if os.environ.get("COLUMNS", "").isdigit() and int(os.environ["COLUMNS"]) < NARROWEST:
+        os.environ["COLUMNS"] = str(NARROWEST)  # the help does not fit in less
+
+
+def _complain(line: str) -> None:
+    print(line, file=sys.stderr)
