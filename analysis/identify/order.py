@@ -41,7 +41,7 @@ class OrderScore(Plain):
 
 def select_order(
     records: Sequence[Measurement],
-    candidates: Sequence[tuple[int, int]] = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1)),
+    candidates: Sequence[tuple[int, int]] = ((1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (4, 2)),
     *,
     delay: Literal["free"] | float = "free",
     axis: int = 0,

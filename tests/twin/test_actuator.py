@@ -297,6 +297,29 @@ def test_a_division_by_zero_is_seen_in_the_state():
     assert not np.isfinite(data.act_dot).all()
 
 
+def test_a_servo_behind_a_slewed_set_point_flies_as_the_small_steps_of_its_equations():
+    """Euler steps of 1 µs, and a hard edge of the dead band within a step of the actuator."""
+    servo = Servo(2.0, 0.003, 0.0, "set-point", rate_limit_back=1.5, slew=3.0)
+    system = TransferFunctionModel.second_order(45.0, 0.8, 0.0123)
+    system = TransferFunctionModel(system.channels, servo=servo)
+    commands = staircase(60, seed=6)
+    outputs, _ = fly(*build(CLAMPED, system), commands, "implicitfast")
+    k, w, h = 45.0 / 1.6, 72.0, 1e-6
+    y = v = r = 0.0
+    truth = np.zeros(60)
+    for n in range(1, 60):
+        for i in range(round(DT / h)):
+            late = int(np.floor(((n - 1) * DT + i * h - 0.0123) / DT + 1e-9))
+            u = commands[late, 0] if late >= 0 else 0.0
+            r += min(max(u - r, -3.0 * h), 3.0 * h)
+            aim = min(max(k * (r - y), -1.5), 2.0) if abs(r - y) > 0.003 else 0.0
+            y, v = y + h * v, v + h * w * (aim - v)
+        truth[n] = y
+    assert np.abs(outputs[:, 0] - truth).max() < 5e-5
+    np.testing.assert_allclose(system.simulate(commands, DT), outputs, atol=1e-12)
+    assert TransferFunctionModel.from_dict(system.to_dict()).servo == servo
+
+
 def test_a_servo_faster_than_any_is_refused_before_it_makes_a_flight_slow():
     """A pole of 10⁸ /s would take half a million Runge–Kutta steps a millisecond."""
     servo = Servo(rate_limit=5.0, structure="speed")

@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import MISSING, fields
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -12,11 +13,12 @@ from hypothesis import strategies as st
 from twin.cli.arguments import parse
 from twin.config import Fly, Identify, Rig, Step, with_model
 from twin.config.base import hints, without_markers
+from twin.config.types import POSITIONAL
 from twin.config.verbs import VERBS
 from twin.errors import TwinError
 
 NONSENSE = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e-300, -1e-300, 10**400, "", "x", True)
-REQUIRED = {"sources": ("a.rrd",), "recordings": ("a.rrd",), "recording": "a.rrd"}
+REQUIRED = {"sources": ("a.rrd",), "recordings": ("a.rrd",), "recording": "a.rrd", "action": "show"}
 
 
 def numeric_settings():
@@ -66,7 +68,7 @@ def assert_meaningful(made, f):
     accepted = value if isinstance(value, tuple) else (value,)
     # only a setting without a natural smallest size may be given a tiny one
     tiny_is_zero = {"at_s", "gyro_delay_ms", "off_axis_deg", "target", "longest_delay_ms"}
-    tiny_is_zero |= {"switch_deg", "fail_below"}
+    tiny_is_zero |= {"switch_deg", "fail_below", "load_g", "gap_mm"}
     for v in accepted:
         assert math.isfinite(v)
         assert abs(v) <= 1e-200
@@ -121,7 +123,8 @@ def test_every_setting_is_described_in_help(verb, capsys):
     assert end.value.code == 0
     text = capsys.readouterr().out
     for f in fields(verb.settings):
-        if f.default is not MISSING:  # the others are positional
+        positional = POSITIONAL in get_args(hints(verb.settings)[f.name])
+        if f.default is not MISSING and not positional:
             assert f"--{f.name.rstrip('_').replace('_', '-')}" in text
     # a flag that is not described has its metavar at the end of the line
     assert not re.search(r"--[a-z-]+( [A-Z]+)?\s*│\n│ --", text)

@@ -44,9 +44,8 @@ def test_units_rise_as_differently_as_servos_do_and_the_plain_rig_is_the_model(m
     times = np.array([rise(motions[u]) for u in UNITS])
     assert times.std(ddof=1) / times.mean() > 0.07  # 10 % rms over 20 units and both axes
     assert np.all(np.abs(times / rise(motions[None]) - 1.0) < 0.4)
-    # rods: another zero, another ratio
     ends = np.degrees([motions[u][-1] for u in UNITS])
-    assert 0.1 < ends.std(ddof=1) < 1.0
+    assert 0.03 < ends.std(ddof=1) < 1.0  # horns
 
 
 def test_a_rig_without_tolerances_changes_nothing():
@@ -54,7 +53,7 @@ def test_a_rig_without_tolerances_changes_nothing():
     vary(twin, parameters(twin))
     for field in ("actuator_gainprm", "actuator_dynprm", "dof_frictionloss", "jnt_range"):
         np.testing.assert_array_equal(getattr(twin, field), getattr(same, field))
-    np.testing.assert_array_equal(twin.site_pos, same.site_pos)
+    np.testing.assert_array_equal(twin.body_pos, same.body_pos)
 
 
 def test_every_tolerance_of_a_servo_reaches_its_part_of_the_model():

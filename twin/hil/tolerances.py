@@ -1,19 +1,14 @@
 """Tolerances of one simulated rig, written into the model of its bench."""
 
 import mujoco
-import numpy as np
 
 from hardware.emulator import RigParameters, ServoParameters, reference_rig
 from hardware.frames import AXES
 from twin.physics.mechanism.servo import CONSTANT, DAMPING, GAIN, RESISTANCE, SLEW, VOLTAGE
 
-# Change of a rod's length per assembly error [m/rad]: half the arm of its ball on the holder. The
-# error of the other half is in the horn's angle, which the trim of the servo takes up.
-PER_ANGLE = 0.5 * 0.0205
-
 
 def vary(model: mujoco.MjModel, rig: RigParameters) -> None:
-    """Give servos, rods and horns of a compiled bench the tolerances of a sampled rig.
+    """Give servos and horns of a compiled bench the tolerances of a sampled rig.
 
     Figures of `hardware.emulator` are relative to its reference rig; parts that the mechanism lacks
     (a servo on the gimbal axis has neither rods nor backlash) are left out.
@@ -21,12 +16,7 @@ def vary(model: mujoco.MjModel, rig: RigParameters) -> None:
     plain = reference_rig().plant
     for k, axis in enumerate(AXES):
         _vary_servo(model, axis, rig.plant.servos[k], plain.servos[k])
-        _vary_rod(
-            model,
-            axis,
-            ratio=rig.plant.linkage[k][k] / plain.linkage[k][k],
-            offset=rig.plant.offset[k] - plain.offset[k],
-        )
+        _vary_horn(model, axis, rig.plant.linkage[k][k] / plain.linkage[k][k])
 
 
 def _vary_servo(
@@ -54,11 +44,8 @@ def _vary_servo(
         model.jnt_range[play] *= servo.backlash / plain.backlash
 
 
-def _vary_rod(model: mujoco.MjModel, axis: str, *, ratio: float, offset: float) -> None:
+def _vary_horn(model: mujoco.MjModel, axis: str, ratio: float) -> None:
+    """Move the ball of a horn outwards; the trim of its servo stands for an error of its zero."""
     rod = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"gimbal_rod_{axis}")
-    end = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"gimbal_rod_{axis}_end")
-    if rod < 0 or end < 0:
-        return
-    model.body_pos[rod][0] *= ratio
-    along = model.site_pos[end] / np.linalg.norm(model.site_pos[end])
-    model.site_pos[end] += along * PER_ANGLE * offset
+    if rod >= 0:
+        model.body_pos[rod][0] *= ratio
