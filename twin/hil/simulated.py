@@ -99,9 +99,12 @@ def nominal_calibration(model: mujoco.MjModel, rig: RigParameters | None = None)
     zero = centre + mechanism.offset / travel
     matrix = np.linalg.inv(mechanism.matrix) * travel
     base = exact_calibration(rig) if rig else nominal()
+    # trim and travel of a sampled unit are given here, its horns and rods are not
+    exact = rig is None or rig.plant == reference_rig().plant
     return replace(
         base,
         rig=0,
+        covariance=base.covariance if exact else nominal().covariance,
         zero=_pair(zero),
         matrix=(_pair(matrix[0]), _pair(matrix[1])),
         switch_angle=switch_angles(model),
