@@ -9,6 +9,7 @@ SMOOTHING = 0.016  # s; of the potentiometers' distance from the dead-reckoned a
 LEAK = 0.25  # s; time constant with which the dead-reckoned angle returns to the estimate
 DRIFT = radians(0.45)  # distance that counts when at rest: 6 σ plus potentiometer linearity
 LAG = 0.8e-3  # s; what stays of the gyro's delay while moving
+FADING = 0.1  # s; errors of a fast motion outlast it by as much
 QUICK = 0.008  # s; smoothing of the innovations that make a filter distrust its gyro
 DOUBT = radians(0.17)  # 4 σ of them, both potentiometers in use
 HABIT = 0.025  # s; over which a potentiometer's share of outliers is averaged
@@ -29,6 +30,7 @@ class Axis:
     innovation : smoothed mean innovation [rad]
     doubtful : time for which the potentiometers disagree and neither can be named [s]
     common : time for which both disagree with the gyro and neither side can be named [s]
+    pace : largest rate of late [rad/s], fading with `FADING`
     """
 
     free: float = 0.0
@@ -39,11 +41,12 @@ class Axis:
     innovation: float = 0.0
     doubtful: float = 0.0
     common: float = 0.0
+    pace: float = 0.0
 
     def begin(self) -> None:
         """Start again on a first frame, or after a gap."""
         self.distance = [0.0, 0.0]
-        self.innovation = self.doubtful = self.common = 0.0
+        self.innovation = self.doubtful = self.common = self.pace = 0.0
 
     def count(self, k: int, railed: bool, bad: bool, dt: float) -> None:
         """Update the shares of bad readings of potentiometer `k`; `bad` includes `railed`."""

@@ -13,7 +13,7 @@ from math import cos, degrees, radians
 from typing import Any
 
 from hardware.faults.actuation import MISREAD, Actuation
-from hardware.faults.axis import DRIFT, LAG, LEAK, MOSTLY, SMOOTHING, STRANDED, Axis
+from hardware.faults.axis import DRIFT, FADING, LAG, LEAK, MOSTLY, SMOOTHING, STRANDED, Axis
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
 from hardware.faults.gravity import Gravity
 from hardware.faults.memory import filled, number
@@ -38,6 +38,7 @@ SETTLING = 1.5  # s; the gyro's bias is not yet known before
 FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit every time
 FROZEN_DELAYS = 5.5  # delays of its low-pass; a healthy one at rest for 600 s stood still for 2.0
 COMMON_DRIFT = radians(0.3)  # of both potentiometers of an axis together, when at rest
+COMMON_LAG = 1.6e-3  # s; of that drift while moving: healthy units in slews of 280 °/s reach 0.7°
 # the same where maps are uncertain: 16° of motion by scales 8 % apart, and how late it shows [s]
 UNCERTAIN_DRIFT, UNCERTAIN_LAG = radians(1.5), 0.02
 DEPARTED = radians(0.25)  # from gravity, 10 σ of its average
@@ -238,6 +239,7 @@ class Monitor(Tracks):
                 axis.bias = p.bias[k]
             cosine = 1.0 if k else cos(p.angle[1])
             axis.free += (r.rate[k] - axis.bias) / cosine * dt
+            axis.pace = max(abs(p.rate[k]), axis.pace * (1.0 - min(1.0, dt / FADING)))
             offset = p.angle[k] - (axis.free + p.rate[k] * p.gyro_delay)
             if first:
                 axis.free += offset
@@ -262,9 +264,10 @@ class Monitor(Tracks):
             uncertain = max(p.tolerance[2 * k], p.tolerance[2 * k + 1])
             moving = LAG * abs(p.rate[k]) + uncertain
             if uncertain > DRIFT:  # offsets part the two, and cancel in their mean
-                common = 0.5 * abs(a + b) - UNCERTAIN_DRIFT - UNCERTAIN_LAG * abs(p.rate[k])
+                common = 0.5 * abs(a + b) - UNCERTAIN_DRIFT - UNCERTAIN_LAG * axis.pace
             else:
-                common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT - moving
+                common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT
+                common -= COMMON_LAG * axis.pace + uncertain
             if abs(a - b) > DRIFT + moving:
                 if not self._sagging(r):
                     self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
