@@ -39,8 +39,6 @@ FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit
 FROZEN_DELAYS = 5.5  # delays of its low-pass; a healthy one at rest for 600 s stood still for 2.0
 COMMON_DRIFT = radians(0.3)  # of both potentiometers of an axis together, when at rest
 COMMON_LAG = 1.6e-3  # s; of that drift while moving: healthy units in slews of 280 °/s reach 0.7°
-# the same where maps are uncertain: 16° of motion by scales 8 % apart, and how late it shows [s]
-UNCERTAIN_DRIFT, UNCERTAIN_LAG = radians(1.5), 0.02
 DEPARTED = radians(0.25)  # from gravity, 10 σ of its average
 AVERAGED = 0.3  # of an offset that its average has reached
 UNDECIDED = 0.2  # s of disagreement with the gyro that the servo's command does not decide
@@ -263,11 +261,8 @@ class Monitor(Tracks):
                 axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
             uncertain = max(p.tolerance[2 * k], p.tolerance[2 * k + 1])
             moving = LAG * abs(p.rate[k]) + uncertain
-            if uncertain > DRIFT:  # offsets part the two, and cancel in their mean
-                common = 0.5 * abs(a + b) - UNCERTAIN_DRIFT - UNCERTAIN_LAG * axis.pace
-            else:
-                common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT
-                common -= COMMON_LAG * axis.pace + uncertain
+            common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT
+            common -= COMMON_LAG * axis.pace + uncertain
             if abs(a - b) > DRIFT + moving:
                 if not self._sagging(r):
                     self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)

@@ -228,14 +228,3 @@ def test_a_drift_is_named_by_gravity_and_command(fault, name, within):
     named = watched(f"{fault}@3.8", 3.8 + within)  # gravity is known after 2 s
     assert named[0][1] == name
     assert {what for _, what in named} == {name}
-
-
-def test_bias_of_the_gyro_of_an_uncalibrated_rig_is_named():
-    device = Emulator(sample_rig(5), injections=(parse(f"gyro:bias:20@{LATER}"),), seed=5)
-    rig = in_process(device)
-    rig.connect()
-    while device.time_us < (LATER + 0.3) * 1e6:
-        rig.send(GimbalCommand(device.time_ns, flight(device.time_us * 1e-6)))
-        device.advance_us(4000)
-        rig.poll()
-    assert rig.health == "gyro bias"
