@@ -171,8 +171,4 @@ class Actuation:
 
 def _rank(kind: str) -> int:
     """How much a kind says; none is −1."""
-    return (
-        ("not", "offset", "stuck", "reversed", "swapped", MISREAD).index(kind.split()[0])
-        if kind
-        else -1
-    )
+    return RANKS.index(kind.split()[0]) if kind else -1

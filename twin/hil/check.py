@@ -16,7 +16,7 @@ FEWEST = 5  # frames of a sample
 # the motor's weight moves the gimbal outwards through its play; double gives at least 1.7.
 DEAD, SMALLEST, LARGEST = 0.25, 0.7, 1.4
 CROSS = 0.35  # of the other axis
-SPREAD = radians(1.5)  # of the middle between two steps: trim of a unit, play, weight of the motor
+SPREAD = radians(0.3)  # of the middle between two steps: weight of the motor, noise
 
 Response = tuple[Pair, Pair]
 HELP = "check plugs, power, horns and --calibration, or give --no-check"
