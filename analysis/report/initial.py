@@ -35,6 +35,7 @@ def with_initial_step(run: Measurement) -> tuple[Measurement, tuple[str, ...]]:
         return run, ()
     command = run.command
     period = float(np.median(np.diff(run.axes[0].angles.time)))
+    # stamps increase, so the command itself moves by a thousandth of a period
     time: Array = np.concatenate([[command.time[0]], command.time + 1e-3 * period])
     prepended = replace(command, time=time, values=np.vstack([before, command.values]))
     return replace(run, command=prepended), tuple(notes)

@@ -7,11 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.files import FileError, content
 from twin.physics.vehicle.design import VehicleError
+from twin.physics.vehicle.text import text_of
 
 Array = NDArray[np.float64]
-LARGEST_FILE: Final = 200_000  # bytes
 MOST: Final = 500  # rows
 LARGEST_MACH, LARGEST_DRAG = 25.0, 10.0
 
@@ -37,7 +36,7 @@ def read_drag(path: Path) -> DragTable:
     ------
     VehicleError : unreadable, or the line and what it must be
     """
-    rows = [row for row in enumerate(_text(path).splitlines(), 1) if row[1].strip()]
+    rows = [row for row in enumerate(text_of(path, "drag table").splitlines(), 1) if row[1].strip()]
     if rows and _numbers(rows[0][1]) is None:
         rows = rows[1:]
     if not 2 <= len(rows) <= MOST:
@@ -76,12 +75,3 @@ def _numbers(text: str) -> list[float] | None:
     except ValueError:
         return None
     return numbers if np.isfinite(numbers).all() else None
-
-
-def _text(path: Path) -> str:
-    try:
-        return content(path, LARGEST_FILE).decode("utf-8-sig")
-    except FileError as error:
-        raise VehicleError(f"cannot read drag table {error}") from None
-    except UnicodeDecodeError:
-        raise VehicleError(f"{path} is not a text in UTF-8") from None

@@ -8,7 +8,6 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.files import FileError, content
 from twin.physics import motor
 from twin.physics.motor import Motor
 from twin.physics.units import SI, UnitError, quantity
@@ -25,8 +24,8 @@ from twin.physics.vehicle.design import (
     VehicleError,
     allowed,
 )
+from twin.physics.vehicle.text import text_of
 
-LARGEST_FILE: Final = 200_000  # bytes
 MOST: Final = 200  # parts of one kind
 LONGEST: Final = 200  # characters of a text
 TABLES: Final = {"motor": Mount, "gimbal": Gimbal, "launch": Launch}
@@ -60,7 +59,7 @@ def described(path: Path) -> Design:
     ------
     VehicleError : unreadable, or the key, its value and what would be right
     """
-    return parse(_text(path), str(path), path)
+    return parse(text_of(path, "vehicle"), str(path), path)
 
 
 def motor_path(design: Design) -> Path | None:
@@ -75,15 +74,6 @@ def _own_motor(design: Design) -> Motor:
 def _beside(design: Design, name: str) -> str:
     folder = design.source.parent if design.source is not None else Path()
     return str(folder / name)
-
-
-def _text(path: Path) -> str:
-    try:
-        return content(path, LARGEST_FILE).decode("utf-8-sig")
-    except FileError as error:
-        raise VehicleError(f"cannot read vehicle {error}") from None
-    except UnicodeDecodeError:
-        raise VehicleError(f"{path} is not a text in UTF-8") from None
 
 
 def parse(text: str, name: str = "vehicle", source: Path | None = None) -> Design:
