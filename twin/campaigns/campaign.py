@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from analysis.report import render
 from twin.campaigns.answers import answers
 from twin.campaigns.engine import Engine, Work, lost_row
+from twin.campaigns.page import sections
 from twin.campaigns.parameters import Binding, binding
 from twin.campaigns.progress import Progress
 from twin.campaigns.result import CampaignResult, Verdict
@@ -133,7 +135,13 @@ def result(
         for c in conditions
         for estimate in [_estimate(c, kept, study.confidence)]
     )
-    return answers(study, runs, store, table, verdicts, new, wall_s)
+    page = store.folder / "report.html"
+    made = CampaignResult(
+        answers(study, runs, table), str(store.folder), str(page), "", runs.count,
+        table.num_rows, new, verdicts, wall_s,
+    )  # fmt: skip
+    render(sections(study, made, table), study.title, page, made.as_dict())
+    return made
 
 
 def _estimate(c: Condition, kept: Any, confidence: float) -> Estimate:  # noqa: ANN401  a table
