@@ -112,8 +112,8 @@ def test_a_campaign_writes_rows_and_answers(tmp_path):
     place_of = str(tmp_path / "short.toml")
     result = campaign(Campaign("run", place_of, workers=2, out=tmp_path / "out"))
     assert (result.runs, result.planned, result.new) == (3, 3, 3)
-    assert result.outcomes == {"time": 3}
-    assert result.estimates["fast_rate"].value == 1.0
+    assert result.answers.outcomes == {"time": 3}
+    assert result.answers.estimates["fast_rate"].value == 1.0
     again = campaign(Campaign("resume", place_of, out=tmp_path / "out"))
     assert (again.runs, again.new) == (3, 0)
     flight = campaign(Campaign("refly", place_of, 1, out=tmp_path / "one.rrd"))
