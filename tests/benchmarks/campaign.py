@@ -23,9 +23,9 @@ from twin.experiments.fly import fly
 from twin.plant.compiled import compiled
 
 TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
-LONGEST_S = 3.0  # of the flights compared
+LONGEST_S = 12.0  # of the flights compared
 STEPS = 4  # of a control tick
-SIMS = 8
+SIMS = 4
 MACHINES, CORES, FLIGHTS = 100, 2, 10_000_000
 
 

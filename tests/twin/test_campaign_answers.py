@@ -9,7 +9,7 @@ from scipy.special import ndtri
 
 from tests.twin.campaigns import HIT, flown, linear, place, study
 from twin.campaigns.answers import answers
-from twin.campaigns.boundary import boundary
+from twin.campaigns.boundary import region
 from twin.campaigns.campaign import result
 from twin.campaigns.design import Streams
 from twin.campaigns.dispersion import ellipse
@@ -118,17 +118,22 @@ def test_the_boundary_of_a_known_region():
     # P = 0.9 where 4 ln(gain) − 60 delay − 4 = ln 9, with delay 0.02: gain = exp(1.849) = 6.36
     p = 1.0 / (1.0 + np.exp(-(4.0 * np.log(x["gain"]) - 60.0 * x["delay"] - 4.0)))
     hits = (rng.random(3000) < p).astype(float)
-    gain, delay = boundary(x, hits, {"gain": 8.0, "delay": 0.02}, 0.95)
+    found = region(x, hits, {"gain": 8.0, "delay": 0.02}, 0.95)
+    gain, delay = found.properties
     exact = math.exp((math.log(9.0) + 4.0 + 60.0 * 0.02) / 4.0)
     assert gain.threshold.low < exact < gain.threshold.high
     assert gain.threshold.value == pytest.approx(exact, rel=0.1)
     assert (gain.better, delay.better) == (1, -1)
     assert gain.margin == pytest.approx(8.0 / gain.threshold.value)
+    f = found.frontier("delay", "gain")
+    k = int(np.argmin(np.abs(f.at - 0.02)))
+    assert f.value[k] == pytest.approx(gain.threshold.value, rel=0.03)
+    assert f.low[k] < exact < f.high[k]
 
 
 def test_a_region_without_failures_has_no_boundary():
     x = {"gain": np.linspace(1.0, 2.0, 200)}
-    assert boundary(x, np.ones(200), {}, 0.95) == ()
+    assert region(x, np.ones(200), {}, 0.95) is None
 
 
 @pytest.fixture(scope="module")

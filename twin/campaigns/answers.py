@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from twin.campaigns.boundary import SHARE, Property, boundary
+from twin.campaigns.boundary import SHARE, Frontier, Property, region
 from twin.campaigns.dispersion import Ellipse, ellipse
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import Influence, rank_influences, sobol_influences
@@ -54,6 +54,7 @@ class Answers:
     cells : runs by named value
     places : dispersion of the ends; None where there are too few
     map : region in which the first measure holds
+    frontier : between the two parameters with the smallest margins; None without them
     text : the answer in a sentence
     """
 
@@ -64,6 +65,7 @@ class Answers:
     cells: tuple[Cell, ...]
     places: Ellipse | None
     map: tuple[Property, ...]
+    frontier: Frontier | None
     text: str
 
 
@@ -83,14 +85,25 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
             name: Influence(i.rank, *of_all.get(name, ())) for name, i in influences.items()
         }
     hits = column(kept, study.measures[0].name) if study.measures else None
-    region = () if hits is None else boundary(numbers, hits, study.nominal, p)
+    found = None if hits is None else region(numbers, hits, study.nominal, p)
+    properties = () if found is None else found.properties
+    first = limiting(properties)
+    pair = None
+    if found is not None and len(first) > 1:
+        pair = found.frontier(first[1].name, first[0].name)
     places = np.stack([column(kept, c) for c in PLACE], axis=1)
     estimates = _estimates(study, kept)
     cells = _cells(kept, runs, hits, values, p)
     return Answers(
         dict(Counter(table["outcome"].to_pylist()).most_common()), estimates, figure, influences,
-        cells, ellipse(places, p), region, _sentence(study, estimates, cells, region),
+        cells, ellipse(places, p), properties, pair,
+        _sentence(study, estimates, cells, first),
     )  # fmt: skip
+
+
+def limiting(properties: tuple[Property, ...]) -> list[Property]:
+    """Parameters with a margin, the smallest first."""
+    return sorted((p for p in properties if p.margin is not None), key=lambda p: p.margin or 0.0)
 
 
 def _estimates(study: Study, kept: Rows) -> dict[str, Estimate]:
@@ -126,7 +139,7 @@ def _sentence(
     study: Study,
     estimates: Mapping[str, Estimate],
     cells: tuple[Cell, ...],
-    region: tuple[Property, ...],
+    first: list[Property],
 ) -> str:
     if not study.measures:
         e = estimates.get("cep_m")
@@ -142,14 +155,11 @@ def _sentence(
         good = [c.value for c in named if c.rate is not None and c.rate.low >= SHARE]
         text += f"; surely in {SHARE:.0%} with {len(good)} of {len(named)} {named[0].parameter}s"
         text += f": {', '.join(good)}" if good else ""
-    limiting = sorted((p.margin, p) for p in region if p.margin is not None)
-    if limiting:
-        margin, first = limiting[0]
-        assert first.threshold is not None
-        word = "at least" if first.better > 0 else "at most"
+    if first and first[0].threshold is not None:
+        least, t = first[0], first[0].threshold
+        word = "at least" if least.better > 0 else "at most"
         text += (
-            f"; {first.name} limits it first: {word} {first.threshold.value:.3g}"
-            f" ({first.threshold.low:.3g} to {first.threshold.high:.3g}) for {SHARE:.0%},"
-            f" nominal is {margin:.2g} times better"
+            f"; {least.name} limits it first: {word} {t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
+            f" for {SHARE:.0%}, nominal is {least.margin:.2g} times better"
         )
     return text + "."
