@@ -46,6 +46,8 @@ def campaign(
     force: bool = ...,
     workers: int | None = ...,
     fail_if: tuple[str, ...] = ...,
+    reweight: str | None = ...,
+    paths: int = ...,
 ) -> CampaignResult | FlightResult: ...
 def compare(
     *recordings: str | PathLike[str],

@@ -143,7 +143,9 @@ def _sentence(
 ) -> str:
     if not study.measures:
         e = estimates.get("cep_m")
-        return "" if e is None else f"Half of all flights end within {e.text(' m')} of their mean."
+        if e is None or not np.isfinite(e.low):
+            return "Too few runs for an interval."
+        return f"Half of all flights end within {e.text(' m')} of their mean."
     name = study.measures[0].name
     e = estimates.get(f"{name}_rate")
     if e is None:

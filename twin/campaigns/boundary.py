@@ -15,7 +15,7 @@ FEWEST = 20  # successes and failures without which there is no boundary
 RESAMPLES, STEPS, STEPS_AGAIN = 60, 25, 4
 RIDGE = 1e-2  # on the coefficients of scaled parameters, so that a clean separation stays finite
 GRID = np.linspace(-1.0, 1.0, 81)  # scaled values along a parameter
-FACTOR = 4.0  # a range of more than this is seen in logarithms
+FACTORS = 4.0, 100.0  # high over low of a range that is seen in logarithms
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,8 @@ class Region:
 
     Attributes
     ----------
-    properties : success over each parameter with the others nominal
+    properties : success over each parameter with a nominal value, or over all where none has one;
+        the others are at their nominal value or median
     """
 
     def __init__(
@@ -106,7 +107,8 @@ class Region:
             for n, s in zip(self._names, self._scales, strict=True)
         ]
         self._centre = np.clip(middle, -1.0, 1.0)
-        self.properties = tuple(self._property(k) for k in range(len(self._names)))
+        shown = [n for n in self._names if n in nominal] or self._names
+        self.properties = tuple(self._property(self._names.index(n)) for n in shown)
 
     def _property(self, k: int) -> Property:
         scale, (share, curves) = self._scales[k], self._along(k, self._centre)
@@ -169,7 +171,7 @@ class _Scale:
 
     def __init__(self, values: Array) -> None:
         low, high = float(values.min()), float(values.max())
-        self._log = low > 0.0 and high > FACTOR * low
+        self._log = low > 0.0 and FACTORS[0] < high / low < FACTORS[1]
         self.middle = float(np.median(values))
         if self._log:
             low, high = np.log(low), np.log(high)

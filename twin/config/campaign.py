@@ -28,6 +28,9 @@ class Campaign(Output):
     fail_if: Texts = ()
     """Condition on a statistic, for example "hit_rate < 0.95": exit code 1 where its interval
     confirms it, 3 where it is undecided. Added to those of the study. Repeatable."""
+    reweight: str | None = None
+    """Study file that varies the same parameters with other distributions: rates as if these had
+    been flown, from the rows there are; with `report`."""
     paths: Annotated[int, Range(0, 1000)] = 0
     """Runs to fly again for a recording with their paths, worst and median highlighted."""
     out: Path | None = None
@@ -47,3 +50,5 @@ class Campaign(Output):
                 if self.run is None
                 else f"twin campaign {self.action}: takes no run number ({self.run})"
             )
+        if self.reweight is not None and self.action != "report":
+            raise TwinError(f"--reweight {self.reweight}: is for `twin campaign report`")
