@@ -81,6 +81,7 @@ def doctor(
     *,
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    compile: bool = ...,
 ) -> DoctorResult: ...
 def fly(
     *,

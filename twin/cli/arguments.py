@@ -8,6 +8,7 @@ import re
 import textwrap
 from dataclasses import MISSING, field, fields, make_dataclass
 from difflib import get_close_matches
+from functools import cache
 from importlib.metadata import version
 from typing import Annotated, Any, get_args, get_origin
 
@@ -169,6 +170,7 @@ def described(kind: type[Settings], name: str) -> tuple[str, str]:
     return family.group, owners[0][1]
 
 
+@cache
 def _texts(owner: type) -> dict[str, str]:
     """The text under each setting of a class, from its source; none for other classes."""
     if not issubclass(owner, Settings):

@@ -123,6 +123,11 @@ class Identify(Columns, Output, Parameters):
         if self.out is not None and self.out.suffix.lower() != ".json":
             raise TwinError(f"--out {self.out}: must be a .json file")
 
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return ("sysid",) if self.linkage else ()
+
 
 @dataclass(frozen=True)
 class Compare(Columns, Output, Parameters):
@@ -188,6 +193,11 @@ class Report(Columns, Output):
     out: Path | None = None
     """Page to write (.html); runs/report.html if omitted."""
 
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return ("report",)
+
 
 @dataclass(frozen=True)
 class View(Settings):
@@ -218,6 +228,7 @@ class Doctor(Settings):
     fit of its coefficients to its geometry."""
     mechanism: Path | None = None
     """MJCF file of a gimbal mechanism: report mobility, workspace and reach."""
-
+    compile: Flag = False
+    """Compile now what the verbs otherwise compile on first use, about 30 s."""
     json: Flag = False
     """Print the findings as one JSON object."""

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from hardware.frames import GimbalCommand, GimbalState
+from twin import status
 from twin.config import OnFault, Run
 from twin.config.seats import is_rig
 from twin.experiments.assembly import (
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from twin.hil.shadow import Shadow
     from twin.hil.turntable import Turntable
 
+LONGEST_SHOWN_NS = 60_000_000_000  # a longer one is a limit that a run seldom reaches
 REHEARSALS = 3  # ticks before the clock starts: the first one takes 15 ms
 
 
@@ -245,6 +247,11 @@ class Session:
         ------
         DivergenceError : the physics left the finite numbers; the recording up to there is kept
         """
+        plant, of = (
+            self.plant,
+            "" if duration_ns > LONGEST_SHOWN_NS else f" of {duration_ns * 1e-9:.0f} s",
+        )
+        status.say(lambda: f"{self.verb}: {plant.time_ns * 1e-9:.1f} s{of}")
         seat: Clock = Wall() if self.real_time else Lockstep()
         clock = self._live.enter_context(seat)
         self._clock = clock if isinstance(clock, Wall) else None
@@ -260,6 +267,7 @@ class Session:
             stop=self.beside(stop),
             ledger=self._ledger,
         )
+        status.say("writing the recording")
         self._live.close()
         return outcome
 
