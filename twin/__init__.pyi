@@ -7,6 +7,7 @@ from analysis.schema import AnalysisError as AnalysisError
 from hardware.frames import HardwareError as HardwareError
 from twin.errors import DivergenceError as DivergenceError
 from twin.errors import TwinError as TwinError
+from twin.campaigns.result import CampaignResult
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.identify import IdentifyResult
@@ -36,6 +37,16 @@ def calibrate(
     repeats: int = ...,
     seed: int = ...,
 ) -> CalibrationResult: ...
+def campaign(
+    action: Literal['run', 'resume', 'report', 'refly'],
+    study: str,
+    run: int | None,
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    workers: int | None = ...,
+    fail_if: tuple[str, ...] = ...,
+) -> CampaignResult | FlightResult: ...
 def compare(
     *recordings: str | PathLike[str],
     set: dict[str, float] | tuple[str, ...] = ...,

@@ -35,7 +35,7 @@ class FlightResult(Result):
 
     Attributes
     ----------
-    recording : file written
+    recording : file written; empty without one
     ended : why the flight ended
     mass_kg : at launch
     flight_time_s : from time zero to the end
@@ -214,7 +214,7 @@ class Flight:
         return None
 
     def result(
-        self, recording: Path, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
+        self, recording: Path | None, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
     ) -> FlightResult:
         """The flight in numbers."""
         plant = self._plant
@@ -222,7 +222,7 @@ class Flight:
         target = None if self._target is None else self._target - self._start
         closest = None if self._target is None else _closest(path, self._target)
         return FlightResult(
-            recording=str(recording),
+            recording=str(recording or ""),
             ended=outcome.ended,
             mass_kg=self._mass,
             flight_time_s=plant.time_ns * 1e-9,
