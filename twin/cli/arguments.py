@@ -116,6 +116,7 @@ def _parsed(kind: type, description: str | None, name: str, arguments: list[str]
         raise TwinError(f"{advice} (`twin {name} --help` lists the options)") from None
 
 
+@cache
 def _grouped(kind: type[Settings]) -> type:
     """A dataclass of dataclasses, one a group: tyro prints each under its own heading."""
     groups: dict[str, list[tuple[str, Any, Any]]] = {}
