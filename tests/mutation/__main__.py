@@ -47,8 +47,13 @@ def main() -> int:
     parser.add_argument("--each", type=int, default=5, help="mutants by rule for each file")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="", help="mutants whose name contains this")
+    parser.add_argument("--list", action="store_true", help="print the mutants, run nothing")
     parser.add_argument("--verbose", action="store_true", help="output of the tests of survivors")
     options = parser.parse_args()
+    if options.list:
+        for m in chosen(options.sample, options.each, options.only):
+            print(m.name)
+        return 0
     began, verdicts = time.monotonic(), []
     with Workers(options.jobs) as workers:
         for v in workers.run(chosen(options.sample, options.each, options.only)):

@@ -56,5 +56,8 @@ ROOMS: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
         tuple(f"hardware/firmware/tvc_gimbal/{n}.cpp" for n in ("core", "framing")),
         (f"{_H}firmware_core.py",),
     ),
-    (("twin/control/pid.py", "twin/control/attitude.py"), (f"{_T}control.py", f"{_T}attitude_loop.py")),
+    (
+        ("twin/control/pid.py", "twin/control/attitude.py"),
+        (f"{_T}control.py", f"{_T}attitude_loop.py"),
+    ),
 )  # fmt: skip

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from hardware.emulator import Drive
 from hardware.frames import AXES, Pair, Triple
 from twin.errors import DivergenceError, TwinError
+from twin.physics.mechanism.servo import GAIN, VOLTAGE
 from twin.plant.model import TwinModel
 from twin.plant.plant import LARGEST_SPEED
 
@@ -46,6 +47,7 @@ class BenchPlant:
         self._dt = model.opt.timestep
         self._damping: dict[int, float] = {}
         self._servos = [int(model.actuator(f"gimbal_servo_{a}").id) for a in AXES]
+        self._drives = self.model.actuator_gainprm[self._servos][:, [GAIN, VOLTAGE]]
         self._turn = self._turntable()
         joints = [model.joint(f"gimbal_{a}") for a in AXES]
         self._q = [int(joint.qposadr[0]) for joint in joints]
@@ -100,6 +102,14 @@ class BenchPlant:
         model.dof_damping[dof] = JAM if drive is Drive.JAMMED else damping
         model.opt.disableactuator |= 1 << LIMP_GROUP
         model.actuator_group[actuator] = 0 if drive is Drive.NORMAL else LIMP_GROUP
+
+    def set_supply(self, share: float) -> None:
+        """Set the voltage of both servos from now on, over the nominal one [1].
+
+        Gain and limit of a servo's controller are proportional to it.
+        """
+        for servo, nominal in zip(self._servos, self._drives, strict=True):
+            self.model.actuator_gainprm[servo, [GAIN, VOLTAGE]] = share * nominal
 
     def angles(self) -> Pair:
         """True gimbal angles [rad]."""
