@@ -1,12 +1,12 @@
 """Physics of a simulated rig: the interface that any plant implements, and an analytic plant."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, pi, sin
 from typing import Protocol
 
 import numpy as np
 
-from hardware.emulator.servo import Drive, Servo, ServoParameters, sample
+from hardware.emulator.servo import Drive, Servo, ServoParameters, Wear, sample
 from hardware.frames import Pair, Triple
 from hardware.parts import GIMBAL_STOP as STOP
 from hardware.parts import STANDARD_GRAVITY as GRAVITY
@@ -20,6 +20,9 @@ class Plant(Protocol):
 
     def set_drive(self, servo: int, drive: Drive) -> None:
         """Change how servo 0 (x) or 1 (y) is driven from now on."""
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn servo 0 (x) or 1 (y) is from now on."""
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""
@@ -106,6 +109,16 @@ class AnalyticPlant:
     def set_drive(self, servo: int, drive: Drive) -> None:
         """Change how a servo is driven; see `Plant`."""
         self.servos[servo].drive = drive
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn a servo is; see `Plant`."""
+        new = self.parameters.servos[servo]
+        self.servos[servo].parameters = replace(
+            new,
+            backlash=new.backlash + wear.backlash,
+            friction=new.friction * wear.friction,
+            voltage=new.voltage * wear.voltage,
+        )
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.emulator import Drive
+from hardware.emulator import Drive, Wear
 from hardware.frames import AXES, Pair, Triple
 from twin.errors import DivergenceError, TwinError
+from twin.physics.mechanism.servo import VOLTAGE
 from twin.plant.model import TwinModel
 from twin.plant.plant import LARGEST_SPEED
 
@@ -45,6 +46,7 @@ class BenchPlant:
         self._ctrl, self._qpos, self._qvel = self.data.ctrl, self.data.qpos, self.data.qvel
         self._dt = model.opt.timestep
         self._damping: dict[int, float] = {}
+        self._new: dict[int, Triple] = {}  # friction, voltage and half backlash of servos
         self._servos = [int(model.actuator(f"gimbal_servo_{a}").id) for a in AXES]
         self._turn = self._turntable()
         joints = [model.joint(f"gimbal_{a}") for a in AXES]
@@ -100,6 +102,25 @@ class BenchPlant:
         model.dof_damping[dof] = JAM if drive is Drive.JAMMED else damping
         model.opt.disableactuator |= 1 << LIMP_GROUP
         model.actuator_group[actuator] = 0 if drive is Drive.NORMAL else LIMP_GROUP
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn servo 0 (x) or 1 (y) is from now on; one without backlash keeps none."""
+        model, actuator = self.model, self._servos[servo]
+        dof = int(model.joint(f"gimbal_servo_{AXES[servo]}").dofadr[0])
+        play = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"gimbal_play_{AXES[servo]}")
+        new = self._new.setdefault(
+            servo,
+            (
+                float(model.dof_frictionloss[dof]),
+                float(model.actuator_gainprm[actuator, VOLTAGE]),
+                float(model.jnt_range[play, 1]),
+            ),
+        )
+        model.dof_frictionloss[dof] = new[0] * wear.friction
+        model.actuator_gainprm[actuator, VOLTAGE] = new[1] * wear.voltage
+        if play >= 0:
+            half = new[2] + wear.backlash / 2
+            model.jnt_range[play] = -half, half
 
     def angles(self) -> Pair:
         """True gimbal angles [rad]."""
