@@ -65,6 +65,7 @@ def compare(
     with_: str | None = ...,
     ratio: float | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    drift: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
