@@ -6,7 +6,7 @@ from typing import Any
 
 from twin.campaigns.campaign import flying
 from twin.campaigns.figures import FIGURES
-from twin.campaigns.runs import Runs
+from twin.campaigns.runs import Runs, shown
 from twin.campaigns.store import Store
 from twin.campaigns.study import Study, read
 
@@ -28,16 +28,22 @@ def linear(n: int, *more: str, kind: str = "random", seed: int = 0) -> str:
     return "\n".join((*vary, design, *more))
 
 
-def place(study: Study, runs: Runs):
-    """Work of a stand-in whose place is linear in the two parameters."""
+def centred(values: dict[str, Any]) -> tuple[float, float]:
+    """Place that is linear in the two parameters."""
+    return values["wind_speed"] - 10.0, values["wind_azimuth"]
+
+
+def place(study: Study, runs: Runs, end: Any = centred):
+    """Work of a stand-in, from the values to the place where a run ends."""
 
     def work(run: int) -> dict[str, Any]:
         values = runs.values([run])[0]
         row = dict.fromkeys(FIGURES, 0.0)
-        row |= {"end_east_m": values["wind_speed"] - 10.0, "end_north_m": values["wind_azimuth"]}
+        row["end_east_m"], row["end_north_m"] = end(values)
         row["closest_approach_m"] = math.hypot(row["end_east_m"], row["end_north_m"])
         measures = {m.name: m.of({**values, **row}) for m in study.measures}
-        return {"run": run, "seed": run, "outcome": "point", "reason": "", **values, **row,
+        return {"run": run, "seed": run, "outcome": "point", "reason": "",
+                **{k: shown(v) for k, v in values.items()}, **row,
                 **measures}  # fmt: skip
 
     return work
@@ -46,7 +52,9 @@ def place(study: Study, runs: Runs):
 def flown(study: Study, folder: Path, work: Any = None, workers: int = 2) -> Store:
     """Fly a study of the stand-in into a folder, or go on with it."""
     runs = Runs(study)
-    store = Store(folder, study, runs.count, dict.fromkeys(runs.columns, float))
+    store = Store(
+        folder, study, runs.count, {c: str if c == "servo" else float for c in runs.columns}
+    )
     if not (folder / "campaign.json").exists():
         store.begin(force=False)
     flying(study, runs, store, work or place(study, runs), workers)

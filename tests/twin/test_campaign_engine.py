@@ -112,10 +112,11 @@ def test_a_campaign_writes_rows_and_answers(tmp_path):
     place_of = str(tmp_path / "short.toml")
     result = campaign(Campaign("run", place_of, workers=2, out=tmp_path / "out"))
     assert (result.runs, result.planned, result.new) == (3, 3, 3)
-    assert result.outcomes == {"time": 3}
-    assert result.estimates["fast_rate"].value == 1.0
-    again = campaign(Campaign("resume", place_of, out=tmp_path / "out"))
+    assert result.answers.outcomes == {"time": 3}
+    assert result.answers.estimates["fast_rate"].value == 1.0
+    again = campaign(Campaign("resume", place_of, out=tmp_path / "out", paths=2))
     assert (again.runs, again.new) == (3, 0)
+    assert Path(again.recording).stat().st_size > 1000
     flight = campaign(Campaign("refly", place_of, 1, out=tmp_path / "one.rrd"))
     s = read(place_of)
     rows = Store(tmp_path / "out", s, 3, {c: str if c in ("gimbal", "vehicle") else float

@@ -10,8 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from analysis.report import render
 from twin.campaigns.answers import answers
+from twin.campaigns.bundle import bundle
 from twin.campaigns.engine import Engine, Work, lost_row
+from twin.campaigns.page import sections
 from twin.campaigns.parameters import Binding, binding
 from twin.campaigns.progress import Progress
 from twin.campaigns.result import CampaignResult, Verdict
@@ -54,7 +57,8 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
             work = flown(study, runs, bound, Path(scratch))
             _warm_up(bound)
             new = flying(study, runs, store, work, config.workers)
-    return result(study, runs, store, conditions, new, time.perf_counter() - began)
+    made = result(study, runs, store, conditions, new, time.perf_counter() - began)
+    return made if not config.paths else _with_paths(config.paths, study, runs, store, made)
 
 
 def flying(study: Study, runs: Runs, store: Store, work: Work, workers: int | None = None) -> int:
@@ -133,7 +137,23 @@ def result(
         for c in conditions
         for estimate in [_estimate(c, kept, study.confidence)]
     )
-    return answers(study, runs, store, table, verdicts, new, wall_s)
+    page = store.folder / "report.html"
+    made = CampaignResult(
+        answers(study, runs, table), str(store.folder), str(page), "", runs.count,
+        table.num_rows, new, verdicts, wall_s,
+    )  # fmt: skip
+    render(sections(study, made, table), study.title, page, made.as_dict())
+    return made
+
+
+def _with_paths(
+    count: int, study: Study, runs: Runs, store: Store, made: CampaignResult
+) -> CampaignResult:
+    """The result with a recording of some paths."""
+    bound, out = binding(study.fly, study.vary), store.folder / "paths.rrd"
+    figure, about = made.answers.figure, f"# {study.title}\n\n{made.answers.text}"
+    bundle(out, runs, bound, store.table(), figure, count, about)
+    return replace(made, recording=str(out))
 
 
 def _estimate(c: Condition, kept: Any, confidence: float) -> Estimate:  # noqa: ANN401  a table

@@ -59,6 +59,7 @@ class Engine:
         ------
         TwinError : rows cannot be written, or a process cannot fly at all
         """
+        self.store.prepare()
         present = set(self.store.present())
         waiting = [p for p in range(self.store.parts) if p not in present]
         waiting.reverse()

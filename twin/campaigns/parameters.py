@@ -120,7 +120,7 @@ def _names(vary: tuple[Varied, ...]) -> list[str]:
         sets = [value for value in v.values if isinstance(value, Mapping)]
         if sets and len(sets) < len(v.values):
             raise TwinError(f"[vary.{v.name}]: must be all tables of parameters, or none")
-        names += [n for s in sets for n, _ in _flat(s)] if sets else list(v.columns)
+        names += [n for s in sets for n, _ in _flat({"": s})] if sets else list(v.columns)
     return list(dict.fromkeys(names))
 
 

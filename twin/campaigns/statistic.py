@@ -21,7 +21,8 @@ COMPARISONS: Mapping[str, Callable[[Array, float], NDArray[np.bool_]]] = {
 _TERM = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|<|>)\s*([-+0-9.eE]+)\s*")
 _QUANTILE = re.compile(r"(.+)_p(\d{1,2})")
 FEWEST = 30  # runs before an interval may end a campaign
-BOOTSTRAP = 2000  # resamples of an interval
+BOOTSTRAP = 1000  # resamples of an interval
+AT_ONCE = 1 << 19  # numbers in memory
 PLACE = ("end_east_m", "end_north_m")
 
 
@@ -221,20 +222,27 @@ def cep(places: Array, confidence: float) -> Estimate:
     return bootstrapped(places, _radius, confidence)
 
 
-def _radius(places: Array) -> float:
-    return float(np.median(np.hypot(*(places - places.mean(axis=0)).T)))
+def _radius(places: Array) -> Array:
+    d = places - places.mean(axis=-2, keepdims=True)
+    return np.asarray(np.median(np.hypot(d[..., 0], d[..., 1]), axis=-1))
 
 
-def bootstrapped(
-    rows: Array, function: Callable[[Array], float], confidence: float, resamples: int = BOOTSTRAP
-) -> Estimate:
-    """A function of rows (n, k) with its percentile bootstrap interval; the same at every call."""
+def bootstrapped(rows: Array, function: Callable[[Array], Array], confidence: float) -> Estimate:
+    """A function of rows (n, k) with its percentile bootstrap interval; the same at every call.
+
+    Parameters
+    ----------
+    function : of rows (..., n, k), gives (...)
+    """
     kept = rows[np.isfinite(rows).all(axis=1)]
     n = len(kept)
     if n < 3:
         return Estimate(math.nan, math.nan, math.nan, n)
     rng = np.random.default_rng(n)
-    values = [function(kept[rng.integers(0, n, n)]) for _ in range(resamples)]
+    at_once = max(1, min(BOOTSTRAP, AT_ONCE // n))
+    values = [
+        function(kept[rng.integers(0, n, (at_once, n))]) for _ in range(-(-BOOTSTRAP // at_once))
+    ]
     tail = 0.5 - 0.5 * confidence
-    low, high = np.quantile(values, [tail, 1.0 - tail])
-    return Estimate(function(kept), float(low), float(high), n)
+    low, high = np.quantile(np.concatenate(values), [tail, 1.0 - tail])
+    return Estimate(float(function(kept)), float(low), float(high), n)

@@ -126,11 +126,19 @@ class Store:
         ------
         OSError : it cannot be written; nothing is left of it
         """
-        place = self.file(part)
+        self._write(rows, self.file(part))
+
+    def prepare(self) -> None:
+        """Load what writing needs, so that forked processes have it already."""
+        pq.write_table(self._table([{}]), pa.BufferOutputStream(), compression="zstd")
+
+    def _table(self, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+        return pa.Table.from_pylist(list(rows), schema=self._schema)
+
+    def _write(self, rows: Sequence[Mapping[str, Any]], place: Path) -> None:
         beside = place.with_suffix(f".{os.getpid()}.partial")
         try:
-            table = pa.Table.from_pylist(list(rows), schema=self._schema)
-            pq.write_table(table, beside, compression="zstd")
+            pq.write_table(self._table(rows), beside, compression="zstd")
             beside.replace(place)
         finally:
             beside.unlink(missing_ok=True)

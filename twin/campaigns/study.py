@@ -59,6 +59,7 @@ class Study:
     measures : figures that are true or false, from conditions on figures
     stop : sequential stop; None to fly all
     fail_if : conditions that a campaign must not meet
+    nominal : values that parameters keep in a map while another one varies
     digest : of everything that decides a row, with the versions of the physics
     text : the file
     """
@@ -73,6 +74,7 @@ class Study:
     measures: tuple[Measure, ...]
     stop: Stop | None
     fail_if: tuple[Condition, ...]
+    nominal: Mapping[str, float]
     digest: str
     text: str
 
@@ -131,6 +133,7 @@ def _study(file: Path, given: dict[str, Any], text: str) -> Study:
         kind=kind, n=n, seed=seed, measures=measures,
         stop=_stop(part["stop"], measures), text=text,
         fail_if=tuple(condition(str(t), measures) for t in part["fail_if"].values()),
+        nominal={n: float(t["nominal"]) for n, t in part["vary"].items() if "nominal" in t},
         digest=_digest(part, fly, file.parent),
     )  # fmt: skip
 
@@ -200,6 +203,10 @@ def _digest(part: Mapping[str, Any], fly: Mapping[str, Any], folder: Path) -> st
     """Digest of what decides a row: sections, files that they name, versions."""
     total = hashlib.sha256()
     deciding = {k: part[k] for k in ("fly", "vary", "design", "measure")}
+    deciding["vary"] = {  # the nominal values only belong to the map
+        name: {k: v for k, v in table.items() if k != "nominal"}
+        for name, table in part["vary"].items()
+    }
     total.update(json.dumps(deciding, sort_keys=True, default=str).encode())
     tables = [str(folder / v["file"]) for v in part["vary"].values() if "file" in v]
     for name in (*(str(fly[k]) for k in FILES if k in fly and k in hints(Fly)), *tables):

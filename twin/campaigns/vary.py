@@ -54,6 +54,8 @@ def varied(name: str, table: object, folder: Path) -> Varied:
     if not isinstance(table, dict):
         raise TwinError(f"{where}: must be a table with a distribution")
     given = dict(table)
+    if "nominal" in given:
+        number(f"{where} nominal", given.pop("nominal"))
     kind, relative = given.pop("distribution", None), given.pop("relative", False)
     if not isinstance(kind, str) or kind not in _KINDS:
         raise TwinError(f"{where} distribution {kind!r}: must be one of {', '.join(_KINDS)}")

@@ -28,6 +28,8 @@ class Campaign(Output):
     fail_if: Texts = ()
     """Condition on a statistic, for example "hit_rate < 0.95": exit code 1 where its interval
     confirms it, 3 where it is undecided. Added to those of the study. Repeatable."""
+    paths: Annotated[int, Range(0, 1000)] = 0
+    """Runs to fly again for a recording with their paths, worst and median highlighted."""
     out: Path | None = None
     """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write."""
 
