@@ -15,6 +15,7 @@ VERBS = (
     "calibrate",
     "compare",
     "converge",
+    "demo",
     "doctor",
     "fly",
     "identify",

@@ -7,6 +7,7 @@ from analysis.schema import AnalysisError as AnalysisError
 from hardware.frames import HardwareError as HardwareError
 from twin.errors import DivergenceError as DivergenceError
 from twin.errors import TwinError as TwinError
+from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.identify import IdentifyResult
@@ -77,6 +78,14 @@ def converge(
     model: str | PathLike[str] | None = ...,
     motor: str | PathLike[str] | None = ...,
 ) -> ConvergenceResult: ...
+def demo(
+    *,
+    gimbal: str = ...,
+    unit: int | None = ...,
+    calibration: str | PathLike[str] | None = ...,
+    seed: int = ...,
+    out: str | PathLike[str] | None = ...,
+) -> DemoResult: ...
 def doctor(
     *,
     vehicle: str | PathLike[str] | None = ...,
