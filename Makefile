@@ -20,7 +20,7 @@ $(STAMP): .ci/lock.txt pyproject.toml
 	@touch $@
 
 run: env
-	$(BIN)/twin fly
+	$(BIN)/twin demo
 
 # Debian packages behind the tests that look at pictures or run the real firmware.
 test-tools:

@@ -8,6 +8,7 @@ from hardware.frames import HardwareError as HardwareError
 from twin.errors import DivergenceError as DivergenceError
 from twin.errors import TwinError as TwinError
 from twin.campaigns.result import CampaignResult
+from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.identify import IdentifyResult
@@ -46,6 +47,7 @@ def campaign(
     force: bool = ...,
     workers: int | None = ...,
     fail_if: tuple[str, ...] = ...,
+    paths: int = ...,
 ) -> CampaignResult | FlightResult: ...
 def compare(
     *recordings: str | PathLike[str],
@@ -89,6 +91,14 @@ def converge(
     model: str | PathLike[str] | None = ...,
     motor: str | PathLike[str] | None = ...,
 ) -> ConvergenceResult: ...
+def demo(
+    *,
+    gimbal: str = ...,
+    unit: int | None = ...,
+    calibration: str | PathLike[str] | None = ...,
+    seed: int = ...,
+    out: str | PathLike[str] | None = ...,
+) -> DemoResult: ...
 def doctor(
     *,
     vehicle: str | PathLike[str] | None = ...,

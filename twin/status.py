@@ -11,6 +11,7 @@ Text = str | Callable[[], str]
 FIRST_S, PERIOD_S = 0.7, 0.25  # until the line appears, and between two of its updates
 _doing: Text = ""
 _about = ""
+_on = False  # whether a thread shows the line
 _lock = threading.Lock()
 _width = 0  # characters of the line that is shown
 
@@ -45,18 +46,27 @@ def note(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
+def done(line: str) -> None:
+    """Print a line that stays where the status line is shown, and nothing elsewhere."""
+    if _on:
+        note(line)
+
+
 @contextmanager
 def shown() -> Iterator[None]:
     """Show the status line during a block if standard error is a terminal."""
     if not sys.stderr.isatty():
         yield
         return
+    global _on
     over = threading.Event()
     thread = threading.Thread(target=_show, args=(over,), daemon=True, name="status")
     thread.start()
+    _on = True
     try:
         yield
     finally:
+        _on = False
         over.set()
         thread.join()
         with _lock:

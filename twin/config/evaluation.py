@@ -100,7 +100,8 @@ class Identify(Columns, Output, Parameters):
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism for `--linkage`; the reference mechanism if omitted."""
     out: Path | None = None
-    """File to write (.json); runs/model.json, or runs/set.json with `--linkage`, if omitted."""
+    """File to write (.json); runs/model-DATE-TIME.json, or runs/set-DATE-TIME.json with
+    `--linkage`, if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.
@@ -156,7 +157,7 @@ class Compare(Columns, Output, Parameters):
     longest_delay_ms: Milliseconds = 250.0
     """Longest delay of one motion behind the other that is searched [ms]."""
     out: Path | None = None
-    """Recording of both and their difference; runs/compare.rrd if omitted."""
+    """Recording of both and their difference; runs/compare-DATE-TIME.rrd if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.
@@ -197,7 +198,7 @@ class Report(Columns, Output):
     title: str = "Gimbal report"
     """Title of the page."""
     out: Path | None = None
-    """Page to write (.html); runs/report.html if omitted."""
+    """Page to write (.html); runs/report-DATE-TIME.html if omitted."""
 
     @property
     def extras(self) -> tuple[str, ...]:

@@ -304,7 +304,7 @@ class Converge(Output, Parameters):
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
     thrust table of two columns (.csv); the vehicle's own motor if omitted."""
     out: Path | None = None
-    """Page to write (.html); runs/converge.html if omitted."""
+    """Page to write (.html); runs/converge-DATE-TIME.html if omitted."""
 
     @property
     def extras(self) -> tuple[str, ...]:

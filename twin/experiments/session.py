@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 from hardware.frames import GimbalCommand, GimbalState
 from twin import status
 from twin.config import OnFault, Run
+from twin.config.paths import point_latest
 from twin.config.seats import is_rig
 from twin.experiments.assembly import (
     make_plant,
@@ -191,13 +192,12 @@ class Session:
         TwinError : the file cannot be written, or the port is taken
         """
         self.gather(*sources)
-        self.recorder = self._stack.enter_context(
-            make_recorder(
-                self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,
-                serve=serve, drain_ns=drain_ns, rig=self.rig, origin=self._origin,
-                shadow=self.shadow,
-            )
+        recorder = make_recorder(
+            self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,
+            serve=serve, drain_ns=drain_ns, rig=self.rig, origin=self._origin, shadow=self.shadow,
         )  # fmt: skip
+        self._stack.callback(point_latest, recorder.path)  # once it is closed
+        self.recorder = self._stack.enter_context(recorder)
         self.rows.bind(self.recorder)
         for note in self.notes:
             self.recorder.event(self.plant.time_ns, note)
@@ -255,7 +255,7 @@ class Session:
             self.plant,
             "" if duration_ns > LONGEST_SHOWN_NS else f" of {duration_ns * 1e-9:.0f} s",
         )
-        status.say(lambda: f"{self.verb}: {plant.time_ns * 1e-9:.1f} s{of}")
+        status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s{of}")
         seat: Clock = Wall() if self.real_time else Lockstep()
         clock = self._live.enter_context(seat)
         self._clock = clock if isinstance(clock, Wall) else None

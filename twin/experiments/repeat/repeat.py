@@ -19,7 +19,7 @@ from analysis.response.metrics import StepMetrics
 from analysis.response.steps import up_to_hidden
 from twin import status
 from twin.config import Fly, with_model
-from twin.config.paths import writable
+from twin.config.paths import RUNS, dated, point_latest, writable
 from twin.config.seats import MODELS, is_rig
 from twin.errors import TwinError
 from twin.experiments.flight import FlightResult
@@ -46,11 +46,12 @@ def repeat(config: Fly) -> RepeatResult:
     differences = {s.gimbal: path_difference(flown[0], s.paths[0]) for s in seats[1:] if flown}
     result = RepeatResult(seats, differences, str(page), time.perf_counter() - began)
     render(sections(result), "Repeated flights", page, result.as_dict())
+    point_latest(page)
     return result
 
 
 def _places(config: Fly) -> tuple[Path, Path]:
-    out = config.out or Path("runs/repeat")
+    out = config.out or dated(RUNS, "repeat", ".html")
     if out.suffix.lower() in (".html", ".htm"):
         return out.with_suffix(""), writable(out, force=config.force)
     if out.suffix:
