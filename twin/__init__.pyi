@@ -20,6 +20,7 @@ from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
 from twin.experiments.mechanism import MechanismResult
 from twin.experiments.mirror import MirrorResult
+from twin.experiments.openrocket import ImportResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
@@ -300,14 +301,14 @@ def step(
     time_scale: float | None = ...,
 ) -> StepResult: ...
 def vehicle(
-    action: Literal['show', 'build'],
+    action: Literal['show', 'build', 'import'],
     file: str | PathLike[str],
     *,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     motor: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
-) -> VehicleResult | BuildResult: ...
+) -> VehicleResult | BuildResult | ImportResult: ...
 def view(
     recording: str | PathLike[str],
     *,
