@@ -16,6 +16,7 @@ VERBS = (
     "campaign",
     "compare",
     "converge",
+    "demo",
     "doctor",
     "fly",
     "identify",

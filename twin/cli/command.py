@@ -10,7 +10,9 @@ from typing import NoReturn
 
 from analysis.schema import AnalysisError
 from hardware.frames import HardwareError
+from twin import status
 from twin.cli.arguments import parse
+from twin.cli.ready import ready
 from twin.config import Settings
 from twin.config.result import Result
 from twin.errors import CheckError, DivergenceError, TwinError
@@ -23,8 +25,12 @@ def run(arguments: Sequence[str]) -> NoReturn:
     """Run one verb and end the process with 0, 1 (a check failed) or 2 (the user's mistake)."""
     _prepare_terminal()
     try:
-        verb, settings = parse(list(arguments))
-        sys.exit(_status(settings, verb.function(settings)))
+        with status.shown():
+            verb, settings = parse(list(arguments))
+            status.say("starting")
+            ready(verb.name, settings)
+            result = verb.function(settings)
+        sys.exit(_status(settings, result))
     except (TwinError, AnalysisError, HardwareError) as error:
         _complain(f"twin: {error}")
         sys.exit(MISTAKE)

@@ -7,6 +7,7 @@ from typing import Any
 
 from twin.config.base import Settings
 from twin.config.campaign import Campaign
+from twin.config.demo import Demo
 from twin.config.evaluation import Compare, Doctor, Identify, Report, View
 from twin.config.mechanism import Mechanism
 from twin.config.rig import Calibrate, Mirror, Rig
@@ -39,6 +40,7 @@ class Verb:
 
 
 VERBS = (
+    Verb("demo", Demo, "twin.cli.demo:demo"),
     Verb("fly", Fly, "twin.experiments.flights:fly"),
     Verb("step", Step, "twin.experiments.step:step"),
     Verb("mirror", Mirror, "twin.experiments.mirror:mirror"),

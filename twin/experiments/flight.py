@@ -166,7 +166,7 @@ class Flight:
         self._closest_ns: int | None = None  # when last nearer the point than ever since the launch
         self._moved_ns = self.burnout_ns
         self._burnout_range: float | None = None
-        self._on_ramp = True
+        self._on_ramp, self._rising = True, False
         self.announce: Callable[[int, str], None] = lambda *_: None
 
     def watch(self, time_ns: int) -> None:
@@ -184,6 +184,9 @@ class Flight:
         elif self._burnout_range is None:
             self._burnout_range = math.dist((x, y, z), self._start)
             self._report(time_ns, "burnout", self._burnout_range, vx, vy, vz)
+        if self._rising and vz < 0.0 and not self._on_ramp:
+            self.announce(time_ns, f"apogee, {z - self._start[2]:.1f} m above the launch point")
+        self._rising = vz > 0.0
         away = math.dist((x, y, z), self._start)
         if self._on_ramp and away > self._ramp and time_ns >= self._ignition_ns:
             self._on_ramp = False
