@@ -59,7 +59,10 @@ class Engine:
         ------
         TwinError : rows cannot be written, or a process cannot fly at all
         """
-        self.store.prepare()
+        try:
+            self.store.prepare()
+        except OSError as error:
+            raise TwinError(f"cannot write {self.store.folder}: {error.strerror}") from None
         present = set(self.store.present())
         waiting = [p for p in range(self.store.parts) if p not in present]
         waiting.reverse()
