@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from twin.campaigns.boundary import SHARE, Frontier, Property, region
+from twin.campaigns.boundary import SHARE, Frontier, Property, Region, region
 from twin.campaigns.dispersion import Ellipse, ellipse
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import Influence, rank_influences, sobol_influences
@@ -85,8 +85,7 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
             name: Influence(i.rank, *of_all.get(name, ())) for name, i in influences.items()
         }
     hits = column(kept, study.measures[0].name) if study.measures else None
-    found = None if hits is None else region(numbers, hits, study.nominal, p)
-    properties = () if found is None else found.properties
+    found, properties = _region(study, numbers, hits)
     first = limiting(properties)
     pair = None
     if found is not None and len(first) > 1:
@@ -99,6 +98,24 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
         cells, ellipse(places, p), properties, pair,
         _sentence(study, estimates, cells, first),
     )  # fmt: skip
+
+
+def _region(
+    study: Study, numbers: Mapping[str, Array], hits: Array | None
+) -> tuple[Region | None, tuple[Property, ...]]:
+    """Region of the first measure; of a star each ray alone."""
+    if hits is None:
+        return None, ()
+    if study.kind != "star":
+        found = region(numbers, hits, study.nominal, study.confidence)
+        return found, () if found is None else found.properties
+    rays: list[Property] = []
+    for name, fixed in study.nominal.items():
+        here = numbers[name] != fixed
+        alone = {name: numbers[name][here]}
+        if (ray := region(alone, hits[here], {name: fixed}, study.confidence)) is not None:
+            rays += ray.properties
+    return None, tuple(rays)
 
 
 def limiting(properties: tuple[Property, ...]) -> list[Property]:
