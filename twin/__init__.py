@@ -21,6 +21,7 @@ VERBS = (
     "identify",
     "mechanism",
     "mirror",
+    "parameters",
     "replay",
     "report",
     "rig",

@@ -235,6 +235,7 @@ class Session:
         *,
         each_tick: Sequence[Callable[[int], None]] | None = None,
         stop: Callable[[], str | None] = lambda: None,
+        doing: status.Text | None = None,
     ) -> Outcome:
         """Run the loop to its end and release the rig.
 
@@ -242,6 +243,7 @@ class Session:
         ----------
         each_tick : called with the time of each tick [ns]; the rows of the recording if omitted
         stop : gives the reason to end, or None
+        doing : status line; the experiment time if omitted
 
         Raises
         ------
@@ -251,7 +253,7 @@ class Session:
             self.plant,
             "" if duration_ns > LONGEST_SHOWN_NS else f" of {duration_ns * 1e-9:.0f} s",
         )
-        status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s{of}")
+        status.say(doing or (lambda: f"running, {plant.time_ns * 1e-9:.1f} s{of}"))
         seat: Clock = Wall() if self.real_time else Lockstep()
         clock = self._live.enter_context(seat)
         self._clock = clock if isinstance(clock, Wall) else None
