@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long test-tools bench lint format meshes docs-check generated lock clean
+.PHONY: env run test test-long mutate test-tools bench lint format meshes docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -32,6 +32,10 @@ test: env test-tools
 # The long forms as well: whole minutes of simulated telemetry, hundreds of seeds.
 test-long: env test-tools
 	@PYTHON=$(BIN)/python bash .ci/tests "slow or not slow"
+
+# Plants wrong lines and looks whether a test turns red: half an hour on two processors.
+mutate: env test-tools
+	$(BIN)/python -m tests.mutation
 
 bench: env
 	$(BIN)/python -m tests.benchmarks

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 VERBS = (
     "calibrate",
+    "campaign",
     "compare",
     "converge",
     "demo",

@@ -7,6 +7,7 @@ from analysis.schema import AnalysisError as AnalysisError
 from hardware.frames import HardwareError as HardwareError
 from twin.errors import DivergenceError as DivergenceError
 from twin.errors import TwinError as TwinError
+from twin.campaigns.result import CampaignResult
 from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.cli.parameters import ParametersResult
@@ -20,6 +21,7 @@ from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
 from twin.experiments.mechanism import MechanismResult
 from twin.experiments.mirror import MirrorResult
+from twin.experiments.openrocket import ImportResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
@@ -38,6 +40,17 @@ def calibrate(
     repeats: int = ...,
     seed: int = ...,
 ) -> CalibrationResult: ...
+def campaign(
+    action: Literal['run', 'resume', 'report', 'refly'],
+    study: str,
+    run: int | None,
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    workers: int | None = ...,
+    fail_if: tuple[str, ...] = ...,
+    paths: int = ...,
+) -> CampaignResult | FlightResult: ...
 def compare(
     *recordings: str | PathLike[str],
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -56,6 +69,7 @@ def compare(
     with_: str | None = ...,
     ratio: float | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    drift: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -296,14 +310,14 @@ def step(
     time_scale: float | None = ...,
 ) -> StepResult: ...
 def vehicle(
-    action: Literal['show', 'build'],
+    action: Literal['show', 'build', 'import'],
     file: str | PathLike[str],
     *,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     motor: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
-) -> VehicleResult | BuildResult: ...
+) -> VehicleResult | BuildResult | ImportResult: ...
 def view(
     recording: str | PathLike[str],
     *,

@@ -63,7 +63,8 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
             hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(BY_NAME)}"
             raise TwinError(f"no verb {arguments[0]!r}; {hint}")
         verb = BY_NAME[arguments[0]]
-        given = _parsed(_grouped(verb.settings), verb.settings.__doc__, verb.name, arguments[1:])
+        grouped = _grouped(verb.settings)  # type: ignore[arg-type]  # a class has a hash
+        given = _parsed(grouped, verb.settings.__doc__, verb.name, arguments[1:])
         flat = {k: v for group in vars(given).values() for k, v in vars(group).items()}
         return verb, verb.settings.of(flat)
     if arguments == ["--version"]:
@@ -116,6 +117,7 @@ def _parsed(kind: type, description: str | None, name: str, arguments: list[str]
         raise TwinError(f"{advice} (`twin {name} --help` lists the options)") from None
 
 
+@cache
 def _grouped(kind: type[Settings]) -> type:
     """A dataclass of dataclasses, one a group: tyro prints each under its own heading."""
     groups: dict[str, list[tuple[str, Any, Any]]] = {}

@@ -53,7 +53,7 @@ def _status(settings: Settings, result: Result | int | None) -> int:
     as_json = getattr(settings, "json", False)
     _print(json.dumps(result.as_dict(), allow_nan=False) if as_json else result.text())
     ignored = getattr(settings, "on_fault", None) == "ignore"
-    return 0 if result.passed or ignored else FAILED
+    return 0 if ignored else result.status
 
 
 def _print(text: str) -> None:

@@ -148,6 +148,10 @@ class Compare(Columns, Output, Parameters):
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism for `--with linkage`; the reference mechanism if omitted.
     """
+    drift: Flag = False
+    """Of one recording of a rig: estimate gain, delay, zero, speed, backlash and friction over time
+    with their intervals, and name what leaves the interval of the model, since when, by how much.
+    """
     fail_below: Annotated[float, Range(-1e6, 100.0, "%")] | None = None
     """Exit with 1 if the fit of an axis, delay not removed, is below this value [%]."""
     longest_delay_ms: Milliseconds = 250.0
@@ -174,8 +178,10 @@ class Compare(Columns, Output, Parameters):
             raise TwinError("--with: not with --commands; give one table with commands and angles")
         given = {"--ratio": self.ratio, "--mechanism": self.mechanism, "--set": self.set or None}
         for flag, value in given.items():
-            if value is not None and self.with_ is None:
+            if value is not None and self.with_ is None and not (self.drift and flag != "--ratio"):
                 raise TwinError(f"{flag} {value}: needs --with linkage or --with model.json")
+        if self.drift and (self.with_ is not None or len(self.recordings) != 1):
+            raise TwinError("--drift: takes one recording of a rig with a model beside it")
 
 
 @dataclass(frozen=True)

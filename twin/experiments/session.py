@@ -168,6 +168,11 @@ class Session:
             return None
         return Guard(controller, self.rig.readings, on_fault or "end", turntable)
 
+    def gather(self, *sources: Source | Eventful | None) -> None:
+        """Make the rows of a run, which `record` writes; they derive their signals without it."""
+        given = (*sources, self.shadow, self._ledger)
+        self.rows = Rows(self.plant, *given, readings=self.readings)
+
     def record(
         self,
         *sources: Source | Eventful | None,
@@ -186,8 +191,7 @@ class Session:
         ------
         TwinError : the file cannot be written, or the port is taken
         """
-        given = (*sources, self.shadow, self._ledger)
-        self.rows = Rows(self.plant, *given, readings=self.readings)
+        self.gather(*sources)
         recorder = make_recorder(
             self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,
             serve=serve, drain_ns=drain_ns, rig=self.rig, origin=self._origin, shadow=self.shadow,
