@@ -22,6 +22,7 @@ VERBS = (
     "identify",
     "mechanism",
     "mirror",
+    "parameters",
     "replay",
     "report",
     "rig",

@@ -10,6 +10,7 @@ from twin.errors import TwinError as TwinError
 from twin.campaigns.result import CampaignResult
 from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
+from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
@@ -218,6 +219,14 @@ def mirror(
     serve: int | None = ...,
     control_hz: float = ...,
 ) -> MirrorResult: ...
+def parameters(
+    *words: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    scene: str = ...,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> ParametersResult: ...
 def replay(
     recording: str | PathLike[str],
     *,

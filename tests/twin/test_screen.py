@@ -6,6 +6,7 @@ import time
 import pytest
 
 from twin import status
+from twin.cli import doctor
 from twin.cli.main import main
 from twin.config.verbs import Verb
 
@@ -82,3 +83,19 @@ def test_a_missing_extra_is_reported_before_anything_is_computed(
     monkeypatch.setattr("twin.cli.ready.find_spec", lambda _: None)
     extra = "sysid" if "--linkage" in command else "report"
     assert f"pip install 'tvc-twin[{extra}]'" in refused(capsys, *command.split())
+
+
+def test_the_doctor_names_missing_extras_a_missing_display_and_services_that_take_ports(
+    monkeypatch,
+):
+    monkeypatch.setattr(doctor.shutil, "which", lambda name: name if name == "brltty" else None)
+    monkeypatch.setattr("twin.cli.ready.find_spec", lambda _: None)
+    monkeypatch.setattr(doctor.sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    looks = (doctor._extras, doctor._viewer, doctor._grabbers)
+    found = {f.topic: f for look in looks for f in look()}
+    assert "pip install 'tvc-twin[report]'" in found["extra report"].remedy
+    assert "twin view --web" in found["display"].remedy
+    assert found["browser"].level == "note"
+    assert "apt remove brltty" in found["brltty"].remedy

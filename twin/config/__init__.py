@@ -20,6 +20,7 @@ from twin.config.runs import (
     without_ineffective,
 )
 from twin.config.types import LARGEST_DT, TURNTABLE, Integrator, OnFault, Programme, Signal
+from twin.config.vehicle import ListParameters
 
 __all__ = [
     "LARGEST_DT",
@@ -34,6 +35,7 @@ __all__ = [
     "Fly",
     "Identify",
     "Integrator",
+    "ListParameters",
     "Mirror",
     "OnFault",
     "Programme",

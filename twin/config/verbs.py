@@ -12,7 +12,7 @@ from twin.config.evaluation import Compare, Doctor, Identify, Report, View
 from twin.config.mechanism import Mechanism
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import Converge, Fly, Replay, Step
-from twin.config.vehicle import Vehicle
+from twin.config.vehicle import ListParameters, Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,7 @@ VERBS = (
     Verb("replay", Replay, "twin.experiments.replay:replay"),
     Verb("rig", Rig, "twin.experiments.serve:rig"),
     Verb("vehicle", Vehicle, "twin.experiments.vehicle:vehicle"),
+    Verb("parameters", ListParameters, "twin.cli.parameters:parameters"),
     Verb("mechanism", Mechanism, "twin.experiments.mechanism:mechanism"),
     Verb("view", View, "twin.cli.view:view"),
     Verb("doctor", Doctor, "twin.cli.doctor:doctor"),
