@@ -3,6 +3,7 @@
 import os
 import selectors
 import signal
+import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -59,6 +60,8 @@ class Engine:
         ------
         TwinError : rows cannot be written, or a process cannot fly at all
         """
+        if not hasattr(os, "fork"):
+            raise TwinError("twin campaign: needs a system with fork (Linux, macOS)")
         try:
             self.store.prepare()
         except OSError as error:
@@ -79,7 +82,9 @@ class Engine:
 
     def _begin(self, part: int, pipes: selectors.BaseSelector) -> None:
         read, write = os.pipe()
-        pid = os.fork()
+        with warnings.catch_warnings():  # the child uses no thread of its parent
+            warnings.simplefilter("ignore", DeprecationWarning)
+            pid = os.fork()
         if pid == 0:
             os.close(read)
             self._fly(part, write)  # never returns

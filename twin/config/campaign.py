@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from twin.config.options import Output
-from twin.config.types import POSITIONAL, Range, Texts
+from twin.config.types import POSITIONAL, Flag, Range, Texts
 from twin.errors import TwinError
 
 
@@ -19,7 +19,8 @@ class Campaign(Output):
     """run: fly the study from the beginning; resume: fly what is missing; report: write the page
     again from the rows there are; refly: fly one run again with a full recording."""
     study: Annotated[str, POSITIONAL]
-    """Study file (.toml), or a shipped study: dispersion, mechanism, servos, gains."""
+    """Study file (.toml), or a shipped study: dispersion, limits, mechanism, servos,
+    gains."""
     run: Annotated[Annotated[int, Range(0, 10**9)] | None, POSITIONAL] = None
     """Number of the run, for `refly`."""
     _: KW_ONLY
@@ -33,6 +34,8 @@ class Campaign(Output):
     been flown, from the rows there are; with `report`."""
     paths: Annotated[int, Range(0, 1000)] = 0
     """Runs to fly again for a recording with their paths, worst and median highlighted."""
+    force: Flag = False
+    """Start again in a folder that has runs, or replace any recording with `refly`."""
     out: Path | None = None
     """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write."""
 
