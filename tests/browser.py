@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from twin.viewer.opening import LOOPBACK, START_SECONDS, ViewerError
+from twin.viewer.process import LOOPBACK, START_SECONDS, ViewerError
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SETTLE_SECONDS = 180.0  # without a graphics card a frame takes a second or more
-EMPTY_BYTES = 30_000  # a page that is still loading compresses to less
+EMPTY_BYTES_PER_PIXEL = 0.12  # a page that is still loading compresses to less
 
 
 def executable() -> str:
@@ -36,11 +36,12 @@ def executable() -> str:
 class Page:
     """One page of a running browser."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, pixels: int) -> None:
         from websocket import create_connection
 
         self._socket = create_connection(address, timeout=SETTLE_SECONDS, suppress_origin=True)
         self._count = 0
+        self.pixels = pixels
         self.complaints: list[str] = []
         self.send("Runtime.enable")
         self.send("Page.enable")
@@ -109,7 +110,9 @@ def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
             stderr=subprocess.DEVNULL,
         )
         try:
-            page = Page(_page_address(process, Path(home) / "DevToolsActivePort"))
+            page = Page(
+                _page_address(process, Path(home) / "DevToolsActivePort"), size[0] * size[1]
+            )
             page.send(
                 "Emulation.setDeviceMetricsOverride",
                 width=size[0],
@@ -128,11 +131,12 @@ def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
 def settled(page: Page) -> bytes:
     """Return the page's picture once it has content and two in a row are the same."""
     until = time.monotonic() + SETTLE_SECONDS
+    least = EMPTY_BYTES_PER_PIXEL * page.pixels
     last = b""
     while time.monotonic() < until:
         time.sleep(0.3)
         now = page.picture()
-        if now == last and len(now) > EMPTY_BYTES:
+        if now == last and len(now) > least:
             return now
         last = now
     raise ViewerError(f"the page does not settle within {SETTLE_SECONDS:.0f} s")

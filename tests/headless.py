@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from analysis import schema
 from tests import browser
-from twin.viewer.opening import LOOPBACK, START_SECONDS, ViewerError, free_port, running, serve_web
+from twin.viewer.process import LOOPBACK, START_SECONDS, ViewerError, free_port, running
+from twin.viewer.web import serve_web
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -112,7 +113,7 @@ def web_screenshot(
     Parameters
     ----------
     path : recording
-    fractions : where on the time line, 0 its start and 1 its end
+    fractions : where on the time line, 0 its start and 1 its end; as it opens if empty
     out_dir : folder for the pictures, named `<recording>_web_<per cent>.png`
     size : of the window [pixels]
 
@@ -125,7 +126,10 @@ def web_screenshot(
     pictures = []
     left, right = TIME_LINE
     with serve_web(path) as url, browser.opened(url, size) as page:
-        browser.settled(page)
+        opened = browser.settled(page)
+        if not fractions:
+            pictures.append(out_dir / f"{path.stem}_web.png")
+            pictures[0].write_bytes(opened)
         for fraction in fractions:
             page.click(left + fraction * (size[0] - left - right), size[1] - TIME_LINE_HEIGHT)
             picture = out_dir / f"{path.stem}_web_{100 * fraction:.0f}.png"
