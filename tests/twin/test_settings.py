@@ -18,7 +18,12 @@ from twin.config.verbs import VERBS
 from twin.errors import TwinError
 
 NONSENSE = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e-300, -1e-300, 10**400, "", "x", True)
-REQUIRED = {"sources": ("a.rrd",), "recordings": ("a.rrd",), "recording": "a.rrd", "action": "show"}
+REQUIRED = {
+    "sources": ("a.rrd",),
+    "recordings": ("a.rrd",),
+    "recording": "a.rrd",
+    "study": "dispersion",
+}
 
 
 def numeric_settings():
@@ -31,7 +36,8 @@ def numeric_settings():
 
 
 def settings_with(kind, name, value):
-    needed = {f.name: REQUIRED[f.name] for f in fields(kind) if f.default is MISSING}
+    required = [f.name for f in fields(kind) if f.default is MISSING]
+    needed = {n: REQUIRED.get(n) or get_args(hints(kind)[n])[0] for n in required}
     extra = {"gimbal": "emulator"} if name == "unit" and kind in (Fly, Step) else {}
     return kind.of({**needed, **extra, name: value})
 

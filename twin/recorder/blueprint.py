@@ -141,7 +141,7 @@ def _tabs(content: Content) -> list[rrb.View | rrb.Container]:
 def _main(content: Content) -> tuple[str, list[rrb.View]]:
     """The angles with what they differ by: residual, control error or difference."""
     views: list[rrb.View] = list(_overlays("Gimbal", _ANGLES, content))
-    if content.residual:
+    if views and content.residual:
         beneath = [plots.residual(content.residual, axis, content.known) for axis in (0, 1)]
         views = [v for pair in zip(views, beneath, strict=True) for v in pair]
         return "Gimbal", views
