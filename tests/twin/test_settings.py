@@ -37,7 +37,7 @@ def numeric_settings():
 
 def settings_with(kind, name, value):
     required = [f.name for f in fields(kind) if f.default is MISSING]
-    needed = {n: REQUIRED.get(n) or get_args(hints(kind)[n])[0] for n in required}
+    needed = {n: REQUIRED.get(n) or get_args(without_markers(hints(kind)[n]))[0] for n in required}
     extra = {"gimbal": "emulator"} if name == "unit" and kind in (Fly, Step) else {}
     return kind.of({**needed, **extra, name: value})
 
