@@ -47,6 +47,8 @@ def driven(fault, kind=Emulator, before=(3.0, -1.0), after=(-4.0, 2.0)):
         ("servo_y:slipped:9", (-4.0, 2.0 + 9 * 0.444)),
         ("servo_x:slow:0.02", (3.0 - 0.49 * 12.0 * 0.444, 2.0)),  # 2 % of 600°/s
         ("servo_x:contact:0.5", (3.0, 2.0)),  # the first second without power
+        ("servo_y:backlash:10", (-4.0, 2.0 - 0.444 * 5.4)),  # half of 10.8° of the horn
+        ("servo_x:delay:700", (3.0, 2.0)),
     ],
 )
 def test_a_faulty_servo_goes_where_its_fault_says(fault, angle):
@@ -226,6 +228,7 @@ def test_a_command_that_times_out_is_not_a_fault_and_the_model_is_stored_whole()
     ],
 )
 def test_a_drift_is_named_by_gravity_and_command(fault, name, within):
-    named = watched(f"{fault}@3.8", 3.8 + within)  # gravity is known after 2 s
+    # gravity is known after 2 s; unit 11 has the largest play that a healthy servo may have
+    named = watched(f"{fault}@3.8", 3.8 + within, seed=12)
     assert named[0][1] == name
     assert {what for _, what in named} == {name}
