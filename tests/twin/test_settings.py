@@ -91,6 +91,12 @@ def test_overrides_from_texts_a_mapping_and_a_file_are_the_same_and_parsed_once(
     assert with_model(of_file, "linkage").overrides == of_file.overrides
 
 
+def test_a_model_takes_the_place_of_a_rig_without_its_settings():
+    run = Fly(gimbal="emulator", unit=3, no_check=True, on_fault="end", clock="wall")
+    model = with_model(run, "linkage", about=run.about)
+    assert model == Fly(gimbal="linkage", clock="lockstep", about=run.about)
+
+
 @given(st.dictionaries(st.from_regex(r"[a-z_]{1,9}", fullmatch=True), st.floats(-1e9, 1e9)))
 def test_overrides_survive_the_way_through_a_recording(values):
     config = Fly(set=values)
