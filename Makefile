@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
 .PHONY: env run test test-long mutate test-tools bench lint format meshes docs-check generated lock clean
@@ -9,15 +10,17 @@ STAMP := $(VENV)/.installed
 env: $(STAMP)
 
 $(STAMP): .ci/lock.txt pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --require-hashes -r .ci/lock.txt
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
-	@echo "env: compiling the callbacks once, about 20 s"
-	$(BIN)/twin fly --duration-s 0.1 --out $(VENV)/first.rrd >/dev/null
-	touch $@
+	@echo "env: creating $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+	@echo "env: installing the locked packages, some 400 MB"
+	@$(BIN)/python -m pip install $(QUIET) --require-hashes -r .ci/lock.txt
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@echo "env: compiling the forces and the estimators, once, about 40 s"
+	@$(BIN)/twin doctor --compile
+	@touch $@
 
 run: env
-	$(BIN)/twin fly
+	$(BIN)/twin demo
 
 # Debian packages behind the tests that look at pictures or run the real firmware.
 test-tools:

@@ -1,12 +1,12 @@
 """Physics of a simulated rig: the interface that any plant implements, and an analytic plant."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, pi, sin
 from typing import Protocol
 
 import numpy as np
 
-from hardware.emulator.servo import Drive, Servo, ServoParameters, sample, sample_supply
+from hardware.emulator.servo import Drive, Servo, ServoParameters, Wear, sample, sample_supply
 from hardware.frames import Pair, Triple
 from hardware.parts import GIMBAL_STOP as STOP
 from hardware.parts import STANDARD_GRAVITY as GRAVITY
@@ -23,6 +23,9 @@ class Plant(Protocol):
 
     def set_supply(self, share: float) -> None:
         """Set the voltage of the servos from now on, over the nominal one [1]."""
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn servo 0 (x) or 1 (y) is from now on."""
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""
@@ -115,6 +118,16 @@ class AnalyticPlant:
         """Set the voltage of the servos; see `Plant`."""
         for servo in self.servos:
             servo.supply = share
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn a servo is; see `Plant`."""
+        new = self.parameters.servos[servo]
+        self.servos[servo].parameters = replace(
+            new,
+            backlash=new.backlash + wear.backlash,
+            friction=new.friction * wear.friction,
+            voltage=new.voltage * wear.voltage,
+        )
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""

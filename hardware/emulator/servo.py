@@ -21,6 +21,21 @@ class Drive(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Wear:
+    """Changes of a servo that leave it in working order.
+
+    Attributes
+    ----------
+    backlash : more of it [rad]
+    friction, voltage : times the new servo's [1]
+    """
+
+    backlash: float = 0.0
+    friction: float = 1.0
+    voltage: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class ServoParameters:
     """Parameters of one servo; 0 switches dead band, friction, slew limit or backlash off.
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.emulator import Drive
+from hardware.emulator import Drive, Wear
 from hardware.frames import AXES, Pair, Triple
 from twin.errors import DivergenceError, TwinError
 from twin.physics.mechanism.servo import GAIN, VOLTAGE
@@ -46,6 +46,8 @@ class BenchPlant:
         self._ctrl, self._qpos, self._qvel = self.data.ctrl, self.data.qpos, self.data.qvel
         self._dt = model.opt.timestep
         self._damping: dict[int, float] = {}
+        self._new: dict[int, Pair] = {}  # friction and half backlash of servos
+        self._supply, self._worn = 1.0, np.ones(2)  # voltages over the nominal ones
         self._servos = [int(model.actuator(f"gimbal_servo_{a}").id) for a in AXES]
         self._drives = self.model.actuator_gainprm[self._servos][:, [GAIN, VOLTAGE]]
         self._turn = self._turntable()
@@ -108,8 +110,28 @@ class BenchPlant:
 
         Gain and limit of a servo's controller are proportional to it.
         """
-        for servo, nominal in zip(self._servos, self._drives, strict=True):
-            self.model.actuator_gainprm[servo, [GAIN, VOLTAGE]] = share * nominal
+        self._supply = share
+        self._set_drives()
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn servo 0 (x) or 1 (y) is from now on; one without backlash keeps none."""
+        model = self.model
+        dof = int(model.joint(f"gimbal_servo_{AXES[servo]}").dofadr[0])
+        play = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"gimbal_play_{AXES[servo]}")
+        new = self._new.setdefault(
+            servo, (float(model.dof_frictionloss[dof]), float(model.jnt_range[play, 1]))
+        )
+        model.dof_frictionloss[dof] = new[0] * wear.friction
+        if play >= 0:
+            half = new[1] + wear.backlash / 2
+            model.jnt_range[play] = -half, half
+        self._worn[servo] = wear.voltage
+        self._set_drives()
+
+    def _set_drives(self) -> None:
+        drives = self._drives * (self._supply * self._worn)[:, None]
+        self.model.actuator_gainprm[self._servos, GAIN] = drives[:, 0]
+        self.model.actuator_gainprm[self._servos, VOLTAGE] = drives[:, 1]
 
     def angles(self) -> Pair:
         """True gimbal angles [rad]."""
