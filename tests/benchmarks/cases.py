@@ -18,6 +18,7 @@ SHORT = "--duration-s 0.5"
 KEPT = re.compile(
     r"gain|delay|frequency|damping|limit|predict|check|fit|motor|thrust|warning", re.I
 )
+SENSORS = "--time t --input u1,u2 --angle pot1,pot2 --rate gyro1,gyro2 --unit deg"
 CASES: tuple[tuple[str, str], ...] = (
     ("motors/bom_comment.eng", f"fly --motor F {SHORT}"),
     ("motors/trailing_zeros.eng", f"fly --motor F {SHORT}"),
@@ -38,10 +39,10 @@ CASES: tuple[tuple[str, str], ...] = (
     ("identification/e_pot_volts.csv",
      "identify F --time t --input u --angle volts --unit 1 --input-unit 1 --input-stamps exact"),
     *((f"identification/f_coloured_{k}.csv", f"identify F {AXIS}") for k in (1, 2, 3)),
-    ("identification/g_train.csv", f"identify F {AXIS} --initial free --check D/g_check_moving.csv"),
+    ("identification/g_train.csv",
+     f"identify F {AXIS} --initial free --check D/g_check_moving.csv"),
     ("identification/h_mimo_4.csv",
-     "identify F --time t --input u1,u2 --angle pot1,pot2 --rate gyro1,gyro2 --unit deg"
-     " --commands F.commands.csv --zeros 1 --coupling full"),
+     f"identify F {SENSORS} --commands F.commands.csv --zeros 1 --coupling full"),
     ("hostile/model_self.xml", f"step --scene F {SHORT}"),
     ("hostile/mat_segv.mat", f"identify F {TABLE}"),
     ("hostile/replicate.xml", "step --mechanism F"),
