@@ -4,6 +4,8 @@ FOLDER holds motors/, tables/, mechanisms/, identification/ and hostile/; none o
 line each: exit code, seconds, and the figures or the refusal.
 """
 
+import contextlib
+import io
 import re
 import subprocess
 import sys
@@ -11,6 +13,8 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+
+from twin.cli.main import main
 
 TABLE = "--time t --input u --angle y"
 AXIS = "--time t --input u --angle angle --unit deg --input-stamps exact"
@@ -52,14 +56,18 @@ MECHANISMS = ("soft", "millimetres", "mirrored")  # written by mechanisms/make.s
 
 def answer(arguments: list[str], folder: Path) -> str:
     """Exit code, seconds and what was printed of figures or of the error."""
-    began = time.monotonic()
-    command = [sys.executable, "-m", "twin.cli.main", *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+    began, out, err = time.monotonic(), io.StringIO(), io.StringIO()
+    code: object = 0
+    with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main(arguments)
+        except SystemExit as ended:
+            code = ended.code or 0
     took = time.monotonic() - began
-    text = done.stdout if done.returncode == 0 else done.stderr
+    text = out.getvalue() if code == 0 else err.getvalue()
     lines = [" ".join(line.split()) for line in text.splitlines() if line.strip()]
-    told = [x for x in lines if KEPT.search(x)][:9] if done.returncode == 0 else lines[-1:]
-    return f"exit {done.returncode}, {took:.1f} s: {'; '.join(told)}"
+    told = [x for x in lines if KEPT.search(x)][:9] if code == 0 else lines[-1:]
+    return f"exit {code}, {took:.1f} s: {'; '.join(told)}"
 
 
 def table(cases: Path) -> Iterator[str]:
