@@ -55,6 +55,7 @@ def compare(
     ratio: float | None = ...,
     mechanism: str | PathLike[str] | None = ...,
     drift: bool = ...,
+    explain: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...

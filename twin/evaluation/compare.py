@@ -32,6 +32,7 @@ from twin.evaluation.inputs import seen
 
 if TYPE_CHECKING:
     from twin.evaluation.drift import RunDrift
+    from twin.evaluation.explain import RunExplanation
 
 Array = NDArray[np.float64]
 
@@ -59,6 +60,7 @@ class CompareResult(Result):
     flight : how far the vehicles' flights lie apart; None where none flew
     warnings : reasons to doubt the figures
     drift : properties of the gimbal over time, with `--drift`
+    explanation : shares of the model's effects in the difference, with `--explain`
     """
 
     comparison: Comparison
@@ -69,6 +71,7 @@ class CompareResult(Result):
     flight: PathDifference | None = None
     warnings: tuple[str, ...] = ()
     drift: "RunDrift | None" = None
+    explanation: "RunExplanation | None" = None
 
     @property
     def passed(self) -> bool:
@@ -85,6 +88,7 @@ class CompareResult(Result):
             "flight": None if self.flight is None else self.flight.to_dict(),
             "warnings": list(self.warnings),
             "drift": None if self.drift is None else self.drift.as_dict(),
+            "explanation": None if self.explanation is None else self.explanation.as_dict(),
             "recording": str(self.file),
             "wall_s": self.wall_s,
         }
@@ -107,6 +111,8 @@ class CompareResult(Result):
             rows.append(("flights, under power", self.flight.text()))
         if self.drift is not None:
             rows += self.drift.rows()
+        if self.explanation is not None:
+            rows += self.explanation.rows()
         rows += [("fit not counted", f"{axis}: {why}") for axis, why in c.uncounted.items()]
         rows += [("WARNING", w) for w in self.warnings]
         if self.limit is not None:
@@ -152,11 +158,15 @@ def compare(config: Compare) -> CompareResult:
     if file.is_dir() or not file.suffix:
         file /= "compare.rrd"
     writable(file, ".rrd", force=config.force)
-    drift = None
+    drift = explanation = None
     if config.drift:
         from twin.evaluation.drift import run_drift
 
         drift = run_drift(config, pair.run.recording)
+    if config.explain:
+        from twin.evaluation.explain import explain
+
+        explanation = explain(config, pair.run.recording)
     _record(config, file, pair, drift)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(
@@ -168,6 +178,7 @@ def compare(config: Compare) -> CompareResult:
         _flights(runs),
         caveats(runs),
         drift,
+        explanation,
     )
 
 

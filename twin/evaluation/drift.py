@@ -7,13 +7,13 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from analysis.estimate import AxisDrift, Change, Model, Property, drift
 from analysis.recording import Recording, TimeSeries
 from hardware.frames import AXES
 from twin.config import Compare
 from twin.config.result import Rows
+from twin.evaluation.motions import LATER, lagging
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
 
@@ -43,7 +43,6 @@ FRICTION = tuple(f"gimbal_servo_{a}.frictionloss" for a in AXES)
 # Differences of zero, speed, backlash and friction over which the model's derivatives are taken:
 # as large as the changes that matter, since backlash and friction are not linear.
 STEPS = np.array([math.radians(1.0), -0.1, math.radians(0.5), 1.0])
-LATER = 5e-3  # s; of delay and lag
 
 
 @dataclass(frozen=True)
@@ -181,12 +180,7 @@ def _of_motion(recording: Recording) -> tuple[tuple[Property, ...], Source]:
     stamps, motion = np.asarray(simulated.time), np.asarray(simulated.values)
     period = float(np.median(np.diff(stamps)))
 
-    def lagging(by: float) -> Array:
-        keep = math.exp(-period / by)
-        start = keep * motion[:1]  # at rest
-        return np.asarray(lfilter([1.0 - keep], [1.0, -keep], motion, axis=0, zi=start)[0])
-
-    slope = (lagging(LATER) - motion) / LATER
+    slope = (lagging(motion, LATER, period) - motion) / LATER
     slopes = np.stack([np.ones_like(motion), slope], axis=-1)
 
     def source(level: tuple[float, ...]) -> tuple[Array, Array, Array]:
