@@ -121,11 +121,12 @@ _TABLE = (
     _signal("vehicle/velocity", "x y z", "m/s"),
     _signal("vehicle/attitude", "w x y z", "1"),
     _signal("vehicle/rate", "x y z", "rad/s", "deg/s"),  # in the body frame
-    _signal("vehicle/tilt", "x y", "rad", "deg"),  # nose from the vertical, about world x and y
+    _signal("vehicle/tilt", "x y", "rad", "deg"),  # rotation from the vertical to the nose
     _signal("vehicle/mass", "mass", "kg"),
     _signal("vehicle/thrust", "thrust", "N"),
     _signal("vehicle/angle_of_attack", "angle", "rad", "deg", "sampled"),  # NaN without airspeed
     _signal("vehicle/airspeed", "speed", "m/s"),
+    _signal("vehicle/wind", "x y z", "m/s"),  # at the centre of mass, in the world
     # wanted nose direction, as vehicle/tilt; and the rotation still missing, about body x and y;
     # NaN while no thrust steers
     _signal("control/setpoint", "x y", "rad", "deg", "sampled"),

@@ -7,6 +7,8 @@ from analysis.schema import AnalysisError as AnalysisError
 from hardware.frames import HardwareError as HardwareError
 from twin.errors import DivergenceError as DivergenceError
 from twin.errors import TwinError as TwinError
+from twin.campaigns.result import CampaignResult
+from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.identify import IdentifyResult
@@ -18,6 +20,7 @@ from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
 from twin.experiments.mechanism import MechanismResult
 from twin.experiments.mirror import MirrorResult
+from twin.experiments.openrocket import ImportResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
@@ -36,6 +39,17 @@ def calibrate(
     repeats: int = ...,
     seed: int = ...,
 ) -> CalibrationResult: ...
+def campaign(
+    action: Literal['run', 'resume', 'report', 'refly'],
+    study: str,
+    run: int | None,
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    workers: int | None = ...,
+    fail_if: tuple[str, ...] = ...,
+    paths: int = ...,
+) -> CampaignResult | FlightResult: ...
 def compare(
     *recordings: str | PathLike[str],
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -79,10 +93,19 @@ def converge(
     model: str | PathLike[str] | None = ...,
     motor: str | PathLike[str] | None = ...,
 ) -> ConvergenceResult: ...
+def demo(
+    *,
+    gimbal: str = ...,
+    unit: int | None = ...,
+    calibration: str | PathLike[str] | None = ...,
+    seed: int = ...,
+    out: str | PathLike[str] | None = ...,
+) -> DemoResult: ...
 def doctor(
     *,
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    compile: bool = ...,
 ) -> DoctorResult: ...
 def fly(
     *,
@@ -279,14 +302,14 @@ def step(
     time_scale: float | None = ...,
 ) -> StepResult: ...
 def vehicle(
-    action: Literal['show', 'build'],
+    action: Literal['show', 'build', 'import'],
     file: str | PathLike[str],
     *,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     motor: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
-) -> VehicleResult | BuildResult: ...
+) -> VehicleResult | BuildResult | ImportResult: ...
 def view(
     recording: str | PathLike[str],
     *,

@@ -100,7 +100,8 @@ class Identify(Columns, Output, Parameters):
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism for `--linkage`; the reference mechanism if omitted."""
     out: Path | None = None
-    """File to write (.json); runs/model.json, or runs/set.json with `--linkage`, if omitted."""
+    """File to write (.json); runs/model-DATE-TIME.json, or runs/set-DATE-TIME.json with
+    `--linkage`, if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.
@@ -122,6 +123,11 @@ class Identify(Columns, Output, Parameters):
             raise TwinError("--gyro-delay-ms needs --rate (the gyro columns)")
         if self.out is not None and self.out.suffix.lower() != ".json":
             raise TwinError(f"--out {self.out}: must be a .json file")
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return ("sysid",) if self.linkage else ()
 
 
 @dataclass(frozen=True)
@@ -155,7 +161,7 @@ class Compare(Columns, Output, Parameters):
     longest_delay_ms: Milliseconds = 250.0
     """Longest delay of one motion behind the other that is searched [ms]."""
     out: Path | None = None
-    """Recording of both and their difference; runs/compare.rrd if omitted."""
+    """Recording of both and their difference; runs/compare-DATE-TIME.rrd if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.
@@ -198,7 +204,12 @@ class Report(Columns, Output):
     title: str = "Gimbal report"
     """Title of the page."""
     out: Path | None = None
-    """Page to write (.html); runs/report.html if omitted."""
+    """Page to write (.html); runs/report-DATE-TIME.html if omitted."""
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return ("report",)
 
 
 @dataclass(frozen=True)
@@ -230,6 +241,7 @@ class Doctor(Settings):
     fit of its coefficients to its geometry."""
     mechanism: Path | None = None
     """MJCF file of a gimbal mechanism: report mobility, workspace and reach."""
-
+    compile: Flag = False
+    """Compile now what the verbs otherwise compile on first use, about 30 s."""
     json: Flag = False
     """Print the findings as one JSON object."""

@@ -11,22 +11,25 @@ from twin.errors import TwinError
 
 @dataclass(frozen=True)
 class Vehicle(Output):
-    """Show a vehicle's masses and stability, or build its MJCF from a short description."""
+    """Show a vehicle's masses and stability, build its MJCF, or import a design."""
 
     group: ClassVar[str] = "vehicle"
 
-    action: Annotated[Literal["show", "build"], POSITIONAL]
+    action: Annotated[Literal["show", "build", "import"], POSITIONAL]
     """show: print mass, inertia, centre of pressure and static margin; build: write the MJCF of a
-    description with every coefficient and its source."""
+    description with every coefficient and its source; import: write the description of an
+    OpenRocket design."""
     file: Annotated[Path, POSITIONAL]
-    """Description of the vehicle (TOML); `show` also takes an MJCF file."""
+    """Description of the vehicle (TOML); `show` also takes an MJCF file, `import` an OpenRocket
+    design (.ork)."""
     _: KW_ONLY
     motor: Path | None = None
     """Motor file, or FILE:NAME, in place of the one that the vehicle names."""
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism, in place of the one that the vehicle names."""
     out: Path | None = None
-    """MJCF file that `build` writes (.xml); runs/NAME.xml if omitted."""
+    """File that `build` (.xml) or `import` (.toml) writes; runs/NAME.xml or runs/NAME.toml if
+    omitted."""
 
     def validate(self) -> None:
         """Refuse files of another kind.
@@ -38,5 +41,11 @@ class Vehicle(Output):
         super().validate()
         if self.action == "build" and self.file.suffix.lower() != ".toml":
             raise TwinError(f"twin vehicle build {self.file}: must be a description (.toml)")
+        if self.action == "import" and self.file.suffix.lower() != ".ork":
+            raise TwinError(f"twin vehicle import {self.file}: must be an OpenRocket design (.ork)")
+        if self.action == "import" and self.mechanism is not None:
+            raise TwinError(
+                "--mechanism: an OpenRocket design has none; add `gimbal` to the result"
+            )
         if self.action == "show" and self.out is not None:
             raise TwinError("--out: `twin vehicle show` writes no file")

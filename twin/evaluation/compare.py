@@ -25,7 +25,7 @@ from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
 from twin.config import Compare
-from twin.config.paths import writable
+from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
@@ -154,10 +154,7 @@ def compare(config: Compare) -> CompareResult:
         longest_delay=1e-3 * config.longest_delay_ms,
         still=[n for n in axes if not len(command.select((n,)).changes())],
     )
-    file = config.out or Path("runs/compare.rrd")
-    if file.is_dir() or not file.suffix:
-        file /= "compare.rrd"
-    writable(file, ".rrd", force=config.force)
+    file = named(config.out, "compare", ".rrd", force=config.force)
     drift = explanation = None
     if config.drift:
         from twin.evaluation.drift import run_drift
@@ -168,6 +165,7 @@ def compare(config: Compare) -> CompareResult:
 
         explanation = explain(config, pair.run.recording)
     _record(config, file, pair, drift)
+    point_latest(file)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(
         comparison,

@@ -12,6 +12,7 @@ import numpy as np
 from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.config.vehicle import Vehicle as Settings
+from twin.experiments.openrocket import ImportResult, import_design
 from twin.physics import vehicle as vehicles
 from twin.physics.aerodynamics.stability import ROOT, Stability
 from twin.physics.vehicle.barrowman import Term
@@ -139,13 +140,15 @@ class BuildResult(Result):
         return [("description", self.source), ("MJCF", self.file), ("", fly)]
 
 
-def vehicle(config: Settings) -> VehicleResult | BuildResult:
-    """Show or build a vehicle.
+def vehicle(config: Settings) -> VehicleResult | BuildResult | ImportResult:
+    """Show, build or import a vehicle.
 
     Raises
     ------
     TwinError : a file that cannot be read or written, or a vehicle that cannot be built
     """
+    if config.action == "import":
+        return import_design(config)
     return _build(config) if config.action == "build" else _show(config)
 
 

@@ -4,7 +4,8 @@ from twin.physics.vehicle.built import Vehicle
 from twin.physics.vehicle.carrier import mechanism_file
 from twin.physics.vehicle.design import Design, VehicleError
 from twin.physics.vehicle.mjcf import mjcf
-from twin.physics.vehicle.read import described, motor_path, parse, read
+from twin.physics.vehicle.read import described, motor_path, parse, printable, read
+from twin.physics.vehicle.write import toml
 
 __all__ = [
     "Design",
@@ -15,5 +16,7 @@ __all__ = [
     "mjcf",
     "motor_path",
     "parse",
+    "printable",
     "read",
+    "toml",
 ]

@@ -64,6 +64,13 @@ def fin_term(placed: PlacedFins, area: float) -> Term:
     return Term(name, slope, placed.start + placed.plan.quarter(), source)
 
 
+def centre_of_pressure(outline: Outline) -> float:
+    """Station of the centre of pressure at small angles of attack [m]: Σ C_Nα x / Σ C_Nα."""
+    area = math.pi * outline.largest_radius**2
+    terms = [*body_terms(outline, area), *(fin_term(placed, area) for placed in outline.fins)]
+    return sum(t.slope * t.station for t in terms) / sum(t.slope for t in terms)
+
+
 def single_fin(placed: PlacedFins, area: float) -> float:
     """C_Nα of one fin across the flow, without the body, incompressible [1/rad]: [B67] eq. 3-6."""
     plan = placed.plan

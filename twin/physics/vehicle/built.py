@@ -142,9 +142,8 @@ class Vehicle:
 
     @property
     def centre_of_pressure(self) -> float:
-        """Station of the centre of pressure at small angles of attack [m]: Σ C_Nα x / Σ C_Nα."""
-        terms = (*self.body_terms, *self.fin_terms)
-        return sum(t.slope * t.station for t in terms) / sum(t.slope for t in terms)
+        """Station of the centre of pressure at small angles of attack [m]."""
+        return barrowman.centre_of_pressure(self.outline)
 
     @property
     def buttons(self) -> tuple[float, float]:

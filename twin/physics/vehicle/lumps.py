@@ -130,7 +130,7 @@ def _of_fins(placed: PlacedFins, index: int) -> Lump:
         mass, source = fins.density * volume, f"{fins.density:g} kg/m³ × {volume * 1e6:.4g} cm³"
     else:
         raise VehicleError(f"{name!r} have no mass: give mass (of the whole set) or density")
-    centre = float(area @ (lead + chord / 2) / area.sum())
+    centre = plan.centroid()
     along = float(area @ ((lead + chord / 2 - centre) ** 2 + chord**2 / 12) / area.sum())
     round_axis = float(area @ off**2 / area.sum()) + fins.thickness**2 / 12
     return Lump(

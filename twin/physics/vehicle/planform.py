@@ -93,6 +93,11 @@ class PlanForm:
         _, dy, _, chord = self.strips()
         return float(dy @ chord**2 / (dy @ chord))
 
+    def centroid(self) -> float:
+        """Centre of the area, behind the root's leading edge [m]."""
+        _, dy, lead, chord = self.strips()
+        return float(dy @ (chord * (lead + chord / 2)) / (dy @ chord))
+
     def quarter(self) -> float:
         """Quarter of the mean aerodynamic chord, behind the root's leading edge [m].
 

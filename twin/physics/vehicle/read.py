@@ -204,6 +204,12 @@ def _checked_text(value: Any, where: str, *, path: bool) -> str:  # noqa: ANN401
     return value
 
 
+def printable(text: str) -> str:
+    """A text from elsewhere as a name that a description may have; other characters left out."""
+    kept = "".join(c if c.isalnum() or c in NAME else " " for c in text[:LONGEST])
+    return " ".join(kept.split())
+
+
 def _shown(value: Any) -> str:  # noqa: ANN401
     text = ascii(value) if not isinstance(value, str) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
