@@ -135,17 +135,22 @@ def false_alarms(seed: int, seconds: float, noises: int) -> int:
 
 
 def table(seeds: int = 40, hours: float = 10.0, first: int = 0) -> Iterator[str]:
-    """A line for each kind of change, and one for the unchanged gimbal."""
-    results = [named(seed) for seed in range(first, first + seeds)]
+    """A line for each seed, for each kind of change, and for the unchanged gimbal."""
+    results = []
+    for seed in range(first, first + seeds):
+        results.append(named(seed))
+        cells = (f"{n} {'missed' if t is None else f'{t:.1f} s'}" for n, t in results[-1].items())
+        yield f"seed {seed}: {', '.join(cells)}"
     for name in CHANGES if results else ():
         times = [r[name] for r in results]
         right = [t for t in times if t is not None]
         after = f"after {np.median(right):.1f} s, at most {max(right):.1f} s" if right else ""
         yield f"{name:<10} named rightly in {len(right)} of {seeds} {after}"
-    seconds, noises = 300.0, 10
+    seconds, noises, events = 300.0, 10, 0
     runs = round(hours * 3600.0 / seconds / noises)
-    events = sum(false_alarms(1000 + first + k, seconds, noises) for k in range(runs))
-    yield f"unchanged: {events} events in {runs * noises * seconds / 3600.0:.1f} h"
+    for k in range(runs):
+        events += false_alarms(1000 + first + k, seconds, noises)
+        yield f"unchanged: {events} events in {(k + 1) * noises * seconds / 3600.0:.1f} h"
 
 
 if __name__ == "__main__":
