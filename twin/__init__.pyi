@@ -11,6 +11,7 @@ from twin.campaigns.result import CampaignResult
 from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
+from twin.evaluation.history import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
 from twin.evaluation.linkage import PhysicsResult
@@ -148,6 +149,14 @@ def fly(
     duration_s: float = ...,
     repeat: int = ...,
 ) -> FlightResult | RepeatResult: ...
+def history(
+    folder: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    board: str | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> HistoryResult: ...
 def identify(
     *sources: str | PathLike[str],
     set: dict[str, float] | tuple[str, ...] = ...,

@@ -8,7 +8,6 @@ and gyro through the estimator's filter with constant gains: 200 times as fast a
 
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -18,7 +17,6 @@ from analysis.recording import Recording, TimeSeries
 from hardware.fusion.kalman import BIAS, Noise, observation, process_noise, transition
 from hardware.parts import POTENTIOMETER_TRAVEL
 from hardware.protocol import constants
-from twin.config import Compare
 from twin.evaluation.drift import RunDrift, run_drift
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
@@ -35,7 +33,6 @@ CHANGES = {
     "zero": Variant(shaft=np.radians(2.0)),
     "delay": Variant(late=0.010),
 }
-ASKED = Compare((Path("made.rrd"),), drift=True)
 
 
 def commands(seed: int, seconds: float) -> np.ndarray:
@@ -107,7 +104,7 @@ def sensed(angle: np.ndarray, seed: int) -> np.ndarray:
 def drifted(angles: np.ndarray, motion: np.ndarray, seed: int) -> RunDrift:
     """Verdict on a run whose gimbal moved like this."""
     measured = np.column_stack([sensed(m, 2 * seed + k) for k, m in enumerate(motion.T)])
-    return run_drift(ASKED, made(angles, measured))
+    return run_drift(made(angles, measured))
 
 
 def named(seed: int) -> dict[str, float | None]:

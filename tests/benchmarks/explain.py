@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tests.benchmarks.drift import ASKED, PERIOD, commands, made, sensed
+from tests.benchmarks.drift import PERIOD, commands, made, sensed
 from twin.evaluation.explain import RunExplanation, explain
 from twin.evaluation.motions import lagging
 from twin.hil.resimulation import Resimulation, Variant
@@ -33,7 +33,7 @@ EFFECTS = {
 def explained(angles: np.ndarray, motion: np.ndarray, seed: int) -> RunExplanation:
     """Shares of a run whose gimbal moved like this."""
     measured = np.column_stack([sensed(m, 2 * seed + k) for k, m in enumerate(motion.T)])
-    return explain(ASKED, made(angles, measured))
+    return explain(made(angles, measured))
 
 
 def shares(seed: int) -> dict[str, float]:

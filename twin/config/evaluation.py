@@ -191,6 +191,23 @@ class Compare(Columns, Output, Parameters):
 
 
 @dataclass(frozen=True)
+class History(Output):
+    """Compare the recordings of one board over time with the model of the first one."""
+
+    group: ClassVar[str] = "history"
+
+    folder: Annotated[Path, POSITIONAL]
+    """Folder with recordings (.rrd) of a rig that has a model beside it."""
+    _: KW_ONLY
+    board: str | None = None
+    """Serial number of the board, where the folder holds recordings of several."""
+    mechanism: Path | None = None
+    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
+    out: Path | None = None
+    """Page to write (.html); runs/history-DATE-TIME.html if omitted."""
+
+
+@dataclass(frozen=True)
 class Report(Columns, Output):
     """Write one page about recordings of a gimbal: figures, plots and their comparison."""
 

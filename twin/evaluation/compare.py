@@ -159,11 +159,11 @@ def compare(config: Compare) -> CompareResult:
     if config.drift:
         from twin.evaluation.drift import run_drift
 
-        drift = run_drift(config, pair.run.recording)
+        drift = run_drift(pair.run.recording, config.mechanism, config.overrides)
     if config.explain:
         from twin.evaluation.explain import explain
 
-        explanation = explain(config, pair.run.recording)
+        explanation = explain(pair.run.recording, config.mechanism, config.overrides)
     _record(config, file, pair, drift)
     point_latest(file)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]

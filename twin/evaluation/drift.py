@@ -1,9 +1,10 @@
 """`twin compare RIG.rrd --drift`: what changed in a gimbal beside its model, and since when."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from analysis.estimate import AxisDrift, Change, Model, Property, drift
 from analysis.recording import Recording, TimeSeries
 from hardware.frames import AXES
-from twin.config import Compare
 from twin.config.result import Rows
 from twin.evaluation.motions import LATER, lagging
 from twin.hil.resimulation import Resimulation, Variant
@@ -108,11 +108,19 @@ class RunDrift:
         return found | {n: (some.time, v) for n, v in zip(names, tracks, strict=True)}
 
 
-def run_drift(config: Compare, recording: Recording) -> RunDrift:
+def run_drift(
+    recording: Recording,
+    mechanism: Path | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> RunDrift:
     """Estimate the properties of both axes of a run over time, and name what changed.
 
     A run with the linkage beside it is simulated again with other properties; of another model
     only gain, zero, delay and lag are estimated, from its recorded motion.
+
+    Parameters
+    ----------
+    mechanism, parameters : see `Resimulation`
 
     Raises
     ------
@@ -126,7 +134,7 @@ def run_drift(config: Compare, recording: Recording) -> RunDrift:
     axes = {}
     with compiled():
         further, source = (
-            _of_linkage(Resimulation(recording, config.mechanism, config.overrides))
+            _of_linkage(Resimulation(recording, mechanism, parameters))
             if linkage
             else _of_motion(recording)
         )

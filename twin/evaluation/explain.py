@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from analysis.comparison.explanation import (
 from analysis.estimate import Information, Property, fitted, information
 from analysis.recording import Recording
 from hardware.frames import AXES
-from twin.config import Compare
 from twin.config.result import Rows
 from twin.evaluation.motions import LATER, lagging, later
 from twin.hil.resimulation import Resimulation, Variant
@@ -144,11 +144,19 @@ class _Motions:
         )
 
 
-def explain(config: Compare, recording: Recording) -> RunExplanation:
+def explain(
+    recording: Recording,
+    mechanism: Path | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> RunExplanation:
     """Share out the difference between measured and simulated angle among the model's effects.
 
     Each effect's parameters are fitted to the difference; the run is then simulated with every set
     of the effects corrected. An effect's share is its mean contribution over all orders.
+
+    Parameters
+    ----------
+    mechanism, parameters : see `Resimulation`
 
     Raises
     ------
@@ -157,7 +165,7 @@ def explain(config: Compare, recording: Recording) -> RunExplanation:
     command, measured = recording["gimbal/command"], recording["gimbal/measured"].known()
     moved = [k for k in range(len(AXES)) if len(command.changes(k))]
     with compiled():
-        run = Resimulation(recording, config.mechanism, config.overrides, longest=LONGEST)
+        run = Resimulation(recording, mechanism, parameters, longest=LONGEST)
         motions = _Motions(run)
         rows = measured.time <= run.time[-1]
         time, values = np.asarray(measured.time[rows]), np.asarray(measured.values[rows])
