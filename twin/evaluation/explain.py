@@ -1,7 +1,7 @@
 """`twin compare RIG.rrd --explain`: which effect explains how much of the difference."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
