@@ -19,6 +19,7 @@ VERBS = (
     "demo",
     "doctor",
     "fly",
+    "history",
     "identify",
     "mechanism",
     "mirror",

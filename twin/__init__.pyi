@@ -12,6 +12,7 @@ from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
+from twin.evaluation.history import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
 from twin.evaluation.linkage import PhysicsResult
@@ -71,6 +72,7 @@ def compare(
     ratio: float | None = ...,
     mechanism: str | PathLike[str] | None = ...,
     drift: bool = ...,
+    explain: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -149,6 +151,14 @@ def fly(
     duration_s: float = ...,
     repeat: int = ...,
 ) -> FlightResult | RepeatResult: ...
+def history(
+    folder: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    board: str | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> HistoryResult: ...
 def identify(
     *sources: str | PathLike[str],
     set: dict[str, float] | tuple[str, ...] = ...,

@@ -8,7 +8,7 @@ from typing import Any
 from twin.config.base import Settings
 from twin.config.campaign import Campaign
 from twin.config.demo import Demo
-from twin.config.evaluation import Compare, Doctor, Identify, Report, View
+from twin.config.evaluation import Compare, Doctor, History, Identify, Report, View
 from twin.config.mechanism import Mechanism
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import Converge, Fly, Replay, Step
@@ -47,6 +47,7 @@ VERBS = (
     Verb("calibrate", Calibrate, "twin.experiments.calibrate:calibrate"),
     Verb("identify", Identify, "twin.evaluation.identify:identify"),
     Verb("compare", Compare, "twin.evaluation.compare:compare"),
+    Verb("history", History, "twin.evaluation.history:history"),
     Verb("report", Report, "twin.evaluation.report:write_report"),
     Verb("converge", Converge, "twin.experiments.convergence:converge"),
     Verb("campaign", Campaign, "twin.campaigns.campaign:campaign"),
