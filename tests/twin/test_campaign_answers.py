@@ -48,9 +48,9 @@ def coverage(repeats: int, n: int, stops: bool) -> dict[str, float]:
         every = np.arange(n)
         places = np.stack([EAST * ndtri(streams.uniform("east", every)),
                            NORTH * ndtri(streams.uniform("north", every))], axis=1)  # fmt: skip
-        if stops:  # as the engine looks: every eight runs, from the 30th on
-            for k in range(32, n + 1, 8):
-                if mean(places[:k, 0], 0.95).half_width <= 0.9:
+        if stops:  # as the engine looks: every eight runs, from the 50th on
+            for k in range(56, n + 1, 8):
+                if mean(places[:k, 0], 0.95).half_width <= 0.5:  # near 138 runs
                     places = places[:k]
                     break
         hits = (places[:, 0] <= 1.0).astype(float)

@@ -11,7 +11,7 @@ from twin.campaigns.statistic import Estimate
 
 Array = NDArray[np.float64]
 SHARE = 0.9  # of flights that succeed, on the boundary
-FEWEST = 20  # successes and failures without which there is no boundary
+FEWEST = 10  # successes and failures without which there is no boundary
 RESAMPLES, STEPS, STEPS_AGAIN = 60, 25, 4
 RIDGE = 1e-2  # on the coefficients of scaled parameters, so that a clean separation stays finite
 GRID = np.linspace(-1.0, 1.0, 81)  # scaled values along a parameter
@@ -40,6 +40,16 @@ class Property:
     high: Array
     threshold: Estimate | None
     better: int
+
+    @property
+    def limit(self) -> str:
+        """The threshold in words."""
+        if (t := self.threshold) is not None:
+            word = "at least" if self.better > 0 else "at most"
+            return f"{word} {t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
+        order = np.argsort(self.values)
+        here = np.interp(self.nominal, self.values[order], self.share[order])
+        return "no limit in its range" if here >= SHARE else f"only {here:.0%} at the nominal value"
 
     @property
     def margin(self) -> float | None:
@@ -72,8 +82,8 @@ class Frontier:
 class Region:
     """Region of parameters in which a measure holds, by logistic regression over all runs.
 
-    The regression is quadratic with all products, on scaled parameters (logarithms of those with a
-    wide range). Bands come from resampled runs.
+    The regression is quadratic with all products, or linear for a single parameter, on scaled
+    parameters (logarithms of those with a wide range). Bands come from resampled runs.
 
     Attributes
     ----------
@@ -187,7 +197,9 @@ class _Scale:
 
 
 def _features(z: Array) -> Array:
-    """One, all parameters, all their products of two (n, features)."""
+    """One, all parameters, and of several all their products of two (n, features)."""
+    if z.shape[1] == 1:  # monotone
+        return np.concatenate([np.ones((len(z), 1)), z], axis=1)
     i, j = np.triu_indices(z.shape[1])
     return np.concatenate([np.ones((len(z), 1)), z, z[:, i] * z[:, j]], axis=1)
 

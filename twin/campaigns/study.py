@@ -60,6 +60,7 @@ class Study:
     stop : sequential stop; None to fly all
     fail_if : conditions that a campaign must not meet
     nominal : values that parameters keep in a map while another one varies
+    about : names of a choice that the map is about, by parameter
     digest : of everything that decides a row, with the versions of the physics
     text : the file
     """
@@ -75,6 +76,7 @@ class Study:
     stop: Stop | None
     fail_if: tuple[Condition, ...]
     nominal: Mapping[str, float]
+    about: Mapping[str, list[str]]
     digest: str
     text: str
 
@@ -127,7 +129,9 @@ def _study(file: Path, given: dict[str, Any], text: str) -> Study:
     if twice := sorted({c for c in columns if columns.count(c) > 1}):
         raise TwinError(f"[vary]: {twice[0]} varies twice")
     kind, n, seed = _design(part["design"], vary)
-    nominal = {n: float(t["nominal"]) for n, t in part["vary"].items() if "nominal" in t}
+    given_nominal = {n: t["nominal"] for n, t in part["vary"].items() if "nominal" in t}
+    about = {n: v for n, v in given_nominal.items() if isinstance(v, list)}
+    nominal = {n: float(v) for n, v in given_nominal.items() if n not in about}
     if kind == "star" and not nominal:
         raise TwinError("[design] star: needs a nominal value for each parameter of the star")
     measures = tuple(measure(n, t, columns) for n, t in part["measure"].items())
@@ -136,7 +140,7 @@ def _study(file: Path, given: dict[str, Any], text: str) -> Study:
         kind=kind, n=n, seed=seed, measures=measures,
         stop=_stop(part["stop"], measures), text=text,
         fail_if=tuple(condition(str(t), measures) for t in part["fail_if"].values()),
-        nominal=nominal,
+        nominal=nominal, about=about,
         digest=_digest(part, fly, file.parent),
     )  # fmt: skip
 

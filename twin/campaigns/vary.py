@@ -59,8 +59,9 @@ def varied(name: str, table: object, folder: Path) -> Varied:
     if not isinstance(table, dict):
         raise TwinError(f"{where}: must be a table with a distribution")
     given = dict(table)
-    if "nominal" in given:
-        number(f"{where} nominal", given.pop("nominal"))
+    nominal = given.pop("nominal", 0.0)
+    if not (isinstance(nominal, list) and all(isinstance(n, str) for n in nominal)):
+        number(f"{where} nominal", nominal)
     kind, relative = given.pop("distribution", None), given.pop("relative", False)
     if not isinstance(kind, str) or kind not in _KINDS:
         raise TwinError(f"{where} distribution {kind!r}: must be one of {', '.join(_KINDS)}")
