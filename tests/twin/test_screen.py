@@ -1,6 +1,8 @@
 """What a terminal shows while a verb works, and what is refused before it computes."""
 
 import io
+import os
+import threading
 import time
 
 import pytest
@@ -45,6 +47,16 @@ def test_a_pipe_shows_no_status(quick, monkeypatch):
         status.say("flying")
         time.sleep(0.1)
     assert pipe.getvalue() == ""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
+def test_a_forked_process_can_print_although_the_line_was_being_drawn():
+    status._lock.acquire()  # as the thread that draws does, which the child does not have
+    threading.Timer(0.05, status._lock.release).start()
+    if (child := os.fork()) == 0:
+        free = status._lock.acquire(blocking=False)
+        os._exit(0 if free else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def refused(capsys, *arguments: str) -> str:

@@ -26,11 +26,11 @@ class Columns(Settings):
     angle: str | None = None
     """Columns of the measured angles, separated by commas; of a recording the signal,
     gimbal/measured if omitted."""
-    unit: str | None = None
+    angle_unit: str | None = None
     """Unit of the angle columns: rad, deg, mrad, turn, counts or 1 (any other); rad if omitted."""
     input_unit: str | None = None
-    """Unit of the command columns: those of `--unit`, us (pulse width) or percent; as `--unit` if
-    omitted."""
+    """Unit of the command columns: those of `--angle-unit`, us (pulse width) or percent; as
+    `--angle-unit` if omitted."""
     time_scale: Annotated[float, Range(1e-12, 1e9, "s")] | None = None
     """Seconds per unit of the time column, for example 1e-3."""
     commands: Path | None = None
