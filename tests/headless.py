@@ -113,7 +113,7 @@ def web_screenshot(
     Parameters
     ----------
     path : recording
-    fractions : where on the time line, 0 its start and 1 its end; as it opens if empty
+    fractions : where on the time line, 0 its start and 1 its end
     out_dir : folder for the pictures, named `<recording>_web_<per cent>.png`
     size : of the window [pixels]
 
@@ -126,10 +126,7 @@ def web_screenshot(
     pictures = []
     left, right = TIME_LINE
     with serve_web(path) as url, browser.opened(url, size) as page:
-        opened = browser.settled(page)
-        if not fractions:
-            pictures.append(out_dir / f"{path.stem}_web.png")
-            pictures[0].write_bytes(opened)
+        browser.settled(page)
         for fraction in fractions:
             page.click(left + fraction * (size[0] - left - right), size[1] - TIME_LINE_HEIGHT)
             picture = out_dir / f"{path.stem}_web_{100 * fraction:.0f}.png"

@@ -11,6 +11,7 @@ from twin.campaigns.result import CampaignResult
 from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
+from twin.evaluation.export import ExportResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
 from twin.evaluation.linkage import PhysicsResult
@@ -106,6 +107,16 @@ def doctor(
     mechanism: str | PathLike[str] | None = ...,
     compile: bool = ...,
 ) -> DoctorResult: ...
+def export(
+    recording: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    to: Literal['csv', 'parquet', 'mat', 'mcap', 'kml', 'glb', 'usd'] = ...,
+    latitude: float = ...,
+    longitude: float = ...,
+    height: float = ...,
+) -> ExportResult: ...
 def fly(
     *,
     gimbal: str = ...,
@@ -310,8 +321,7 @@ def vehicle(
     mechanism: str | PathLike[str] | None = ...,
 ) -> VehicleResult | BuildResult | ImportResult: ...
 def view(
-    recording: str | PathLike[str],
-    *,
+    *recordings: str | PathLike[str],
     web: bool = ...,
     port: int = ...,
 ) -> int: ...
