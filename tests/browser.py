@@ -109,9 +109,7 @@ def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
             stderr=subprocess.DEVNULL,
         )
         try:
-            page = Page(
-                _page_address(process, Path(home) / "DevToolsActivePort"), size[0] * size[1]
-            )
+            page = Page(_page_address(process, Path(home) / "DevToolsActivePort"))
             page.send(
                 "Emulation.setDeviceMetricsOverride",
                 width=size[0],
@@ -143,9 +141,11 @@ def settled(page: Page) -> bytes:
 def shows(page: Page, wanted: Callable[[bytes], bool]) -> bytes:
     """Return the page's first picture that shows what is wanted, the last one if none does."""
     until = time.monotonic() + SETTLE_SECONDS
-    while not wanted(now := page.picture()) and time.monotonic() < until:
-        time.sleep(0.2)
-    return now
+    while True:
+        time.sleep(0.3)  # a page that is being opened has no picture
+        now = page.picture()
+        if wanted(now) or time.monotonic() > until:
+            return now
 
 
 def _page_address(process: subprocess.Popen[bytes], ready: Path) -> str:

@@ -113,9 +113,9 @@ def export(
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     to: Literal['csv', 'parquet', 'mat', 'mcap', 'kml', 'glb', 'usd'] = ...,
-    latitude: float = ...,
-    longitude: float = ...,
-    height: float = ...,
+    latitude_deg: float = ...,
+    longitude_deg: float = ...,
+    height_m: float = ...,
 ) -> ExportResult: ...
 def fly(
     *,

@@ -198,6 +198,23 @@ def test_what_is_missing_is_said_in_one_line(tmp_path):
         export.read(table)
 
 
+def test_the_verb_writes_beside_the_recording_and_refuses_what_it_cannot(flight, tmp_path):
+    import twin
+
+    copy = tmp_path / "run.rrd"
+    copy.write_bytes(flight.read_bytes())
+    result = twin.export(copy, to="kml", latitude_deg=47.0)
+    assert result.file == tmp_path / "run.kml"
+    for wrong, reason in (
+        ({"to": "xlsx"}, "xlsx.*must be one of"),
+        ({"to": "kml", "latitude_deg": 91.0}, "latitude-deg"),
+        ({"to": "csv", "out": tmp_path / "run.txt"}, "csv"),
+    ):
+        with pytest.raises(twin.TwinError, match=reason):
+            twin.export(copy, **wrong)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.kml", "run.rrd"]
+
+
 def test_the_scene_as_usd_has_the_recorded_motion(flight, tmp_path):
     usd = pytest.importorskip("pxr.Usd")
     geom = pytest.importorskip("pxr.UsdGeom")

@@ -221,11 +221,11 @@ class Export(Output):
     _: KW_ONLY
     to: Literal["csv", "parquet", "mat", "mcap", "kml", "glb", "usd"] = "csv"
     """Format; mcap and usd need the extra of that name."""
-    latitude: Annotated[float, Range(-90.0, 90.0, "deg")] = 0.0
+    latitude_deg: Annotated[float, Range(-90.0, 90.0, "deg")] = 0.0
     """Latitude of the launch site, for kml."""
-    longitude: Annotated[float, Range(-180.0, 180.0, "deg")] = 0.0
+    longitude_deg: Annotated[float, Range(-180.0, 180.0, "deg")] = 0.0
     """Longitude of the launch site, for kml."""
-    height: Annotated[float, Range(-500.0, 9000.0, "m")] = 0.0
+    height_m: Annotated[float, Range(-500.0, 9000.0, "m")] = 0.0
     """Height of the launch site above the sea, for kml."""
     out: Path | None = None
     """File to write; the name of the recording with the ending of the format if omitted."""

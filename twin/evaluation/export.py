@@ -58,6 +58,6 @@ def export(config: Export) -> ExportResult:
         _writer(kind),
         config.recording,
         out,
-        Origin(config.latitude, config.longitude, config.height),
+        Origin(config.latitude_deg, config.longitude_deg, config.height_m),
     )
     return ExportResult(out, kind, out.stat().st_size)
