@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from twin.viewer.process import LOOPBACK, START_SECONDS, ViewerError
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SETTLE_SECONDS = 180.0  # without a graphics card a frame takes a second or more
-EMPTY_BYTES_PER_PIXEL = 0.12  # a page that is still loading compresses to less
+EMPTY_BYTES = 30_000  # a page that is still loading compresses to less
 
 
 def executable() -> str:
@@ -36,12 +36,11 @@ def executable() -> str:
 class Page:
     """One page of a running browser."""
 
-    def __init__(self, address: str, pixels: int) -> None:
+    def __init__(self, address: str) -> None:
         from websocket import create_connection
 
         self._socket = create_connection(address, timeout=SETTLE_SECONDS, suppress_origin=True)
         self._count = 0
-        self.pixels = pixels
         self.complaints: list[str] = []
         self.send("Runtime.enable")
         self.send("Page.enable")
@@ -110,9 +109,7 @@ def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
             stderr=subprocess.DEVNULL,
         )
         try:
-            page = Page(
-                _page_address(process, Path(home) / "DevToolsActivePort"), size[0] * size[1]
-            )
+            page = Page(_page_address(process, Path(home) / "DevToolsActivePort"))
             page.send(
                 "Emulation.setDeviceMetricsOverride",
                 width=size[0],
@@ -131,15 +128,24 @@ def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
 def settled(page: Page) -> bytes:
     """Return the page's picture once it has content and two in a row are the same."""
     until = time.monotonic() + SETTLE_SECONDS
-    least = EMPTY_BYTES_PER_PIXEL * page.pixels
     last = b""
     while time.monotonic() < until:
         time.sleep(0.3)
         now = page.picture()
-        if now == last and len(now) > least:
+        if now == last and len(now) > EMPTY_BYTES:
             return now
         last = now
     raise ViewerError(f"the page does not settle within {SETTLE_SECONDS:.0f} s")
+
+
+def shows(page: Page, wanted: Callable[[bytes], bool]) -> bytes:
+    """Return the page's first picture that shows what is wanted, the last one if none does."""
+    until = time.monotonic() + SETTLE_SECONDS
+    while True:
+        time.sleep(0.3)  # a page that is being opened has no picture
+        now = page.picture()
+        if wanted(now) or time.monotonic() > until:
+            return now
 
 
 def _page_address(process: subprocess.Popen[bytes], ready: Path) -> str:

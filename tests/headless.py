@@ -1,11 +1,15 @@
 """Pictures of a recording without a screen, in the native and in the web viewer."""
 
+import argparse
 import contextlib
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from PIL import Image
 
 from analysis import schema
 from tests import browser
@@ -113,7 +117,7 @@ def web_screenshot(
     Parameters
     ----------
     path : recording
-    fractions : where on the time line, 0 its start and 1 its end; as it opens if empty
+    fractions : where on the time line, 0 its start and 1 its end
     out_dir : folder for the pictures, named `<recording>_web_<per cent>.png`
     size : of the window [pixels]
 
@@ -126,10 +130,7 @@ def web_screenshot(
     pictures = []
     left, right = TIME_LINE
     with serve_web(path) as url, browser.opened(url, size) as page:
-        opened = browser.settled(page)
-        if not fractions:
-            pictures.append(out_dir / f"{path.stem}_web.png")
-            pictures[0].write_bytes(opened)
+        browser.settled(page)
         for fraction in fractions:
             page.click(left + fraction * (size[0] - left - right), size[1] - TIME_LINE_HEIGHT)
             picture = out_dir / f"{path.stem}_web_{100 * fraction:.0f}.png"
@@ -163,3 +164,21 @@ def _steady(client: "ViewerClient") -> bytes:
             return now
         last = now
     return last
+
+
+def main() -> None:
+    """Picture a recording for the documentation, with few colours so that the file is small."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("recording", type=Path)
+    parser.add_argument("time", type=float, help="experiment time [s]")
+    parser.add_argument("picture", type=Path, help="PNG to write")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        look = screenshot(given.recording, [given.time], Path(folder), (1000, 620))
+        image = Image.open(look.pictures[0]).convert("RGB").quantize(128)
+    image.save(given.picture, optimize=True)
+    print(f"{given.picture}: {given.picture.stat().st_size / 1e3:.0f} kB", *look.complaints)
+
+
+if __name__ == "__main__":
+    main()

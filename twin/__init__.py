@@ -18,6 +18,7 @@ VERBS = (
     "converge",
     "demo",
     "doctor",
+    "export",
     "fly",
     "history",
     "identify",

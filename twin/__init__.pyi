@@ -12,6 +12,7 @@ from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
+from twin.evaluation.export import ExportResult
 from twin.evaluation.history import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
@@ -110,6 +111,16 @@ def doctor(
     mechanism: str | PathLike[str] | None = ...,
     compile: bool = ...,
 ) -> DoctorResult: ...
+def export(
+    recording: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    to: Literal['csv', 'parquet', 'mat', 'mcap', 'kml', 'glb', 'usd'] = ...,
+    latitude_deg: float = ...,
+    longitude_deg: float = ...,
+    height_m: float = ...,
+) -> ExportResult: ...
 def fly(
     *,
     gimbal: str = ...,
@@ -330,8 +341,7 @@ def vehicle(
     mechanism: str | PathLike[str] | None = ...,
 ) -> VehicleResult | BuildResult | ImportResult: ...
 def view(
-    recording: str | PathLike[str],
-    *,
+    *recordings: str | PathLike[str],
     web: bool = ...,
     port: int = ...,
 ) -> int: ...

@@ -74,7 +74,15 @@ def assert_meaningful(made, f):
     accepted = value if isinstance(value, tuple) else (value,)
     # only a setting without a natural smallest size may be given a tiny one
     tiny_is_zero = {"at_s", "gyro_delay_ms", "off_axis_deg", "target", "longest_delay_ms"}
-    tiny_is_zero |= {"switch_deg", "fail_below", "load_g", "gap_mm"}
+    tiny_is_zero |= {
+        "switch_deg",
+        "fail_below",
+        "load_g",
+        "gap_mm",
+        "latitude_deg",
+        "longitude_deg",
+        "height_m",
+    }
     for v in accepted:
         assert math.isfinite(v)
         assert abs(v) <= 1e-200

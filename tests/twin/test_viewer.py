@@ -137,13 +137,19 @@ def test_the_web_viewer_shows_the_recorded_lines(tmp_path, chromium):
         for tick in range(500):
             recorder.row[:] = np.radians(5.0) * np.sin(tick * 0.02)
             recorder.commit(tick * runs.PERIOD_NS, tick)
-    look = headless.web_screenshot(path, [], tmp_path, (320, 240))
-    assert look.complaints == ()
-    pixels = np.asarray(Image.open(look.pictures[0]).convert("RGB"), dtype=float)
-    orange = np.abs(pixels - style.MEASURED).max(axis=2) < 25.0
-    assert orange[:, :140].sum() == 0  # the events, on the left
-    columns = np.flatnonzero(orange[:, 160:].any(axis=0))
-    assert np.ptp(columns) > 60  # across the plot
+
+    def line(picture: bytes) -> np.ndarray:
+        pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=float)
+        return np.abs(pixels - style.MEASURED).max(axis=2) < 25.0
+
+    def across(picture: bytes) -> bool:
+        return np.count_nonzero(line(picture).any(axis=0)) > 60
+
+    with viewer.serve_web(path) as url, browser.opened(url, (320, 240)) as page:
+        picture = browser.shows(page, across)
+    assert across(picture)
+    assert not line(picture)[:, :140].any()  # the events, on the left
+    assert [c for c in page.complaints if not any(h in c for h in headless.HARMLESS)] == []
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from typing import Any
 from twin.config.base import Settings
 from twin.config.campaign import Campaign
 from twin.config.demo import Demo
-from twin.config.evaluation import Compare, Doctor, History, Identify, Report, View
+from twin.config.evaluation import Compare, Doctor, Export, History, Identify, Report, View
 from twin.config.mechanism import Mechanism
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import Converge, Fly, Replay, Step
@@ -57,6 +57,7 @@ VERBS = (
     Verb("parameters", ListParameters, "twin.cli.parameters:parameters"),
     Verb("mechanism", Mechanism, "twin.experiments.mechanism:mechanism"),
     Verb("view", View, "twin.cli.view:view"),
+    Verb("export", Export, "twin.evaluation.export:export"),
     Verb("doctor", Doctor, "twin.cli.doctor:doctor"),
 )
 BY_NAME = {verb.name: verb for verb in VERBS}

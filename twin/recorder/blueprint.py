@@ -135,7 +135,16 @@ def _tabs(content: Content) -> list[rrb.View | rrb.Container]:
         found.append(
             ("Estimates", [plots.all_components(style.last(s), [s], content.known) for s in some])
         )
-    return [rrb.Vertical(*views, name=title) for title, views in found if views]
+    return [
+        rrb.Vertical(*views, name=title, row_shares=[_share(v) for v in views])
+        for title, views in found
+        if views
+    ]
+
+
+def _share(view: rrb.View) -> float:
+    """Height of a plot in its tab; the picture of a path needs more."""
+    return 1.6 if isinstance(view, rrb.Spatial2DView) else 1.0
 
 
 def _main(content: Content) -> tuple[str, list[rrb.View]]:
