@@ -19,6 +19,7 @@ VERBS = (
     "fly",
     "identify",
     "mechanism",
+    "meshes",
     "mirror",
     "replay",
     "report",

@@ -7,7 +7,7 @@ from typing import Any
 
 from twin.config.base import Settings
 from twin.config.evaluation import Compare, Doctor, Identify, Report, View
-from twin.config.mechanism import Mechanism
+from twin.config.mechanism import Mechanism, Meshes
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import Converge, Fly, Replay, Step
 from twin.config.vehicle import Vehicle
@@ -50,6 +50,7 @@ VERBS = (
     Verb("rig", Rig, "twin.experiments.serve:rig"),
     Verb("vehicle", Vehicle, "twin.experiments.vehicle:vehicle"),
     Verb("mechanism", Mechanism, "twin.experiments.mechanism:mechanism"),
+    Verb("meshes", Meshes, "twin.experiments.mechanism.build:draw"),
     Verb("view", View, "twin.cli.view:view"),
     Verb("doctor", Doctor, "twin.cli.doctor:doctor"),
 )
