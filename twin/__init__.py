@@ -23,6 +23,7 @@ VERBS = (
     "history",
     "identify",
     "mechanism",
+    "meshes",
     "mirror",
     "parameters",
     "replay",

@@ -21,7 +21,8 @@ from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
-from twin.experiments.mechanism import MechanismResult
+from twin.experiments.mechanism.figures import MechanismResult
+from twin.experiments.mechanism.search import SearchResult
 from twin.experiments.mirror import MirrorResult
 from twin.experiments.openrocket import ImportResult
 from twin.experiments.repeat.result import RepeatResult
@@ -205,14 +206,24 @@ def identify(
     mechanism: str | PathLike[str] | None = ...,
 ) -> IdentifyResult | PhysicsResult | InformationResult: ...
 def mechanism(
-    action: Literal['show', 'check'],
+    action: Literal['show', 'check', 'build', 'search'],
     file: str | PathLike[str] | None,
     *,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     load_g: float = ...,
     gap_mm: float = ...,
-) -> MechanismResult: ...
+    tube_mm: float | None = ...,
+    wall_mm: float = ...,
+    motor_mm: float | None = ...,
+    stroke_deg: float = ...,
+) -> MechanismResult | BuildResult | SearchResult: ...
+def meshes(
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> BuildResult: ...
 def mirror(
     *,
     gimbal: str = ...,
