@@ -94,7 +94,6 @@ def flying(study: Study, runs: Runs, store: Store, work: Work, workers: int | No
     finally:
         fragments.close()  # ends the processes
         store.tidy()
-        progress.close()
     store.discard(last + 1)
     return sum(len(store.runs_of(p)) for p in store.present()) - done
 
