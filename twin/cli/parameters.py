@@ -16,6 +16,7 @@ MOST_SHOWN = 4  # values of one parameter
 NOT_SIMULATED = "gimbal_print_", "print_"  # dimensions of printed parts
 # numerics of the mechanism, the benches and the attitude loop: those of the forces stand in ALL
 OTHERS = (
+    Numeric("control_limit", 1, "rad", "largest commanded gimbal angle, either way", ""),
     Numeric("control_kp", 1, "1/s²", "proportional gain of the attitude loop", ""),
     Numeric("control_ki", 1, "1/s³", "integral gain", ""),
     Numeric("control_kd", 1, "1/s", "rate gain", ""),

@@ -6,7 +6,7 @@ False
 
 from twin.config.base import Settings
 from twin.config.demo import Demo
-from twin.config.evaluation import Columns, Compare, Doctor, Identify, Report, View
+from twin.config.evaluation import Columns, Compare, Doctor, Export, History, Identify, Report, View
 from twin.config.options import Run
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import (
@@ -32,7 +32,9 @@ __all__ = [
     "Converge",
     "Demo",
     "Doctor",
+    "Export",
     "Fly",
+    "History",
     "Identify",
     "Integrator",
     "ListParameters",

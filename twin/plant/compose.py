@@ -51,6 +51,8 @@ def described_files(vehicle: Path) -> dict[str, Path]:
         found["mechanism"] = vehicles.mechanism_file(design)
     if design.drag_table:
         found["drag_table"] = vehicle.parent / design.drag_table
+    if design.launch.profile:
+        found["profile"] = vehicle.parent / design.launch.profile
     return found
 
 
