@@ -2,7 +2,6 @@
 
 import os
 import platform
-import resource
 import shutil
 import subprocess
 import sys
@@ -201,6 +200,8 @@ def _real_time() -> Iterator[Finding]:
     if not hasattr(os, "sched_setscheduler"):
         yield Finding("SCHED_FIFO", "note", "this system has none", "expect late ticks under load")
         return
+    import resource  # POSIX only, like the scheduler
+
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     if os.geteuid() == ROOT_USER or limit > 0:
         yield Finding("SCHED_FIFO", "ok", "allowed")
