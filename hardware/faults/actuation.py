@@ -6,7 +6,7 @@ from math import degrees, radians
 from typing import Any
 
 from hardware.faults.memory import filled, number
-from hardware.faults.motion import HEALTHY, STILL, Motion
+from hardware.faults.motion import HEALTHY, SIGMA, STILL, Motion
 from hardware.faults.servo import ServoAxis, ServoLimits, Tolerance
 from hardware.faults.states import UNNAMED
 from hardware.frames import AXES, Pair
@@ -194,7 +194,8 @@ class Actuation:
         if not jumped and (kind := before.likeliest()) is not None:
             return (stuck, "reversed", f"swapped with {AXES[1 - k]}")[kind]
         if after.highest - after.lowest > MOVED:
-            jumped = after.error(HEALTHY) < after.error(STILL)
+            still = SIGMA[STILL] ** 2 if jumped else after.error(HEALTHY)
+            jumped = after.error(STILL) > still
         if not after.explained(HEALTHY if jumped else STILL):
             return UNNAMED
         return self._offset(k) if jumped else stuck
