@@ -6,7 +6,7 @@ from math import degrees, radians
 from typing import Any
 
 from hardware.faults.memory import filled, number
-from hardware.faults.motion import HEALTHY, STILL, Motion
+from hardware.faults.motion import HEALTHY, SIGMA, STILL, Motion
 from hardware.faults.servo import ServoAxis, ServoLimits, Tolerance
 from hardware.faults.states import UNNAMED
 from hardware.frames import AXES, Pair
@@ -26,7 +26,7 @@ TAKEN = radians(0.7)  # moved along with the other axis
 AT_STOP = 0.85  # of the stop; a servo that is there without command has run away
 MOVED = radians(1.2)  # expected motion that tells a constant offset from standing still
 JUMP = radians(80.0)  # rad/s faster than expected; a servo that jams or loses power is not
-MARGIN = radians(0.6)  # of the gyro's integral from the measured angle
+MARGIN = radians(0.3)  # of the gyro's integral from the measured angle
 LATE = 0.012  # s; delays of gyro and command
 COUPLED = 0.1  # of the other axis's error, moved by linkage and play
 NOMINAL = Tolerance(0.0, 0.0, ServoLimits().play)
@@ -194,7 +194,8 @@ class Actuation:
         if not jumped and (kind := before.likeliest()) is not None:
             return (stuck, "reversed", f"swapped with {AXES[1 - k]}")[kind]
         if after.highest - after.lowest > MOVED:
-            jumped = after.error(HEALTHY) < after.error(STILL)
+            still = SIGMA[STILL] ** 2 if jumped else after.error(HEALTHY)
+            jumped = after.error(STILL) > still
         if not after.explained(HEALTHY if jumped else STILL):
             return UNNAMED
         return self._offset(k) if jumped else stuck
