@@ -1,4 +1,4 @@
-"""Measurements as tables: CSV and MATLAB files with named columns, from anybody's rig."""
+"""Measurements as tables: CSV, MATLAB and Parquet files with named columns, from anybody's rig."""
 
 import csv
 import io
@@ -24,7 +24,8 @@ MOST_COLUMNS = 512
 MOST_ROWS = 20_000_000
 LONGEST_FIELD = 256  # characters
 
-KINDS = frozenset({".csv", ".tsv", ".txt", ".mat"})
+BINARY = frozenset({".mat", ".parquet"})
+KINDS = frozenset({".csv", ".tsv", ".txt"}) | BINARY
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class Table:
 
 
 def read(path: Path | str) -> Table:
-    """Read a .csv (or .tsv, .txt) or .mat file.
+    """Read a .csv (or .tsv, .txt), .mat or .parquet file.
 
     Raises
     ------
@@ -82,8 +83,8 @@ def read(path: Path | str) -> Table:
     path = Path(path)
     kind = path.suffix.lower()
     if kind not in KINDS:
-        raise AnalysisError(f"{path}: '{kind}' is no table; .csv, .tsv, .txt and .mat are")
-    return _read_mat(path) if kind == ".mat" else _read_csv(path)
+        raise AnalysisError(f"{path}: '{kind}' is no table; {', '.join(sorted(KINDS))} are")
+    return _read_mat(path) if kind in BINARY else _read_csv(path)
 
 
 def _read_csv(path: Path) -> Table:
