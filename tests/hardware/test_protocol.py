@@ -3,7 +3,7 @@
 import random
 import struct
 from binascii import crc_hqx
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -279,6 +279,22 @@ def test_plausible_settings_keep_neutral_within_the_limits(config):
     if plausible(config):
         for low, middle, high in zip(config.minimum, config.neutral, config.maximum, strict=True):
             assert 1000 <= low <= middle <= high <= 5000
+
+
+def test_settings_at_the_ends_of_their_ranges_are_plausible_and_beyond_them_not():
+    """As the manual lists them: 2 to 250 ms, low-pass 0 to 6, pulses of 0.5 to 2.5 ms [0.5 µs]."""
+    ends = Config(2, 0, (1000,) * 3, (1000,) * 3, (5000,) * 3)
+    assert plausible(ends)
+    assert plausible(replace(ends, telemetry_period_ms=250, dlpf=6, neutral=(5000,) * 3))
+    assert not plausible(replace(ends, telemetry_period_ms=1))
+    assert not plausible(replace(ends, telemetry_period_ms=251))
+    assert not plausible(replace(ends, dlpf=7))
+    for k in range(3):  # of any one servo
+        low = tuple(999 if i == k else 1000 for i in range(3))
+        high = tuple(5001 if i == k else 5000 for i in range(3))
+        assert not plausible(replace(ends, minimum=low))
+        assert not plausible(replace(ends, maximum=high))
+        assert not plausible(replace(ends, neutral=low))
 
 
 def test_the_generated_headers_are_up_to_date():

@@ -22,7 +22,7 @@ PRELOADED = (
     "control", "filterpy.kalman", "hypothesis", "mujoco", "numba", "numpy", "pytest",
     "scipy.optimize", "scipy.signal", "scipy.stats", "trimesh",
 )  # fmt: skip
-FAILED, NOTHING_RUN = (1, 2), (4, 5)  # exit codes of pytest
+NOTHING_RUN = 4, 5  # exit codes of pytest; also 4 where what conftest imports is broken
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +156,7 @@ class Workers:
             if mutant.file:
                 shutil.copy2(ROOT / mutant.file, folder / mutant.file)
             text = (folder / "output.txt").read_text(errors="replace")
-            yield Verdict(mutant, _outcome(process.exitcode), took, text)
+            yield Verdict(mutant, _outcome(process.exitcode, text), took, text)
 
 
 def _end(process: ForkProcess) -> None:
@@ -168,8 +168,8 @@ def _end(process: ForkProcess) -> None:
     process.join()
 
 
-def _outcome(code: int | None) -> str:
-    if code in NOTHING_RUN:
+def _outcome(code: int | None, text: str) -> str:
+    if code in NOTHING_RUN and "while loading conftest" not in text:
         return "no test ran"
     return "survived" if code == 0 else "killed"  # also by a crash, or for want of an end
 

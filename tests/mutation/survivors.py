@@ -4,4 +4,6 @@ REASONS: dict[str, str] = {
     "hardware/fusion/estimator.py:131 0 → 1": "equal: no frame before the first",
     "hardware/fusion/estimator.py:223 + → -": "equal: the angle is state 0 of an axis",
     "hardware/fusion/base.py:105 0.1 → 0.13": "an assumption about motions",
+    "twin/control/attitude.py:162 6 → 7": "equal: a column that nothing reads",
+    "twin/physics/motor/depletion.py:37 1 → 2": "equal: a model's curve repeats its last point",
 }

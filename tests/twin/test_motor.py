@@ -63,6 +63,7 @@ def test_two_motors_of_one_name_are_refused(tmp_path: Path, name: str | None, sa
     [
         ([0, 1, 2], [0, 5, 5], "never ends"),
         ([0, 1], [5, 0], "needs 3"),
+        ([0, 1, 2], [5, 0], "needs 3"),
         ([0, 1, 2], [0, 0, 0], "no thrust"),
         ([0, 1, np.nan], [0, 5, 0], "not finite"),
         ([1, 2, 3], [0, 5, 0], "increase"),
