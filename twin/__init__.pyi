@@ -10,7 +10,9 @@ from twin.errors import TwinError as TwinError
 from twin.campaigns.result import CampaignResult
 from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
+from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
+from twin.evaluation.export import ExportResult
 from twin.evaluation.history import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
@@ -19,7 +21,8 @@ from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
-from twin.experiments.mechanism import MechanismResult
+from twin.experiments.mechanism.figures import MechanismResult
+from twin.experiments.mechanism.search import SearchResult
 from twin.experiments.mirror import MirrorResult
 from twin.experiments.openrocket import ImportResult
 from twin.experiments.repeat.result import RepeatResult
@@ -49,6 +52,7 @@ def campaign(
     force: bool = ...,
     workers: int | None = ...,
     fail_if: tuple[str, ...] = ...,
+    reweight: str | None = ...,
     paths: int = ...,
 ) -> CampaignResult | FlightResult: ...
 def compare(
@@ -60,7 +64,7 @@ def compare(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,
@@ -108,6 +112,16 @@ def doctor(
     mechanism: str | PathLike[str] | None = ...,
     compile: bool = ...,
 ) -> DoctorResult: ...
+def export(
+    recording: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    to: Literal['csv', 'parquet', 'mat', 'mcap', 'kml', 'glb', 'usd'] = ...,
+    latitude_deg: float = ...,
+    longitude_deg: float = ...,
+    height_m: float = ...,
+) -> ExportResult: ...
 def fly(
     *,
     gimbal: str = ...,
@@ -166,7 +180,7 @@ def identify(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,
@@ -192,14 +206,24 @@ def identify(
     mechanism: str | PathLike[str] | None = ...,
 ) -> IdentifyResult | PhysicsResult | InformationResult: ...
 def mechanism(
-    action: Literal['show', 'check'],
+    action: Literal['show', 'check', 'build', 'search'],
     file: str | PathLike[str] | None,
     *,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     load_g: float = ...,
     gap_mm: float = ...,
-) -> MechanismResult: ...
+    tube_mm: float | None = ...,
+    wall_mm: float = ...,
+    motor_mm: float | None = ...,
+    stroke_deg: float = ...,
+) -> MechanismResult | BuildResult | SearchResult: ...
+def meshes(
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> BuildResult: ...
 def mirror(
     *,
     gimbal: str = ...,
@@ -227,6 +251,14 @@ def mirror(
     serve: int | None = ...,
     control_hz: float = ...,
 ) -> MirrorResult: ...
+def parameters(
+    *words: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    scene: str = ...,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> ParametersResult: ...
 def replay(
     recording: str | PathLike[str],
     *,
@@ -248,7 +280,7 @@ def report(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,
@@ -320,8 +352,7 @@ def vehicle(
     mechanism: str | PathLike[str] | None = ...,
 ) -> VehicleResult | BuildResult | ImportResult: ...
 def view(
-    recording: str | PathLike[str],
-    *,
+    *recordings: str | PathLike[str],
     web: bool = ...,
     port: int = ...,
 ) -> int: ...

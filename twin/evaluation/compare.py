@@ -24,6 +24,7 @@ from analysis.comparison import compare as side_by_side
 from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
+from twin import status
 from twin.config import Compare
 from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
@@ -145,6 +146,7 @@ def compare(config: Compare) -> CompareResult:
     """
     began = time.perf_counter()
     pair = _pair(config)
+    status.say("comparing")
     command = pair.run.command
     axes = [n for n in command.components if n in pair.reference.components]
     comparison = side_by_side(
