@@ -14,7 +14,8 @@ from packaging.requirements import Requirement
 REPOSITORY = Path(__file__).resolve().parents[1]
 PAGE = REPOSITORY / "docs" / "licences.md"
 ROOT = "tvc-twin"
-EXTRAS = ("", "report", "sysid", "gym", "notebook", "pi", "cluster")
+PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = ("", *(name for name in PROJECT["optional-dependencies"] if name != "dev"))
 HEAD = """# Licences of the dependencies
 
 The project itself is under the [MIT licence](../LICENSE), but for `hardware/simavr/shim.c`
@@ -65,8 +66,7 @@ def declared(name: str, extra: str) -> list[str]:
     if name != ROOT:
         package = installed(name)
         return list((package.requires if package else None) or ())
-    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
-    return list(project["optional-dependencies"][extra] if extra else project["dependencies"])
+    return list(PROJECT["optional-dependencies"][extra] if extra else PROJECT["dependencies"])
 
 
 def installed(name: str) -> Distribution | None:

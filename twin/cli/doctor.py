@@ -24,6 +24,8 @@ PURPOSES = {
     "sysid": "identify --linkage",
     "gym": "twin.gym",
     "notebook": "recordings as pandas tables",
+    "mcap": "export --to mcap",
+    "usd": "export --to usd",
 }
 BROWSERS = ("chromium", "google-chrome", "firefox", "xdg-open", "open")
 RULES = ("/lib/udev/rules.d", "/usr/lib/udev/rules.d", "/etc/udev/rules.d")
