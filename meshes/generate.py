@@ -5,6 +5,7 @@ from pathlib import Path
 
 from meshes import parts, rig
 from meshes.drawing import MJCF, Drawing
+from meshes.errors import MeshError
 from meshes.solids import Solid
 from meshes.stl import check, write
 
@@ -21,18 +22,32 @@ PARTS: Mapping[str, tuple[str, Callable[[Drawing], Solid]]] = {
 }
 
 
-def generate(folder: Path = HERE) -> dict[str, Path]:
+def generate(folder: Path = HERE, mechanism: Path | None = None) -> dict[str, Path]:
     """Write the STL of each part into `folder` and check it.
+
+    Parameters
+    ----------
+    mechanism : MJCF with the names of the reference mechanism, drawn in its place, without the
+        calibration rig, which belongs to the reference bench
 
     Raises
     ------
-    MeshError : a part came out open or empty
+    MeshError : a part came out open or empty, or the mechanism lacks a name
     """
-    drawings = {name: Drawing.read(MJCF / f"{name}.xml") for name, _ in PARTS.values()}
     written = {}
+    drawings: dict[str, Drawing] = {}
     for name, (model, draw) in PARTS.items():
+        if mechanism is not None and model != "mechanism":
+            continue
+        file = mechanism or MJCF / f"{model}.xml"
+        try:
+            drawing = drawings.setdefault(model, Drawing.read(file))
+            solid = draw(drawing)
+        except (KeyError, ValueError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise MeshError(f"{file}: cannot draw part {name}: {reason}") from None
         written[name] = folder / f"{name}.stl"
-        write(written[name], draw(drawings[model]))
+        write(written[name], solid)
         check(written[name])
     return written
 

@@ -112,11 +112,11 @@ def bracket(drawing: Drawing) -> Solid:
     case, half = drawing.geom("servo_x_case"), drawing.geom_size("servo_x_case")
     rise = drawing.geom("servo_y_case")[2] - case[2]
     top = case[2] + rise + half[2]
-    shelf = drawing.site("horn_x_ball")[1] - 5.4  # inside the sweep of a horn and its rod
+    shelf = drawing.body("horn_x")[1] - 2.6  # inside the sweep of a horn and its rod
     passing = drawing.site("horn_x_ball")[1] - 3.8  # a rod alone needs less
     solid = tube(inner, outer, low, top) ^ sector(40, low, top, -130, 70)
     solid += disc(outer, low, low_top) + disc(outer, mid, mid_top)
-    solid -= disc(9, low - 1, low_top + 1) + _lightening(mid, mid_top)
+    solid -= disc(9, low - 1, low_top + 1) + _lightening(mid, mid_top, outer / 25.9)
     solid -= box((-6, shelf, low - 1), (6, 40, top + 1))
     solid -= box((-40, -6, low - 1), (-passing, 6, mid - 1))
     solid -= box((-40, -6, mid - 1), (-shelf, 6, top + 1))
@@ -125,16 +125,21 @@ def bracket(drawing: Drawing) -> Solid:
     solid += posts + upper.rotate((0, 0, QUARTER)).translate((0, 0, rise))
     for azimuth in (-100, -30, 40):
         for height in (low + 6, top - 6):
-            hole = rod((20, 0, height), (30, 0, height), clearance)
+            hole = rod((outer - 5.9, 0, height), (outer + 4.1, 0, height), clearance)
             solid -= hole.rotate((0, 0, azimuth))
     pilots = _pilots(drawing, thread)
     solid -= pilots + pilots.rotate((0, 0, QUARTER)).translate((0, 0, rise))
     return solid ^ disc(outer, low, top)
 
 
-def _lightening(bottom: float, top: float) -> Solid:
+def _lightening(bottom: float, top: float, scale: float) -> Solid:
+    """Holes in the upper shelf, in proportion to the tube."""
     holes = [
-        rod((17 * x, 17 * y, bottom - 1), (17 * x, 17 * y, top + 1), 4.0)
+        rod(
+            (17 * x * scale, 17 * y * scale, bottom - 1),
+            (17 * x * scale, 17 * y * scale, top + 1),
+            4.0 * scale,
+        )
         for x, y in ((0.94, 0.34), (0.34, -0.94))
     ]
     return union(disc(5, bottom - 1, top + 1), *holes)
@@ -160,12 +165,12 @@ def _posts(drawing: Drawing, bottom: float, top: float) -> Solid:
 
 def _pilots(drawing: Drawing, thread: float) -> Solid:
     ears, reach = drawing.geom("servo_x_ears"), drawing.geom_size("servo_x_ears")
-    # 27.8 mm between the ear holes: SG90 data sheet
+    (half,) = drawing.numeric("print_servo")
     return union(
         *(
             rod(
-                (ears[0] + side * 13.9, ears[1] - reach[1] - 7, ears[2]),
-                (ears[0] + side * 13.9, 30, ears[2]),
+                (ears[0] + side * half, ears[1] - reach[1] - 7, ears[2]),
+                (ears[0] + side * half, 30, ears[2]),
                 thread,
                 segments=16,
             )

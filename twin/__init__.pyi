@@ -10,8 +10,10 @@ from twin.errors import TwinError as TwinError
 from twin.campaigns.result import CampaignResult
 from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
+from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.export import ExportResult
+from twin.evaluation.history import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
 from twin.evaluation.linkage import PhysicsResult
@@ -19,7 +21,8 @@ from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
 from twin.experiments.flight import FlightResult
-from twin.experiments.mechanism import MechanismResult
+from twin.experiments.mechanism.figures import MechanismResult
+from twin.experiments.mechanism.search import SearchResult
 from twin.experiments.mirror import MirrorResult
 from twin.experiments.openrocket import ImportResult
 from twin.experiments.repeat.result import RepeatResult
@@ -49,6 +52,7 @@ def campaign(
     force: bool = ...,
     workers: int | None = ...,
     fail_if: tuple[str, ...] = ...,
+    reweight: str | None = ...,
     paths: int = ...,
 ) -> CampaignResult | FlightResult: ...
 def compare(
@@ -60,7 +64,7 @@ def compare(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,
@@ -70,6 +74,7 @@ def compare(
     ratio: float | None = ...,
     mechanism: str | PathLike[str] | None = ...,
     drift: bool = ...,
+    explain: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -158,6 +163,14 @@ def fly(
     duration_s: float = ...,
     repeat: int = ...,
 ) -> FlightResult | RepeatResult: ...
+def history(
+    folder: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    board: str | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> HistoryResult: ...
 def identify(
     *sources: str | PathLike[str],
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -167,7 +180,7 @@ def identify(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,
@@ -193,14 +206,24 @@ def identify(
     mechanism: str | PathLike[str] | None = ...,
 ) -> IdentifyResult | PhysicsResult | InformationResult: ...
 def mechanism(
-    action: Literal['show', 'check'],
+    action: Literal['show', 'check', 'build', 'search'],
     file: str | PathLike[str] | None,
     *,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     load_g: float = ...,
     gap_mm: float = ...,
-) -> MechanismResult: ...
+    tube_mm: float | None = ...,
+    wall_mm: float = ...,
+    motor_mm: float | None = ...,
+    stroke_deg: float = ...,
+) -> MechanismResult | BuildResult | SearchResult: ...
+def meshes(
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> BuildResult: ...
 def mirror(
     *,
     gimbal: str = ...,
@@ -228,6 +251,14 @@ def mirror(
     serve: int | None = ...,
     control_hz: float = ...,
 ) -> MirrorResult: ...
+def parameters(
+    *words: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    scene: str = ...,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> ParametersResult: ...
 def replay(
     recording: str | PathLike[str],
     *,
@@ -249,7 +280,7 @@ def report(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,

@@ -37,11 +37,13 @@ class Table:
     columns : name → values (n,), NaN where a field is empty; lengths may differ (MATLAB files)
     source : the file's name
     unusable : name → what is wrong with a column of text or infinities
+    note : what of the file was left out, in one line; "" where nothing was
     """
 
     columns: Mapping[str, Array]
     source: str
     unusable: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
 
     def column(self, name: str) -> Array:
         """One column (n,).
@@ -108,12 +110,14 @@ class _Lines:
     def __init__(self, file: Iterable[str]) -> None:
         self._file = iter(file)
         self.comment = ""  # the last one
+        self.ended = True  # the last line that was given has its end
 
     def __iter__(self) -> Iterator[str]:
         return self
 
     def __next__(self) -> str:
         line = next(self._file)
+        self.ended = line.endswith(("\n", "\r"))
         if not line.startswith("#"):
             return line
         self.comment = line.lstrip("# ").rstrip()
@@ -146,11 +150,15 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     _check_names(path, names)
     values: list[list[float]] = []
     unusable: dict[str, str] = {}
+    note = ""
     for row in islice(rows, MOST_ROWS + 1):
         if not any(f.strip() for f in row):
             continue
         if len(row) == len(names) + 1 and not row[-1].strip():
             row.pop()
+        if len(row) < len(names) and values and not lines.ended:
+            note = f"row {reader.line_num}, the last, is cut off and was left out"
+            break
         if len(row) != len(names):
             raise AnalysisError(
                 f"{path}: row {reader.line_num} has {len(row)} fields, the header {len(names)}"
@@ -168,7 +176,7 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     if not values:
         raise AnalysisError(f"{path}: a header but no rows")
     table = np.array(values)
-    return _frozen(path, {name: table[:, i] for i, name in enumerate(names)}, unusable)
+    return _frozen(path, {name: table[:, i] for i, name in enumerate(names)}, unusable, note)
 
 
 def _check_names(path: Path, names: Sequence[str]) -> None:
@@ -224,7 +232,9 @@ def _read_mat(path: Path) -> Table:
     return _frozen(path, columns, unusable)
 
 
-def _frozen(path: Path, columns: dict[str, Array], unusable: dict[str, str]) -> Table:
+def _frozen(
+    path: Path, columns: dict[str, Array], unusable: dict[str, str], note: str = ""
+) -> Table:
     for values in columns.values():
         values.setflags(write=False)
-    return Table(MappingProxyType(columns), path.name, MappingProxyType(unusable))
+    return Table(MappingProxyType(columns), path.name, MappingProxyType(unusable), note)

@@ -277,8 +277,8 @@ def test_gusts_have_unit_variance_and_no_divergence() -> None:
             for point in rng.uniform(-1e4, 1e4, (100, 3))
         ]
     )
-    # 4000 samples, 40 independent fields of 64 modes: 5 % is three standard errors
-    np.testing.assert_allclose(samples.var(axis=0), 1.0, atol=0.05)
+    # √(2/4000) = 2.2 % of the samples and 13 %/√40 = 2.1 % of the fields: three standard errors
+    np.testing.assert_allclose(samples.var(axis=0), 1.0, atol=0.09)
     np.testing.assert_allclose(samples.mean(axis=0), 0.0, atol=0.06)
     modes, h, x = air.gust_modes(1, 20.0, 64), 1e-4, np.array([3.0, -7.0, 11.0])
     slopes = [

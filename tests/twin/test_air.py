@@ -80,7 +80,7 @@ def test_the_table_is_named_where_a_vehicle_is_shown(tmp_path):
         ("0,0.5\n1,x\n", "line 2: must be Mach"),
         ("0,0.5\n1,0.6,0.7\n", "line 2: must have 2 columns"),
         ("0,0.5\n", "has 1 rows"),
-        ("0,0.5\n1,-0.6\n", "drag coefficients 0 to 10"),
+        ("0,0.5\n1,-0.6\n", "line 2: column 2 = -0.6; must be 0 to 10"),
     ],
 )
 def test_a_drag_table_that_cannot_be_is_refused(tmp_path, text, message):

@@ -258,6 +258,13 @@ def test_a_file_cut_off_is_repaired_beside_the_original(flight, tmp_path, name):
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, "cut.repaired.rrd"])
 
 
+def test_the_empty_file_of_a_run_killed_at_its_start_is_named_so(tmp_path):
+    path = tmp_path / "a.rrd.partial"
+    path.touch()
+    with pytest.raises(viewer.ViewerError, match="empty; its run was killed before"):
+        viewer.repaired(path)
+
+
 @pytest.mark.parametrize("content", [b"", b"hello", b"RRF2", b"RRF2" + bytes(100)])
 def test_what_is_no_recording_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "bad.rrd"

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.config.result import Rows
+from twin.errors import TwinError
 from twin.physics import aerodynamics as air
+from twin.physics.aerodynamics.atmosphere import COLUMNS
 from twin.plant.authority import control_config, numeric
 from twin.plant.plant import Plant
 
@@ -204,8 +206,18 @@ class Track:
         )
         if enabled is None or altitude is None or not enabled[0]:
             return np.zeros(len(ticks)), np.zeros(len(ticks))
-        z = ticks[:, POSITION][:, 2] + altitude[0]
-        rho, sound = (np.array([f(h) for h in z]) for f in (air.density, air.speed_of_sound))
+        z = ticks[:, POSITION][:, 2]
+        profile = numeric(self._model, "air_profile")
+        if profile is None:
+            laws = (air.density, air.speed_of_sound)
+            rho, sound = (np.array([f(h + altitude[0]) for h in z]) for f in laws)
+        else:
+            _check_top(profile, float(z.max()))
+            rho, kelvin = (
+                np.array([air.profile_at(profile, column, h) for h in z])
+                for column in (air.DENSITY, air.TEMPERATURE)
+            )
+            sound = air.sound(kelvin)
         return 0.5 * rho * ticks[:, AIRSPEED] ** 2, ticks[:, AIRSPEED] / sound
 
     def _saturation(self, burning: Array) -> float | None:
@@ -217,6 +229,21 @@ class Track:
 
 def _at(time: float, times: Array, values: Array) -> float:
     return float(np.interp(time, times, values))
+
+
+def _check_top(profile: Array, highest: float) -> None:
+    """Refuse a flight that leaves its wind and temperature profile.
+
+    Raises
+    ------
+    TwinError : both heights
+    """
+    top = float(profile.reshape(COLUMNS, -1)[0, -1])
+    if highest > top:
+        raise TwinError(
+            f"launch.profile: ends at {top:g} m above the ground and the flight reached"
+            f" {highest:.0f} m; must cover it: add higher levels"
+        )
 
 
 def _accelerations(ticks: Array) -> Array:

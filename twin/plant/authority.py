@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from twin.control.attitude import ControlConfig
 from twin.control.guidance import FixedPoint
 from twin.control.setpoint import Vector, off_axis
-from twin.physics.aerodynamics.atmosphere import SEA_LEVEL_DENSITY, mean_wind
+from twin.physics.aerodynamics.atmosphere import COLUMNS, SEA_LEVEL_DENSITY, mean_wind
 
 Array = NDArray[np.float64]
 HIGHEST, HEIGHTS = 5000.0, 40  # m, and number of heights, of the wind that guidance knows
@@ -169,6 +169,14 @@ def steer_to(model: mujoco.MjModel, target: Vector, **attributes: float) -> Fixe
 
 def _mean_wind(model: mujoco.MjModel) -> dict[str, tuple[float, ...]]:
     """Mean wind over height as `FixedPoint` has it: what a forecast gives, without gusts."""
+    profile = numeric(model, "air_profile")
+    if profile is not None:
+        height, east, north, _, _ = profile.reshape(COLUMNS, -1).tolist()
+        return {
+            "wind_height": tuple(height),
+            "wind_east": tuple(east),
+            "wind_north": tuple(north),
+        }
     values = [
         numeric(model, f"wind_{n}") for n in ("speed", "azimuth", "reference_height", "exponent")
     ]

@@ -44,6 +44,8 @@ class Flow:
         vehicle = int(model.body("vehicle").id)
         self._members = np.flatnonzero(model.body_rootid == model.body_rootid[vehicle])
         self._wind, self._modes = _wind(model)
+        profile = numeric(model, "air_profile")
+        self._profile: Array = np.zeros(0) if profile is None else profile
         self._times, self._curve = thrust_curve(model) or (np.zeros(1), np.zeros(1))
         self._values: Array = np.zeros(8)
         self.thrust: Array = self._values[4:5]
@@ -59,7 +61,7 @@ class Flow:
         """Compute all of it from the model's present state, at `time_ns` [ns]."""
         _derive(
             self._values, time_ns * 1e-9, self._addresses, self._members,
-            self._wind, self._modes, self._times, self._curve,
+            self._wind, self._modes, self._profile, self._times, self._curve,
         )  # fmt: skip
 
 
@@ -76,7 +78,7 @@ def _wind(model: mujoco.MjModel) -> tuple[Array, Array]:
 @njit()
 def _derive(
     out: Array, time: float, addresses: Integers, members: Integers,
-    wind: Array, modes: Array, curve_time: Array, curve_thrust: Array,
+    wind: Array, modes: Array, profile: Array, curve_time: Array, curve_thrust: Array,
 ) -> None:  # fmt: skip
     """Write tilt x and y, airspeed, angle of attack, thrust and wind to `out` (8,)."""
     speed, azimuth, exponent, reference, turbulence = wind
@@ -109,7 +111,7 @@ def _derive(
     station = moment / total
     air_x, air_y, air_z = wind_at(
         x + station * zx, y + station * zy, z + station * zz,
-        time, speed, azimuth, exponent, reference, turbulence, modes,
+        time, speed, azimuth, exponent, reference, turbulence, modes, profile,
     )  # fmt: skip
     # ω × r of that point: station (ω_y, -ω_x, 0) in body axes
     sx, sy = station * number(r, 8), -station * number(r, 0)

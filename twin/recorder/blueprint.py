@@ -150,7 +150,7 @@ def _share(view: rrb.View) -> float:
 def _main(content: Content) -> tuple[str, list[rrb.View]]:
     """The angles with what they differ by: residual, control error or difference."""
     views: list[rrb.View] = list(_overlays("Gimbal", _ANGLES, content))
-    if content.residual:
+    if views and content.residual:
         beneath = [plots.residual(content.residual, axis, content.known) for axis in (0, 1)]
         views = [v for axis in (0, 1) for v in (*views[axis : axis + 1], beneath[axis])]
         return "Gimbal", views

@@ -50,6 +50,8 @@ def repaired(path: Path) -> Path:
             start = file.read(len(MAGIC))
     except FileError as error:
         raise ViewerError(f"cannot open {error}") from None
+    if not start and path.suffix == ".partial":
+        raise ViewerError(f"{path}: empty; its run was killed before it had written anything")
     if start != MAGIC:
         raise ViewerError(f"{path}: not a Rerun recording (.rrd)")
     if path.suffix == ".rrd" and complete(path):

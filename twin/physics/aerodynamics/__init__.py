@@ -6,10 +6,14 @@ frame's origin. docs/aerodynamics.md derives and cites them.
 """
 
 from twin.physics.aerodynamics.atmosphere import (
+    DENSITY,
+    TEMPERATURE,
     density,
     gust,
     gust_modes,
     mean_wind,
+    profile_at,
+    sound,
     speed_of_sound,
     wind,
 )
@@ -24,6 +28,8 @@ from twin.physics.aerodynamics.body import (
 )
 
 __all__ = [
+    "DENSITY",
+    "TEMPERATURE",
     "area_moments",
     "axial_drag",
     "crossflow",
@@ -34,7 +40,9 @@ __all__ = [
     "gust_modes",
     "mean_wind",
     "normal_force",
+    "profile_at",
     "roll_damping",
+    "sound",
     "speed_of_sound",
     "wind",
 ]

@@ -1,5 +1,6 @@
 """Air at rest and in motion: ICAO standard atmosphere, mean wind, turbulence."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -23,6 +24,10 @@ _SCALE_HEIGHT: Final = GAS_CONSTANT * SEA_LEVEL_TEMPERATURE * _TROPOPAUSE_RATIO 
 HEAT_RATIO: Final = 1.4  # of the specific heats of air
 LOWEST, HIGHEST = -5000.0, 20000.0  # m, of the layers modelled here
 
+# length of von Kármán's spectrum over its integral length, 1.339: Γ(1/3) / (√π Γ(5/6))
+KARMAN: Final = math.gamma(1 / 3) / (math.sqrt(math.pi) * math.gamma(5 / 6))
+COLUMNS: Final = 5  # of a profile: height, wind to east and north, density, temperature
+EAST, NORTH, DENSITY, TEMPERATURE = range(1, COLUMNS)
 MODE: Final = 7  # numbers per gust mode: wave vector (3), direction (3), phase
 
 
@@ -41,7 +46,13 @@ def temperature(altitude: float) -> float:
 @register_jitable
 def speed_of_sound(altitude: float) -> float:
     """Speed of sound in the ICAO standard atmosphere [m/s] at a geometric altitude [m]."""
-    speed: float = np.sqrt(HEAT_RATIO * GAS_CONSTANT * temperature(altitude))
+    return sound(temperature(altitude))
+
+
+@register_jitable
+def sound(kelvin: float) -> float:
+    """Speed of sound in air of that temperature [m/s]."""
+    speed: float = np.sqrt(HEAT_RATIO * GAS_CONSTANT * kelvin)
     return speed
 
 
@@ -59,6 +70,30 @@ def density(altitude: float) -> float:
         return low
     high: float = _TROPOPAUSE_DENSITY * np.exp((TROPOPAUSE - geopotential) / _SCALE_HEIGHT)
     return high
+
+
+@register_jitable
+def profile_at(profile: NDArray[np.float64], column: int, height: float) -> float:
+    """A column of a profile at a height above ground [m], linear between its levels.
+
+    `profile` (5 n,): n heights ascending [m], then n values each of the wind to the east and to
+    the north [m/s], the density [kg/m³] and the temperature [K]. Constant outside.
+    """
+    count = profile.size // COLUMNS
+    first = column * count
+    low, high = 0, count - 1
+    if height <= profile[0]:
+        return float(profile[first])
+    if height >= profile[high]:
+        return float(profile[first + high])
+    while high - low > 1:
+        middle = (low + high) // 2
+        if height >= profile[middle]:
+            low = middle
+        else:
+            high = middle
+    share = (height - profile[low]) / (profile[high] - profile[low])
+    return float(profile[first + low] + share * (profile[first + high] - profile[first + low]))
 
 
 @register_jitable
@@ -105,22 +140,27 @@ def wind(
     reference: float,
     turbulence: float,
     modes: NDArray[np.float64],
+    profile: NDArray[np.float64],
 ) -> tuple[float, float, float]:
     """Velocity of the air at a point above ground, world frame [m/s]: mean wind and gusts.
 
     x, y, z [m], `time` [s]; `speed`, `exponent` and `reference` as for `mean_wind`, `azimuth`
     [rad] from east to north where it blows to; gusts of rms `turbulence` · `speed`, taken over
     the three components, a frozen field (Taylor's hypothesis) that travels with `speed` at every
-    height.
+    height. A `profile` (see `profile_at`) that is not empty takes the place of the mean wind.
     """
-    mean = mean_wind(speed, z, reference, exponent)
     east, north = np.cos(azimuth), np.sin(azimuth)
+    if profile.size > 0:
+        mean_east, mean_north = profile_at(profile, EAST, z), profile_at(profile, NORTH, z)
+    else:
+        mean = mean_wind(speed, z, reference, exponent)
+        mean_east, mean_north = mean * east, mean * north
     sigma = speed * turbulence
     if sigma == 0.0:
-        return mean * east, mean * north, 0.0
+        return mean_east, mean_north, 0.0
     drift = speed * time
     u, v, w = gust(modes, modes.size // MODE, x - drift * east, y - drift * north, z)
-    return mean * east + sigma * u, mean * north + sigma * v, sigma * w
+    return mean_east + sigma * u, mean_north + sigma * v, sigma * w
 
 
 def gust_modes(
@@ -134,8 +174,8 @@ def gust_modes(
     A frozen field: a function of position alone, so it needs no state, and divergence-free, since
     every mode's direction is normal to its wave vector. Method: Kraichnan (1970), Physics of
     Fluids 13, 22-31; energy spectrum of von Kármán (1948), PNAS 34, 530-539, of integral
-    `length` [m]. Wave numbers are spaced evenly in the logarithm over the two decades that hold
-    nine tenths of the energy.
+    `length` [m], whose spectrum's own length is 1.339 times it. Wave numbers are spaced evenly in
+    the logarithm over the two decades that hold nine tenths of the energy.
 
     With `dryden` the spectra are Dryden's, longitudinal σ²·2L/π / (1 + (LΩ)²) (MIL-F-8785C, 3.7.1),
     for isotropic turbulence E(κ) = 8σ²L/π · (Lκ)⁴ / (1 + (Lκ)²)³; each mode's wave number is
@@ -145,10 +185,10 @@ def gust_modes(
     if dryden:
         return _modes(rng, *_dryden_waves(rng, count), length)
     edges = np.geomspace(0.3, 30.0, count + 1)
-    centre = np.sqrt(edges[1:] * edges[:-1])  # κ·length
+    centre = np.sqrt(edges[1:] * edges[:-1])  # κ times the spectrum's own length
     energy = centre**4 / (1.0 + centre**2) ** (17 / 6) * np.diff(edges)
     amplitude = np.sqrt(2.0 * 3.0 * energy / energy.sum())  # Σ amplitude²/2 = 3 components
-    return _modes(rng, centre, amplitude, length)
+    return _modes(rng, centre, amplitude, KARMAN * length)
 
 
 def _dryden_waves(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import TwinError
+from twin.physics.aerodynamics.atmosphere import COLUMNS
 from twin.physics.native.names import ALL, NUMERICS, Numeric
 
 Array = NDArray[np.float64]
@@ -95,10 +96,22 @@ def check(model: mujoco.MjModel) -> None:
         mach = values["air_drag_mach"]
         ascending = np.diff(mach, prepend=-1.0) > 0
         _demand("air_drag_mach", mach, ascending & (mach >= 0), "must ascend from 0 or more")
+    if "air_profile" in values:
+        _check_profile(values["air_profile"])
     for one, others in TOGETHER.items():
         if one in values and any(other not in values for other in others):
             raise TwinError(f"numeric {one}: needs {' and '.join(others)} beside it")
     _check_motor(values)
+
+
+def _check_profile(profile: Array) -> None:
+    if profile.size % COLUMNS:
+        raise TwinError(f"air_profile has {profile.size} values; must have {COLUMNS} a level")
+    height, _, _, density, temperature = profile.reshape(COLUMNS, -1)
+    rising = np.diff(height, prepend=-np.inf) > 0
+    _demand("air_profile", height, rising, "heights must ascend")
+    _demand("air_profile", density, density > 0, "density must be positive")
+    _demand("air_profile", temperature, temperature > 0, "temperature must be positive")
 
 
 def _carries(model: mujoco.MjModel, numeric: Numeric) -> bool:

@@ -21,7 +21,7 @@ from twin.physics.native.layout import (
     number,
     size,
 )
-from twin.physics.native.recovery import recover, wind_of
+from twin.physics.native.recovery import density_at, recover, sound_at, wind_of
 from twin.physics.native.rigid_body import (
     Array,
     Vector,
@@ -42,7 +42,7 @@ _NUMERIC, _NNUMERIC = MODEL["numeric_data"], MODEL["nnumericdata"]
 _SITE_BODY = MODEL["site_bodyid"]
 
 
-_AIR, _AIR_MODEL, _ALTITUDE = slot("air_enabled"), slot("air_model"), slot("air_altitude")
+_AIR, _AIR_MODEL = slot("air_enabled"), slot("air_model")
 _CROSSFLOW, _AXIAL = slot("air_crossflow_drag"), slot("air_axial_drag")
 _STRIP_Z, _STRIP_AREA = slot("air_strip_z"), slot("air_strip_area")
 _AREA, _ROLL = slot("air_reference_area"), slot("air_roll_damping")
@@ -198,7 +198,7 @@ def _axial(d: int, data: Array, index: Array, v: Vector, height: float) -> float
     curve_time, curve_thrust = values(data, index, _CURVE_TIME), values(data, index, _CURVE_THRUST)
     on = index[_THRUSTING] >= 0 and thrust_at(curve_time, curve_thrust, t) > 0.0
     table = values(data, index, _THRUSTING if on else _COASTING)
-    sound = air.speed_of_sound(height + value(data, index, _ALTITUDE))
+    sound = sound_at(data, index, height)
     mach = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / sound
     return table_at(values(data, index, _MACH), table, mach)
 
@@ -227,7 +227,7 @@ def _air(m: int, d: int, data: Array, index: Array) -> None:
     point = (origin[0] + up[0], origin[1] + up[1], origin[2] + up[2])
     velocity, rate = velocity_at(m, d, body, point)
     wind = wind_of(d, data, index, point)
-    rho = air.density(point[2] + value(data, index, _ALTITUDE))
+    rho = density_at(data, index, point[2])
     through = (velocity[0] - wind[0], velocity[1] - wind[1], velocity[2] - wind[2])
     v, w = turn_back(rotation, through), turn_back(rotation, rate)
 

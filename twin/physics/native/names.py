@@ -85,6 +85,13 @@ OPTIONAL: Final = (
         "chute_height", 1, "m", "optional: opens on the way down below it; negative: off", "none"
     ),
     Numeric("chute_z", 1, "m", "optional: station that each pulls at", "none"),
+    Numeric(
+        "air_profile",
+        10,
+        "-",
+        "optional: heights, wind to east, north, density, temperature",
+        "none",
+    ),
 )
 ALL: Final = NUMERICS + OPTIONAL
 BODIES: Final = ("vehicle", "gimbal_propellant")

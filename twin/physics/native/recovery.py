@@ -11,14 +11,14 @@ _AREA, _DELAY, _HEIGHT, _Z = (slot(f"chute_{n}") for n in ("drag_area", "delay",
 _CURVE, _IGNITION, _ALTITUDE = slot("motor_time"), slot("motor_ignition"), slot("air_altitude")
 _WIND, _WIND_AZIMUTH, _EXPONENT = slot("wind_speed"), slot("wind_azimuth"), slot("wind_exponent")
 _REFERENCE, _TURBULENCE = slot("wind_reference_height"), slot("wind_turbulence")
-_MODES = slot("wind_modes")
+_MODES, _PROFILE = slot("wind_modes"), slot("air_profile")
 
 
 @jit
 def wind_of(d: int, data: Array, index: Array, point: Vector) -> Vector:
     """Velocity of the air at a point, world frame."""
     speed = value(data, index, _WIND)
-    if speed == 0.0:
+    if speed == 0.0 and index[_PROFILE] < 0:
         return 0.0, 0.0, 0.0
     return air.wind(
         point[0],
@@ -31,7 +31,25 @@ def wind_of(d: int, data: Array, index: Array, point: Vector) -> Vector:
         value(data, index, _REFERENCE),
         value(data, index, _TURBULENCE),
         values(data, index, _MODES),
+        values(data, index, _PROFILE),
     )
+
+
+@jit
+def density_at(data: Array, index: Array, height: float) -> float:
+    """Density of the air at a height above ground: the profile's, else the standard one."""
+    if index[_PROFILE] >= 0:
+        return float(air.profile_at(values(data, index, _PROFILE), air.DENSITY, height))
+    return float(air.density(height + value(data, index, _ALTITUDE)))
+
+
+@jit
+def sound_at(data: Array, index: Array, height: float) -> float:
+    """Speed of sound at a height above ground, likewise."""
+    if index[_PROFILE] >= 0:
+        profile = values(data, index, _PROFILE)
+        return float(air.sound(air.profile_at(profile, air.TEMPERATURE, height)))
+    return float(air.speed_of_sound(height + value(data, index, _ALTITUDE)))
 
 
 @jit
@@ -66,7 +84,7 @@ def recover(m: int, d: int, data: Array, index: Array) -> None:
             continue
         wind = wind_of(d, data, index, point)
         u = (velocity[0] - wind[0], velocity[1] - wind[1], velocity[2] - wind[2])
-        rho = air.density(point[2] + value(data, index, _ALTITUDE))
+        rho = density_at(data, index, point[2])
         speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) ** 0.5
         drag = -0.5 * rho * areas[k] * speed
         apply_force(m, d, body, point, (drag * u[0], drag * u[1], drag * u[2]), (0.0, 0.0, 0.0))

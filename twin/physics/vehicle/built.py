@@ -24,6 +24,7 @@ from twin.physics.vehicle.design import Design, VehicleError
 from twin.physics.vehicle.drag_table import DragTable, read_drag
 from twin.physics.vehicle.lumps import Lump, lumps, total
 from twin.physics.vehicle.outline import Outline
+from twin.physics.vehicle.sounding import read_sounding
 
 Array = NDArray[np.float64]
 STATIONS = 40  # of the crossflow quadrature, at least
@@ -121,6 +122,20 @@ class Vehicle:
         if not name:
             return None
         return read_drag((source.parent if source is not None else Path()) / name)
+
+    @cached_property
+    def sounding(self) -> Array | None:
+        """Wind and air over height, as the numeric `air_profile`; None where none is named.
+
+        Raises
+        ------
+        VehicleError : the file cannot be used
+        """
+        launch, source = self.design.launch, self.design.source
+        if not launch.profile:
+            return None
+        folder = source.parent if source is not None else Path()
+        return read_sounding(folder / launch.profile, launch.altitude)
 
     @cached_property
     def crossflow(self) -> float:

@@ -40,7 +40,7 @@ def coefficients(vehicle: Vehicle) -> tuple[Coefficient, ...]:
     groups = (
         _air(vehicle),
         _drag(vehicle),
-        _wind(),
+        _wind(vehicle),
         _ramp(vehicle),
         _motor(vehicle),
         _chutes(vehicle),
@@ -146,8 +146,8 @@ def _loaded_centre(vehicle: Vehicle) -> float:
     return moment / vehicle.mass
 
 
-def _wind() -> list[Row]:
-    return [
+def _wind(vehicle: Vehicle) -> list[Row]:
+    rows: list[Row] = [
         ("wind_speed", 0, "at the reference height"),
         ("wind_azimuth", 0, "from east to north: where it blows to"),
         ("wind_exponent", 0.143, "1/7, open country (Counihan 1975); 0: constant"),
@@ -159,6 +159,10 @@ def _wind() -> list[Row]:
         ("wind_model", 0, "gusts: 0 von Karman, 1 Dryden"),
         ("gravity_radius", 0, "6356766: gravity falls with height; 0: uniform"),
     ]
+    if vehicle.sounding is not None:
+        source = f"{vehicle.design.launch.profile}; wind to east, north, density, temperature"
+        rows.append(("air_profile", vehicle.sounding, source))
+    return rows
 
 
 def _ramp(vehicle: Vehicle) -> list[Row]:

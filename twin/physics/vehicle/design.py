@@ -212,6 +212,8 @@ class Launch:
     rail : travel of a rail button on the rail [m]; 0 launches without a rail
     height : of the rail's foot above ground, where the lower button rests [m]
     altitude : of the ground above mean sea level [m]
+    profile : CSV file of wind and temperature over height (`sounding`), relative to the vehicle's
+        file; wind by `wind_speed` in the standard atmosphere if omitted
     stiffness : of the rail at each button [N/m]; 0: rigid
     damping : of an elastic rail at each button [N s/m]
     """
@@ -221,6 +223,7 @@ class Launch:
     rail: Annotated[float, DISTANCE] = 2.0
     height: Annotated[float | None, DISTANCE] = None
     altitude: Annotated[float, Allowed("length", -500.0, 2e4)] = 0.0
+    profile: Annotated[str, Allowed("path")] = ""
     stiffness: Annotated[float, Allowed("number", 0.0, 1e9)] = 0.0
     damping: Annotated[float, Allowed("number", 0.0, 1e7)] = 0.0
 

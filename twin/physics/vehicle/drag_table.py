@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.physics.vehicle.design import VehicleError
-from twin.physics.vehicle.text import text_of
+from twin.physics.vehicle.text import numbers_of
 
 Array = NDArray[np.float64]
-MOST: Final = 500  # rows
+COLUMNS: Final = "Mach, drag coefficient with the motor off and, if known, on"
 LARGEST_MACH, LARGEST_DRAG = 25.0, 10.0
 
 
@@ -36,42 +36,13 @@ def read_drag(path: Path) -> DragTable:
     ------
     VehicleError : unreadable, or the line and what it must be
     """
-    rows = [row for row in enumerate(text_of(path, "drag table").splitlines(), 1) if row[1].strip()]
-    if rows and _numbers(rows[0][1]) is None:
-        rows = rows[1:]
-    if not 2 <= len(rows) <= MOST:
-        raise VehicleError(f"{path}: has {len(rows)} rows of numbers; must have 2 to {MOST}")
-    values: list[list[float]] = []
-    for line, text in rows:
-        numbers = _numbers(text)
-        if numbers is None or len(numbers) not in (2, 3):
+    mach = (0.0, LARGEST_MACH)
+    rows = numbers_of(path, "drag table", COLUMNS, (2, 3), (mach, *2 * [(0.0, LARGEST_DRAG)]))
+    for (line, now), (_, before) in zip(rows[1:], rows, strict=False):
+        if now[0] <= before[0]:
             raise VehicleError(
-                f"{path}, line {line}: must be Mach, drag coefficient with the motor off and, if"
-                " known, on, separated by commas"
+                f"{path}, line {line}: Mach {now[0]:g} must be above {before[0]:g} of the line"
+                " before"
             )
-        if (
-            not (0 <= numbers[0] <= LARGEST_MACH and max(numbers[1:]) <= LARGEST_DRAG)
-            or min(numbers) < 0
-        ):
-            raise VehicleError(
-                f"{path}, line {line}: Mach must be 0 to {LARGEST_MACH:g}, drag coefficients 0 to"
-                f" {LARGEST_DRAG:g}"
-            )
-        if values and len(numbers) != len(values[0]):
-            raise VehicleError(f"{path}, line {line}: must have {len(values[0])} columns as before")
-        if values and numbers[0] <= values[-1][0]:
-            raise VehicleError(
-                f"{path}, line {line}: Mach {numbers[0]:g} must be above {values[-1][0]:g} of the"
-                " line before"
-            )
-        values.append(numbers)
-    table = np.array(values).T
+    table = np.array([numbers for _, numbers in rows]).T
     return DragTable(table[0], table[1], table[2] if len(table) == 3 else None)
-
-
-def _numbers(text: str) -> list[float] | None:
-    try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        return None
-    return numbers if np.isfinite(numbers).all() else None

@@ -83,15 +83,25 @@ def parse(text: str, name: str = "vehicle", source: Path | None = None) -> Desig
     ------
     VehicleError : not TOML, or the key, its value and what would be right
     """
-    try:
-        tables = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        reason = " ".join(str(error).split())[:LONGEST]
-        raise VehicleError(f"{name} is not valid TOML: {reason}") from None
+    tables = tables_of(text, name)
     try:
         return replace(_design(tables), source=source)
     except VehicleError as error:
         raise VehicleError(f"{name}: {error}") from None
+
+
+def tables_of(text: str, name: str) -> dict[str, Any]:
+    """Content of a TOML text; `name` is used in messages.
+
+    Raises
+    ------
+    VehicleError : not TOML
+    """
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        reason = " ".join(str(error).split())[:LONGEST]
+        raise VehicleError(f"{name} is not valid TOML: {reason}") from None
 
 
 def _design(content: Mapping[str, Any]) -> Design:
@@ -101,7 +111,7 @@ def _design(content: Mapping[str, Any]) -> Design:
         if key in LISTS:
             values[key] = tuple(_items(key, value))
         elif key in TABLES:
-            values[key] = _table(TABLES[key], value, key)
+            values[key] = table(TABLES[key], value, key)
         elif key in own:
             values[key] = _value(own[key], value, key)
         else:
@@ -114,10 +124,16 @@ def _design(content: Mapping[str, Any]) -> Design:
 def _items(key: str, value: Any) -> list[Any]:  # noqa: ANN401  whatever a file holds
     if not isinstance(value, list) or len(value) > MOST:
         raise VehicleError(f"{key}: must be a list of at most {MOST} tables")
-    return [_table(LISTS[key], item, f"{key}[{k}]") for k, item in enumerate(value)]
+    return [table(LISTS[key], item, f"{key}[{k}]") for k, item in enumerate(value)]
 
 
-def _table(kind: type, value: Any, where: str) -> Any:  # noqa: ANN401
+def table(kind: type, value: Any, where: str) -> Any:  # noqa: ANN401
+    """A table of a file as an object whose fields are marked with `Allowed`.
+
+    Raises
+    ------
+    VehicleError : the key, its value and what would be right
+    """
     if not isinstance(value, dict):
         raise VehicleError(f"{where}: must be a table of {', '.join(allowed(kind))}")
     limits = allowed(kind)
@@ -127,7 +143,9 @@ def _table(kind: type, value: Any, where: str) -> Any:  # noqa: ANN401
     for f in fields(kind):
         if f.name in limits and f.default is MISSING and f.name not in value:
             raise VehicleError(f"{where}: {f.name} is missing")
-    return kind(**{k: _value(limits[k], v, f"{where}.{k}") for k, v in value.items()})
+    return kind(
+        **{k: _value(limits[k], v, f"{where}.{k}" if where else k) for k, v in value.items()}
+    )
 
 
 def _unknown(where: str, key: str, valid: list[str]) -> str:

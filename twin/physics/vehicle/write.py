@@ -12,8 +12,7 @@ from twin.physics.vehicle.read import LISTS, TABLES
 def toml(design: Design, comments: Iterable[str] = ()) -> str:
     """Text of a description: what differs from the defaults, lengths in mm and masses in g."""
     lines = [f"# {' '.join(line.split())}" for line in comments]
-    own = allowed(Design)
-    lines += [f"{key} = {text}" for key, text in _entries(design, own)]
+    lines += [f"{key} = {text}" for key, text in entries(design)]
     for key in LISTS:
         items = [f"  {_inline(item)}," for item in getattr(design, key)]
         lines += [f"{key} = [", *items, "]"] if items else []
@@ -25,11 +24,12 @@ def toml(design: Design, comments: Iterable[str] = ()) -> str:
 
 
 def _inline(item: Any) -> str:  # noqa: ANN401  any table of a design
-    return "{ " + ", ".join(f"{k} = {t}" for k, t in _entries(item, allowed(type(item)))) + " }"
+    return "{ " + ", ".join(f"{k} = {t}" for k, t in entries(item)) + " }"
 
 
-def _entries(item: Any, limits: Any) -> list[tuple[str, str]]:  # noqa: ANN401
+def entries(item: Any) -> list[tuple[str, str]]:  # noqa: ANN401
     """Keys and values of a table that are not the defaults."""
+    limits = allowed(type(item))
     found = []
     for f in fields(item):
         value = getattr(item, f.name)

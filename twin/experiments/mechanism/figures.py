@@ -1,4 +1,4 @@
-"""`twin mechanism`: what a gimbal mechanism can do, and whether its parts clear each other."""
+"""What a gimbal mechanism can do, and whether its parts clear each other."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -8,7 +8,6 @@ import numpy as np
 
 from hardware.frames import AXES
 from hardware.parts import SERVO_TRAVEL
-from twin.config.mechanism import Mechanism as Settings
 from twin.config.result import Result, Rows
 from twin.control.attitude import LARGEST_COMMAND
 from twin.physics.mechanism import Kinematics, mobility
@@ -106,24 +105,23 @@ class MechanismResult(Result):
         return rows + [("FAILED", f"{t}; must be {self.gap_mm:g} mm or more") for t in tight]
 
 
-def mechanism(config: Settings) -> MechanismResult:
-    """Figures of a mechanism; with `check` its clearances too.
+def figures(file: Path, load_g: float, gap_mm: float, *, clear: bool) -> MechanismResult:
+    """Figures of a mechanism's MJCF; with `clear` its clearances too.
 
     Raises
     ------
     TwinError : a file that is not a mechanism, in one line
     """
-    file = config.file or REFERENCE
     model = load(ModelConfig(scene="bench", mechanism=file)).mj
     kinematics = Kinematics(model)
     whole = kinematics.workspace()
     ends = np.degrees([model.joint(f"gimbal_{a}").range for a in AXES]).ravel()
     servo = np.degrees([(whole.servo[..., k].min(), whole.servo[..., k].max()) for k in (0, 1)])
-    home, ratio = _ratios(kinematics)
+    home, ratio = ratios(kinematics)
     own = np.abs(ratio[..., [0, 1], [0, 1]])
     most = float(own.max())
     clearance = bore = None
-    if config.action == "check":
+    if clear:
         clearance, bore = Clearance(model).smallest()
     return MechanismResult(
         file=_shown(file),
@@ -132,21 +130,23 @@ def mechanism(config: Settings) -> MechanismResult:
         servo_deg=_four(servo.ravel()),
         gain=(float(home[0, 0]), float(home[1, 1])),
         gain_range=(float(own.min()), most),
-        coupling=float(_coupling(ratio)),
+        coupling=coupling(ratio),
         step_deg=float(np.degrees(MICROSECOND * SERVO_TRAVEL)) * most,
         dead_band_deg=_degrees(model, "gimbal_servo_dead_band") * most,
         backlash_deg=_degrees(model, "gimbal_backlash") * most,
-        load_g=config.load_g,
-        torque=holding(model, config.load_g),
+        load_g=load_g,
+        torque=holding(model, load_g),
         clearance=clearance,
         bore=bore,
-        gap_mm=config.gap_mm,
+        gap_mm=gap_mm,
     )
 
 
-def _ratios(kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray]:
+def ratios(
+    kinematics: Kinematics, stroke: float = LARGEST_COMMAND
+) -> tuple[np.ndarray, np.ndarray]:
     """∂gimbal/∂servo at home (2, 2), and over the commanded angles (n, n, 2, 2)."""
-    angles = np.linspace(-LARGEST_COMMAND, LARGEST_COMMAND, 17)
+    angles = np.linspace(-stroke, stroke, 17)
     grid = np.stack(np.meshgrid(angles, angles, indexing="ij"), axis=-1)
     step = 1e-6 * np.eye(2)
     columns = [
@@ -157,7 +157,7 @@ def _ratios(kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray]:
     return ratio[8, 8], ratio
 
 
-def _coupling(ratio: np.ndarray) -> float:
+def coupling(ratio: np.ndarray) -> float:
     """Largest motion of the other axis per motion of the driven one, one servo moving."""
     other = np.abs(ratio[..., [1, 0], [0, 1]])
     return float((other / np.abs(ratio[..., [0, 1], [0, 1]])).max())

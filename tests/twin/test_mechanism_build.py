@@ -1,0 +1,156 @@
+"""Mechanisms from their dimensions, printable parts of any mechanism, and the search for one."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from twin.config.mechanism import Mechanism as Settings
+from twin.config.mechanism import Meshes
+from twin.errors import TwinError
+from twin.experiments.mechanism import mechanism
+from twin.experiments.mechanism import search as searching
+from twin.experiments.mechanism.build import draw
+from twin.physics.mechanism.build import mjcf
+from twin.physics.mechanism.dimensions import Dimensions, read
+from twin.physics.mechanism.torque import holding
+from twin.plant.compose import MJCF
+
+MESHES = MJCF.parent / "meshes"
+LARGE = """bore = "73.4 mm"
+motor = "38 mm"
+forward = "35 mm"
+lever = "27 mm"
+height = "15.6 mm"
+horn = "10 mm"
+servo_x = "57 mm"
+servo_y = "73 mm"
+stops = "11°"
+"""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A gimbal for 38 mm motors, written."""
+    folder = tmp_path_factory.mktemp("built")
+    (folder / "large.toml").write_text(LARGE)
+    return Path(mechanism(Settings("build", folder / "large.toml", out=folder / "large.xml")).file)
+
+
+def test_the_default_dimensions_are_the_reference_mechanism_written_by_hand(tmp_path: Path) -> None:
+    (tmp_path / "m.xml").write_text(mjcf(Dimensions(), str(MESHES)))
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "m.xml"))
+    hand = mujoco.MjModel.from_xml_path(str(MJCF / "mechanism.xml"))
+    names = "body_pos geom_pos geom_size site_pos body_inertia jnt_range actuator_ctrlrange"
+    for name in (*names.split(), "actuator_gainprm", "dof_damping", "numeric_data"):
+        assert getattr(model, name) == pytest.approx(getattr(hand, name), abs=1e-6), name
+
+
+def test_a_built_mechanism_has_its_dimensions_and_its_rods_close(built: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(built))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for axis, height in (("x", 0.057), ("y", 0.073)):
+        end, ball = (data.site(f"{n}").xpos for n in (f"rod_{axis}_end", f"holder_{axis}_ball"))
+        assert np.linalg.norm(end - ball) < 1e-9
+        assert math.hypot(*ball[:2]) == pytest.approx(0.027)
+        assert ball[2] == pytest.approx(0.0156)
+        horn = data.site(f"horn_{axis}_ball").xpos
+        assert np.linalg.norm(horn - data.body(f"horn_{axis}").xpos) == pytest.approx(
+            math.hypot(0.010, 0.0028)
+        )
+        rod = np.linalg.norm(horn - ball)
+        assert rod == pytest.approx(math.hypot(height - 0.0156, 0.0028))
+    assert np.degrees(model.joint("x").range) == pytest.approx([-11, 11])
+    assert 2 * model.geom("casing").size[0] == pytest.approx(0.038)
+
+
+def test_printed_parts_of_a_built_mechanism_are_closed_and_fit_its_tube(built: Path) -> None:
+    parts = sorted(built.with_suffix("").glob("*.stl"))
+    assert len(parts) == 6
+    for part in parts:
+        body = trimesh.load(part)
+        assert body.is_watertight, part.name
+        assert body.volume > 0
+    bulkhead = trimesh.load(built.with_suffix("") / "bulkhead.stl")
+    assert bulkhead.bounds[1, 0] == pytest.approx(73.4 / 2 - 0.1, abs=0.05)
+
+
+def test_meshes_writes_the_parts_of_any_mechanism_anywhere(built: Path, tmp_path: Path) -> None:
+    drawn = draw(Meshes(mechanism=built, out=tmp_path / "parts"))
+    for part in map(Path, drawn.parts):
+        assert part.read_bytes() == (built.with_suffix("") / part.name).read_bytes()
+    with pytest.raises(TwinError, match=r"direct_drive\.xml: cannot draw part bulkhead"):
+        draw(Meshes(mechanism=MJCF / "examples" / "direct_drive.xml", out=tmp_path / "no"))
+
+
+def test_an_own_part_takes_the_place_of_the_drawn_one_by_one_line(tmp_path: Path) -> None:
+    own = MESHES / "horn.stl"
+    (tmp_path / "own.stl").write_bytes((MESHES / "ring.stl").read_bytes())
+    (tmp_path / "m.toml").write_text('stl = { horn = "own.stl" }')
+    result = mechanism(Settings("build", tmp_path / "m.toml", out=tmp_path / "m.xml"))
+    horn = Path(next(p for p in result.parts if p.endswith("horn.stl")))
+    assert horn.read_bytes() == (MESHES / "ring.stl").read_bytes() != own.read_bytes()
+    (tmp_path / "own.stl").write_bytes(b"solid")
+    with pytest.raises(TwinError, match=r"own\.stl is no binary STL"):
+        mechanism(Settings("build", tmp_path / "m.toml", out=tmp_path / "n.xml"))
+    assert not (tmp_path / "n.xml").exists()
+
+
+def test_a_servo_of_twice_the_torque_has_twice_the_reserve(tmp_path: Path) -> None:
+    reserves = []
+    for factor in (1.0, 2.0):
+        size = Dimensions()
+        size = replace(size, servo=replace(size.servo, torque=factor * size.servo.torque))
+        (tmp_path / "m.xml").write_text(mjcf(size, str(MESHES)))
+        model = mujoco.MjModel.from_xml_path(str(tmp_path / "m.xml"))
+        reserves.append(min(holding(model, 1.0).stall))
+    assert reserves[1] == pytest.approx(2 * reserves[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('bore = "40 mm"', "bore = 0.04 m: must be 0.044 m or more around a motor of 0.029 m"),
+        ('stroke = "12°"', "stops: must be larger than stroke"),
+        ('horns = "8 mm"', "no key 'horns'; did you mean horn?"),
+        ('lever = "30 mm"', "lever = 0.03 m: must lie between the motor and the bore"),
+        ('servo_x = "40 mm"', "servo_x = 0.04 m: the servo would sit in the motor"),
+        ('stl = { cup = "a.stl" }', "stl: no part 'cup'; valid: bulkhead"),
+        ("servo = { torque = 0 }", "servo.torque = 0: must be from 0.001 to 10"),
+        ("horn = [", "is not valid TOML"),
+    ],
+)
+def test_dimensions_that_cannot_be_are_refused_in_one_line(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "m.toml").write_text(text)
+    with pytest.raises(TwinError) as refused:
+        read(tmp_path / "m.toml")
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("tube", "motor"), [(75.0, 38.0), (41.0, 24.0)])
+def test_a_mechanism_is_found_whose_own_check_passes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tube: float, motor: float
+) -> None:
+    monkeypatch.setattr(searching, "WANTED", 1)
+    out = tmp_path / "found.toml"
+    found = mechanism(Settings("search", tube_mm=tube, motor_mm=motor, out=out)).found[0]
+    assert read(out).bore == pytest.approx((tube - 1.6) * 1e-3)
+    assert found.figures.clearance.distance >= 0.3e-3
+    assert found.figures.torque.reserve > 1
+    assert np.degrees(read(out).stops) == pytest.approx(10.0)
+    assert replace(read(out), motor_length=None, motor_mass=None, propellant=None) == found.size
+
+
+def test_a_tube_that_is_too_narrow_is_refused_with_what_is_needed(tmp_path: Path) -> None:
+    with pytest.raises(TwinError, match="the bore must be 15 mm or more wider than the motor"):
+        mechanism(Settings("search", tube_mm=30, motor_mm=24, out=tmp_path / "m.toml"))
+    with pytest.raises(TwinError, match="needs --tube-mm and --motor-mm"):
+        mechanism(Settings("search", tube_mm=30))
