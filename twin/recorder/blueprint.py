@@ -152,7 +152,7 @@ def _main(content: Content) -> tuple[str, list[rrb.View]]:
     views: list[rrb.View] = list(_overlays("Gimbal", _ANGLES, content))
     if views and content.residual:
         beneath = [plots.residual(content.residual, axis, content.known) for axis in (0, 1)]
-        views = [v for pair in zip(views, beneath, strict=True) for v in pair]
+        views = [v for axis in (0, 1) for v in (*views[axis : axis + 1], beneath[axis])]
         return "Gimbal", views
     for title, name in (("Control error", "control/error"), ("Difference", "gimbal/difference")):
         if name in content.signals:
