@@ -2,22 +2,25 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long test-tools bench lint format meshes docs-check generated lock clean
+.PHONY: env run test test-long mutate test-tools bench lint format meshes docs-check generated lock clean
 
 env: $(STAMP)
 
 $(STAMP): .ci/lock.txt pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --require-hashes -r .ci/lock.txt
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
-	@echo "env: compiling the callbacks once, about 20 s"
-	$(BIN)/twin fly --duration-s 0.1 --out $(VENV)/first.rrd >/dev/null
-	touch $@
+	@echo "env: creating $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+	@echo "env: installing the locked packages, some 400 MB"
+	@$(BIN)/python -m pip install $(QUIET) --require-hashes -r .ci/lock.txt
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@echo "env: compiling the forces and the estimators, once, about 40 s"
+	@$(BIN)/twin doctor --compile
+	@touch $@
 
 run: env
-	$(BIN)/twin fly
+	$(BIN)/twin demo
 
 # Debian packages behind the tests that look at pictures or run the real firmware.
 test-tools:
@@ -29,6 +32,10 @@ test: env test-tools
 # The long forms as well: whole minutes of simulated telemetry, hundreds of seeds.
 test-long: env test-tools
 	@PYTHON=$(BIN)/python bash .ci/tests "slow or not slow"
+
+# Plants wrong lines and looks whether a test turns red: half an hour on two processors.
+mutate: env test-tools
+	$(BIN)/python -m tests.mutation
 
 bench: env
 	$(BIN)/python -m tests.benchmarks

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import chdir
 from pathlib import Path
+from typing import get_args, get_origin
 
 from source_names import FOLDERS, PACKAGES, ROOT, exists, imports, words
 
@@ -51,7 +52,7 @@ FOREIGN = {
     "--bind",
     "--key-file",
 }
-FOREIGN_NAMES = {"Batch", "analogWrite", "cyclictest", "eval", "multiprocessing", "tone"}
+FOREIGN_NAMES = {"Batch", "analogWrite", "cyclictest", "eval", "fork", "multiprocessing", "tone"}
 SIGNAL_ROOTS = {name.partition("/")[0] for name in SIGNALS}
 FILE_SUFFIXES = {".rrd", ".json", ".html", ".eng", ".xml", ".csv", ".py", ".stl", ".partial"}
 
@@ -138,8 +139,8 @@ def refusal(command: str) -> str | None:
         return f"no verb {verb!r}"
     known = hints(BY_NAME[verb].settings)
     given: dict[str, list[str]] = {}
-    files = next((n for n, h in known.items() if _marked(h, POSITIONAL)), "")
-    name = files
+    places = [n for n, h in known.items() if _marked(h, POSITIONAL)]
+    name = files = next(iter(places), "")
     for word in rest:
         if word.startswith("--"):
             name = word[2:].replace("-", "_")
@@ -147,6 +148,8 @@ def refusal(command: str) -> str | None:
             given.setdefault(name, [])
         else:
             given.setdefault(name, []).append(word)
+            if name in places[:-1] and get_origin(get_args(known[name])[0]) is not tuple:
+                name = places[places.index(name) + 1]
         if _marked(known.get(name), FLAG):  # it takes no value
             name = files
     values = {n: _value(v, known.get(n)) for n, v in given.items() if n != "help"}

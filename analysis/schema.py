@@ -105,16 +105,28 @@ _TABLE = (
     _signal("gimbal/reference", "x y", "rad", "deg", "sampled"),
     _signal("gimbal/other", "x y", "rad", "deg", "sampled"),
     _signal("gimbal/difference", "x y", "rad", "deg", "sampled"),
+    # measured minus simulated, half width of the model's 95 % interval, and what the gimbal's
+    # properties are by the measurement, with their standard deviations (`twin compare --drift`)
+    _signal("shadow/residual", "x y", "rad", "deg", "sampled"),
+    _signal("shadow/band", "x y", "rad", "deg", "sampled"),
+    _signal("shadow/estimate/gain", "x y x_sigma y_sigma", "1", kind="sampled"),
+    _signal("shadow/estimate/zero", "x y x_sigma y_sigma", "rad", "deg", "sampled"),
+    _signal("shadow/estimate/delay", "x y x_sigma y_sigma", "s", "ms", "sampled"),
+    _signal("shadow/estimate/lag", "x y x_sigma y_sigma", "s", "ms", "sampled"),
+    _signal("shadow/estimate/speed", "x y x_sigma y_sigma", "1", kind="sampled"),
+    _signal("shadow/estimate/backlash", "x y x_sigma y_sigma", "rad", "deg", "sampled"),
+    _signal("shadow/estimate/friction", "x y x_sigma y_sigma", "1", kind="sampled"),
     # motion of the body frame (origin on the gimbal pivot) in the world, east-north-up
     _signal("vehicle/position", "x y z", "m"),
     _signal("vehicle/velocity", "x y z", "m/s"),
     _signal("vehicle/attitude", "w x y z", "1"),
     _signal("vehicle/rate", "x y z", "rad/s", "deg/s"),  # in the body frame
-    _signal("vehicle/tilt", "x y", "rad", "deg"),  # nose from the vertical, about world x and y
+    _signal("vehicle/tilt", "x y", "rad", "deg"),  # rotation from the vertical to the nose
     _signal("vehicle/mass", "mass", "kg"),
     _signal("vehicle/thrust", "thrust", "N"),
     _signal("vehicle/angle_of_attack", "angle", "rad", "deg", "sampled"),  # NaN without airspeed
     _signal("vehicle/airspeed", "speed", "m/s"),
+    _signal("vehicle/wind", "x y z", "m/s"),  # at the centre of mass, in the world
     # wanted nose direction, as vehicle/tilt; and the rotation still missing, about body x and y;
     # NaN while no thrust steers
     _signal("control/setpoint", "x y", "rad", "deg", "sampled"),

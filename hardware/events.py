@@ -71,7 +71,8 @@ class SensorFault(Event):
 
     Attributes
     ----------
-    sensor, kind : as in `hardware.faults.Fault`; later kinds are part of the health only
+    sensor, kind : as in `hardware.faults.Fault`; later kinds of a sensor are part of the health
+        only, those of a servo are an event each
     """
 
     level: ClassVar[Level] = "WARN"

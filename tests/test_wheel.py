@@ -50,4 +50,4 @@ def test_the_wheel_flies_without_the_checkout(unpacked, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert str(unpacked) in done.stdout.splitlines()[0]
-    assert (tmp_path / "runs" / "fly.rrd").is_file()
+    assert (tmp_path / "runs" / "latest-fly.rrd").is_file()

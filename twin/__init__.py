@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 
 VERBS = (
     "calibrate",
+    "campaign",
     "compare",
     "converge",
+    "demo",
     "doctor",
     "fly",
     "identify",

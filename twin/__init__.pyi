@@ -7,6 +7,8 @@ from analysis.schema import AnalysisError as AnalysisError
 from hardware.frames import HardwareError as HardwareError
 from twin.errors import DivergenceError as DivergenceError
 from twin.errors import TwinError as TwinError
+from twin.campaigns.result import CampaignResult
+from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.identify import IdentifyResult
@@ -38,6 +40,17 @@ def calibrate(
     repeats: int = ...,
     seed: int = ...,
 ) -> CalibrationResult: ...
+def campaign(
+    action: Literal['run', 'resume', 'report', 'refly'],
+    study: str,
+    run: int | None,
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    workers: int | None = ...,
+    fail_if: tuple[str, ...] = ...,
+    paths: int = ...,
+) -> CampaignResult | FlightResult: ...
 def compare(
     *recordings: str | PathLike[str],
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -56,6 +69,7 @@ def compare(
     with_: str | None = ...,
     ratio: float | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    drift: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -79,10 +93,19 @@ def converge(
     model: str | PathLike[str] | None = ...,
     motor: str | PathLike[str] | None = ...,
 ) -> ConvergenceResult: ...
+def demo(
+    *,
+    gimbal: str = ...,
+    unit: int | None = ...,
+    calibration: str | PathLike[str] | None = ...,
+    seed: int = ...,
+    out: str | PathLike[str] | None = ...,
+) -> DemoResult: ...
 def doctor(
     *,
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    compile: bool = ...,
 ) -> DoctorResult: ...
 def fly(
     *,

@@ -54,6 +54,7 @@
         x: line.x, y: line.y, type: "scatter", name: plain(line.name), legendgroup: line.name,
         showlegend: listed, connectgaps: false, ...axes, ...style,
       };
+      if (line.labels) own.text = line.labels.map(plain);
       if (line.style === "thin") own.hoverinfo = "skip";
       return line.low ? [...band(line, axes), own] : [own];
     });

@@ -29,6 +29,7 @@ class Line:
         or itself a colour, `#rrggbb`
     panel : index of the panel
     low, high : band around the line (n,), or nothing
+    labels : text of each point, shown under the pointer
     """
 
     name: str
@@ -39,6 +40,7 @@ class Line:
     style: Style = "line"
     low: Array | None = None
     high: Array | None = None
+    labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +178,8 @@ def _line(line: Line) -> dict[str, object]:
     }
     if line.low is not None and line.high is not None:
         content |= {"low": _numbers(line.low), "high": _numbers(line.high)}
+    if line.labels:
+        content["labels"] = line.labels
     return content
 
 

@@ -13,7 +13,7 @@ from hardware.emulator.emulator import Emulator, identity
 from hardware.emulator.injection import FaultNameError, Injection, parse, valid_names
 from hardware.emulator.nano import FirmwareRig
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters
-from hardware.emulator.servo import Drive, Servo, ServoParameters
+from hardware.emulator.servo import Drive, Servo, ServoParameters, Wear
 
 __all__ = [
     "AnalyticPlant",
@@ -29,6 +29,7 @@ __all__ = [
     "Servo",
     "ServoParameters",
     "UnpluggedError",
+    "Wear",
     "identity",
     "parse",
     "reference_rig",

@@ -1,10 +1,11 @@
 """Faults between pulse widths and servo shafts: what a servo does instead of what it is sent."""
 
+from collections import deque
 from math import radians
 
 from hardware.emulator.injection import Injection
 from hardware.emulator.plant import Plant
-from hardware.emulator.servo import Drive
+from hardware.emulator.servo import Drive, Wear
 from hardware.frames import SERVO_NAMES, Triple
 
 FULL_SPEED = radians(600.0)  # rad/s of shaft, 0.10 s/60°: SG90 data sheet
@@ -25,6 +26,8 @@ class Actuation:
         self._faults = tuple(f for f in injections if f.target in TARGETS)
         self._drives = [Drive.NORMAL, Drive.NORMAL]
         self._slow: list[float | None] = [None, None]
+        self._wear = [Wear(), Wear()]
+        self._late: list[deque[float]] = [deque(), deque()]
 
     @property
     def faulty(self) -> bool:
@@ -51,6 +54,12 @@ class Actuation:
                 pair[k] = self._moved(k, fault, pair[k], dt)
             if not any(f.kind == "slow" for f in own):
                 self._slow[k] = None
+            if not any(f.kind == "delay" for f in own):
+                self._late[k].clear()
+            wear = _wear(own)
+            if wear != self._wear[k]:
+                self._wear[k] = wear
+                self._plant.set_wear(k, wear)
             if drive is not self._drives[k]:
                 self._drives[k] = drive
                 self._plant.set_drive(k, drive)
@@ -63,6 +72,8 @@ class Actuation:
             return radians(fault.value)
         if fault.kind == "slipped":
             return wanted + radians(fault.value)
+        if fault.kind == "delay":
+            return _delayed(self._late[k], wanted, round(1e-3 * fault.value / dt))
         if fault.kind == "slow":
             step = fault.value * FULL_SPEED * dt
             before = self._slow[k]
@@ -70,6 +81,24 @@ class Actuation:
             self._slow[k] = now
             return now
         return wanted
+
+
+def _delayed(waiting: deque[float], wanted: float, steps: int) -> float:
+    """The angle commanded some steps ago; the first one until then."""
+    waiting.append(wanted)
+    while len(waiting) > steps + 1:
+        waiting.popleft()
+    return waiting[0]
+
+
+def _wear(faults: list[Injection]) -> Wear:
+    """How worn a servo is by its faults."""
+    values = {f.kind: f.value for f in faults}
+    return Wear(
+        radians(values.get("backlash", 0.0)),
+        values.get("friction", 1.0),
+        1.0 - values.get("voltage", 0.0),
+    )
 
 
 def _drive(fault: Injection, time: float, drive: Drive) -> Drive:

@@ -15,6 +15,7 @@ from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, Pair, Triple
 from hardware.parts import GYRO_DELAY_S, POTENTIOMETER_TRAVEL
 from hardware.protocol import constants as c
 
+DRAINS = {("supply", "sag"), ("supply", "droop")}  # faults that lower it for all
 OPEN_WIRE_TIME = 1e-3  # s; a pull-down of 1 MΩ empties the input's and cable's 1 nF
 
 
@@ -88,6 +89,7 @@ class Bench:
         self._held: dict[Injection, float] = {}
         self._frozen: dict[str, list[int]] = {}
         self._dips = [f for f in injections if (f.target, f.kind) == ("supply", "reset")]
+        self._drains = any((f.target, f.kind) in DRAINS for f in injections)
         self._closed = [False] * 4
         self._shaft: Triple = (0.0, 0.0, 0.0)
         self._actuation = Actuation(self.plant, injections)
@@ -111,6 +113,8 @@ class Bench:
         shaft = self._shaft
         if self._actuation.faulty:
             shaft = self._actuation.shafts(shaft, self._fault_time, dt)
+        if self._drains:
+            self.plant.set_supply(self._supply())
         self.plant.advance(dt, shaft)
         self.time += dt
         if not self.paused:
@@ -150,8 +154,7 @@ class Bench:
         angles = self.plant.angles()
         supply = 1.0 + s.supply_ripple * self._gaussian()
         if self.injections:
-            lost = self._value("supply", "sag") + self._risen("supply", "droop")
-            supply *= max(0.0, 1.0 - lost)
+            supply *= self._supply()
             angles = self._displaced(angles[0], 0), self._displaced(angles[1], 1)
         codes = []
         for i, sensor in enumerate(s.potentiometers):
@@ -161,6 +164,10 @@ class Bench:
             code = fraction * c.ADC_LEVELS + sensor.noise * self._gaussian()
             codes.append(min(max(int(code), 0), c.ADC_LEVELS - 1))
         return (codes[0], codes[1], codes[2], codes[3])
+
+    def _supply(self) -> float:
+        """Return what faults leave of the supply that servos and potentiometers share [1]."""
+        return max(0.0, 1.0 - self._value("supply", "sag") - self._risen("supply", "droop"))
 
     def _risen(self, target: str, kind: str) -> float:
         """Return what a fault that grows at a constant rate has grown to."""

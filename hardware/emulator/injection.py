@@ -34,6 +34,10 @@ _SERVO = {
     "slipped": (10.0, -90.0, 90.0, "degrees of the horn on its shaft"),
     "slow": (0.1, 0.001, 1.0, "fraction of its speed"),
     "contact": (1.0, 0.01, 50.0, "times a second without power, half of the time"),
+    "backlash": (0.5, 0.0, 10.0, "degrees of the horn more"),
+    "friction": (2.0, 0.0, 20.0, "times the friction of the shaft"),
+    "voltage": (0.1, 0.0, 0.9, "fraction of the servo's supply that is missing"),
+    "delay": (10.0, 0.0, 1000.0, "milliseconds later"),
 }
 VALID: dict[str, dict[str, tuple[float, float, float, str]]] = {
     **dict.fromkeys(POTENTIOMETER_NAMES, _POTENTIOMETER),

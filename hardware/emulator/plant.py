@@ -1,12 +1,12 @@
 """Physics of a simulated rig: the interface that any plant implements, and an analytic plant."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, pi, sin
 from typing import Protocol
 
 import numpy as np
 
-from hardware.emulator.servo import Drive, Servo, ServoParameters, sample
+from hardware.emulator.servo import Drive, Servo, ServoParameters, Wear, sample, sample_supply
 from hardware.frames import Pair, Triple
 from hardware.parts import GIMBAL_STOP as STOP
 from hardware.parts import STANDARD_GRAVITY as GRAVITY
@@ -20,6 +20,12 @@ class Plant(Protocol):
 
     def set_drive(self, servo: int, drive: Drive) -> None:
         """Change how servo 0 (x) or 1 (y) is driven from now on."""
+
+    def set_supply(self, share: float) -> None:
+        """Set the voltage of the servos from now on, over the nominal one [1]."""
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn servo 0 (x) or 1 (y) is from now on."""
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""
@@ -60,13 +66,14 @@ def sample_parameters(rng: np.random.Generator) -> PlantParameters:
     diagonal = 0.444 * rng.uniform(0.96, 1.04, 2)
     cross = 0.444 * rng.uniform(-0.04, 0.04, 2)
     offset = np.radians(rng.uniform(-1.5, 1.5, 2))
+    supply = sample_supply(rng.spawn(1)[0])
     return PlantParameters(
         linkage=(
             (float(diagonal[0]), float(cross[0])),
             (float(cross[1]), float(diagonal[1])),
         ),
         offset=(float(offset[0]), float(offset[1])),
-        servos=(sample(rng), sample(rng), ServoParameters()),
+        servos=(sample(rng, supply), sample(rng, supply), ServoParameters()),
     )
 
 
@@ -106,6 +113,21 @@ class AnalyticPlant:
     def set_drive(self, servo: int, drive: Drive) -> None:
         """Change how a servo is driven; see `Plant`."""
         self.servos[servo].drive = drive
+
+    def set_supply(self, share: float) -> None:
+        """Set the voltage of the servos; see `Plant`."""
+        for servo in self.servos:
+            servo.supply = share
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn a servo is; see `Plant`."""
+        new = self.parameters.servos[servo]
+        self.servos[servo].parameters = replace(
+            new,
+            backlash=new.backlash + wear.backlash,
+            friction=new.friction * wear.friction,
+            voltage=new.voltage * wear.voltage,
+        )
 
     def angles(self) -> Pair:
         """Return the gimbal angles x, y [rad]."""

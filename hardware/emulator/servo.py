@@ -21,12 +21,28 @@ class Drive(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Wear:
+    """Changes of a servo that leave it in working order.
+
+    Attributes
+    ----------
+    backlash : more of it [rad]
+    friction, voltage : times the new servo's [1]
+    """
+
+    backlash: float = 0.0
+    friction: float = 1.0
+    voltage: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class ServoParameters:
     """Parameters of one servo; 0 switches dead band, friction, slew limit or backlash off.
 
-    Motor and gear: SG90 fitted by danb0b (robotics notes, DC motor identification), R 10 Ω,
-    k_t = k_e 4.5e-3, b 1.4e-6 N·m·s, gear 55.5, controller clipped at ±5 V. Travel, dead band and
-    backlash: measured ranges of 9 g servos.
+    The SG90 of `mjcf/mechanism.xml`, equal by test: 1.8 kgf·cm of stall and 0.11 s/60° at 4.8 V by
+    its data sheet, winding, viscous friction and gear as fitted by danb0b (robotics notes, DC motor
+    identification), an iron rotor of 8 mm and 2.5 g, full voltage at 0.1 rad of error. Travel, dead
+    band and backlash: measured ranges of 9 g servos.
 
     Attributes
     ----------
@@ -46,14 +62,14 @@ class ServoParameters:
     """
 
     resistance: float = 10.0
-    torque_constant: float = 4.5e-3
+    torque_constant: float = 0.38 / 55.5
     viscous: float = 1.4e-6
-    inertia: float = 3.0e-8
+    inertia: float = 2.0e-8
     gear: float = 55.5
-    voltage: float = 5.0
-    gain: float = 30.0
+    voltage: float = 4.8
+    gain: float = 47.4
     dead_band: float = radians(0.25)
-    friction: float = 0.08
+    friction: float = 0.158
     slew_limit: float = 0.0
     backlash: float = radians(0.8)
     travel: float = SERVO_TRAVEL
@@ -64,18 +80,35 @@ class ServoParameters:
         return (pulse - PULSE_CENTRE - self.trim) * self.travel
 
 
-def sample(rng: np.random.Generator) -> ServoParameters:
-    """Return a servo with random tolerances: speed ±20 %, gain ±35 %, travel ±4 %, trim ±40 µs."""
+def sample_supply(rng: np.random.Generator) -> float:
+    """Return the supply of a rig over the nominal one: 4 NiMH cells of 1.1 to 1.4 V are ±12 % [1].
+
+    Both servos hang on it.
+    """
+    return float(rng.uniform(0.88, 1.12))
+
+
+def sample(rng: np.random.Generator, supply: float = 1.0) -> ServoParameters:
+    """Return a servo with random tolerances: winding ±22 %, constant ±10 %, travel ±4 %.
+
+    Its gain is that of a pulse stretcher, set by a capacitor of ±20 % and a resistor of ±5 %
+    (0.76 to 1.26 in the worst case), and proportional to the supply.
+
+    Parameters
+    ----------
+    rng : random generator
+    supply : of the rig, over the nominal one [1]
+    """
     base = ServoParameters()
     board = rng.spawn(1)[0]  # of the servo's electronics
     return replace(
         base,
         resistance=base.resistance * rng.uniform(0.8, 1.25),
         torque_constant=base.torque_constant * rng.uniform(0.9, 1.1),
-        voltage=base.voltage * board.uniform(0.88, 1.12),
-        gain=base.gain * board.uniform(0.65, 1.35),
+        voltage=base.voltage * supply,
+        gain=base.gain * supply * board.uniform(0.76, 1.26),
         dead_band=radians(rng.uniform(0.1, 0.5)),
-        friction=rng.uniform(0.03, 0.15),
+        friction=base.friction * rng.uniform(0.4, 1.9),
         backlash=radians(rng.uniform(0.5, 1.5)),
         travel=base.travel * rng.uniform(0.96, 1.04),
         trim=rng.uniform(-40e-6, 40e-6),
@@ -83,11 +116,15 @@ def sample(rng: np.random.Generator) -> ServoParameters:
 
 
 class Servo:
-    """State of a servo; `angle` is that of the horn, behind the backlash."""
+    """State of a servo; `angle` is that of the horn, behind the backlash.
+
+    Gain and limit of its controller are proportional to the supply.
+    """
 
     def __init__(self, parameters: ServoParameters) -> None:
         self.parameters = parameters
         self.drive = Drive.NORMAL
+        self.supply = 1.0  # voltage over that of the parameters
         self.shaft = 0.0
         self.speed = 0.0  # of the shaft
         self.angle = 0.0
@@ -104,7 +141,7 @@ class Servo:
             return self.angle
         error = command - self.shaft if self.drive is Drive.NORMAL else 0.0
         volts = 0.0 if abs(error) < p.dead_band else p.gain * error
-        volts = min(max(volts, -p.voltage), p.voltage)
+        volts = min(max(volts, -p.voltage), p.voltage) * self.supply
         # Backward Euler: stable however short the motor's time constant is.
         blend = dt / (dt + self._time_constant)
         free = self.speed + blend * (volts * self._speed_per_volt - self.speed)

@@ -14,9 +14,10 @@ from typing import Any
 
 from hardware.faults.actuation import MISREAD, Actuation
 from hardware.faults.axis import DRIFT, FADING, LAG, LEAK, MOSTLY, SMOOTHING, STRANDED, Axis
-from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
+from hardware.faults.evidence import Prediction, Reading, Remedy
 from hardware.faults.gravity import Gravity
 from hardware.faults.memory import filled, number
+from hardware.faults.parity import RAIL, Parity
 from hardware.faults.states import (
     GYRO,
     NAMED,
@@ -24,27 +25,25 @@ from hardware.faults.states import (
     SENSORS,
     SERVO,
     SUPPLY,
+    UNNAMED,
     State,
     Track,
 )
-from hardware.faults.tracks import DOUBTFUL, Tracks
+from hardware.faults.tracks import DOUBTFUL
 from hardware.frames import Pair, Triple
 
-GATE = 4.5  # σ; two Gaussian outliers of one sensor meet within 100 ms once in 60 hours
-CERTAIN = 9.0  # σ; one is enough
-GATE_2, CERTAIN_2 = GATE**2, CERTAIN**2
-RAIL = 0.02  # fraction of the supply no wired potentiometer reaches within ±10° of mid-travel
 SETTLING = 1.5  # s; the gyro's bias is not yet known before
+LEARNING = 0.4  # s; over which it is averaged at first
 FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit every time
 FROZEN_DELAYS = 5.5  # delays of its low-pass; a healthy one at rest for 600 s stood still for 2.0
 COMMON_DRIFT = radians(0.3)  # of both potentiometers of an axis together, when at rest
 COMMON_LAG = 1.6e-3  # s; of that drift while moving: healthy units in slews of 280 °/s reach 0.7°
 DEPARTED = radians(0.25)  # from gravity, 10 σ of its average
-AVERAGED = 0.3  # of an offset that its average has reached
+AVERAGED = 0.2  # of an offset that its average has reached
 UNDECIDED = 0.2  # s of disagreement with the gyro that the servo's command does not decide
 
 
-class Monitor(Tracks):
+class Monitor(Parity):
     """Monitors one rig; calls `listener(sensor, old, new, kind)` on every change.
 
     Parameters
@@ -154,56 +153,6 @@ class Monitor(Tracks):
             (lost[0] or x, lost[1] or y),
         )
 
-    def _without_supply(self, r: Reading, p: Prediction) -> tuple[list[float], bool]:
-        """Return the innovations [rad] freed of a common supply error, and whether there is one."""
-        (a, b, c, d), (x, y), v = r.angle, p.angle, p.variance
-        rest = [a - x, b - x, c - y, d - y]
-        known = self._out[SUPPLY]
-        outlying = sum([q * q > GATE_2 * w for q, w in zip(rest, v, strict=True)])
-        if outlying < 2 and not known:
-            return rest, False
-        f = r.fraction
-        wired = [i for i in range(POTENTIOMETERS) if not self._out[i] and RAIL < f[i] < 1 - RAIL]
-        if len(wired) < 3:
-            return rest, False
-        slope = [f * g for f, g in zip(r.fraction, r.gain, strict=True)]
-        weight = sum(slope[i] ** 2 / v[i] for i in wired)
-        error = sum(slope[i] * rest[i] / v[i] for i in wired) / weight
-        fitted = [rest[i] - slope[i] * error for i in range(POTENTIOMETERS)]
-        fits = all(fitted[i] ** 2 < GATE_2 * v[i] for i in wired)
-        if fits and error * error * weight > GATE_2:
-            self._accuse(SUPPLY, 0.3, "sag")
-            return fitted, True
-        return (fitted, True) if known else (rest, False)
-
-    def _outliers(self, r: Reading, p: Prediction, rest: list[float]) -> list[bool]:
-        """Return which potentiometers may be used in this frame."""
-        use = [not out for out in self._out[:POTENTIOMETERS]]
-        for i, fraction in enumerate(r.fraction):
-            axis, k = self._axes[i >> 1], i & 1
-            railed = not RAIL < fraction < 1 - RAIL
-            z2 = rest[i] * rest[i] / p.variance[i]
-            bad = railed or (z2 > GATE_2 and self._alone(i, p, rest))
-            if bad or axis.outlying[k]:
-                axis.count(k, railed, bad, r.dt)
-            if bad:
-                use[i] = False
-                self._accuse(i, 1.0 if z2 > CERTAIN_2 else 0.6, "glitch")
-        return use
-
-    def _alone(self, i: int, p: Prediction, rest: list[float]) -> bool:
-        """Return whether a potentiometer contradicts the other one too, not only the prediction.
-
-        Two that agree against the prediction indicate a wrong gyro.
-        """
-        other = i ^ 1
-        apart = rest[i] - rest[other]
-        return self._out[other] or not apart * apart < GATE_2 * (p.variance[i] + p.variance[other])
-
-    def _mute(self, r: Reading, axis: int) -> bool:
-        """Return whether an axis's potentiometers cannot separate a sag from a motion now."""
-        return self._out[SUPPLY] and r.gain[2 * axis] * r.gain[2 * axis + 1] > 0
-
     def _frozen(self, r: Reading, p: Prediction) -> None:
         self._equal = self._equal + 1 if r.gyro == self._last_gyro or not r.fresh else 0
         self._last_gyro = r.gyro
@@ -233,8 +182,10 @@ class Monitor(Tracks):
         wrong_gyro = self._out[GYRO]
         leak = 0.1 * LEAK if wrong_gyro else LEAK
         for k, axis in enumerate(self._axes):
-            if first or wrong_gyro or self._running < SETTLING:
+            if first or wrong_gyro:
                 axis.bias = p.bias[k]
+            elif self._running < SETTLING:  # the filter's wanders by some °/s in fast motion
+                axis.bias += (p.bias[k] - axis.bias) * dt / (dt + min(self._running, LEARNING))
             cosine = 1.0 if k else cos(p.angle[1])
             axis.free += (r.rate[k] - axis.bias) / cosine * dt
             axis.pace = max(abs(p.rate[k]), axis.pace * (1.0 - min(1.0, dt / FADING)))
@@ -301,8 +252,9 @@ class Monitor(Tracks):
                 continue
             # The horn has not slipped if gravity has not moved either.
             u, v = self._gravity.departed(2 * k), self._gravity.departed(2 * k + 1)
-            offset = abs(actuation.axes[k].mean)
-            drifted = kind.startswith("offset") and 0.5 * abs(u + v) > AVERAGED * offset
+            offset = abs(p.angle[k] - actuation.axes[k].model)
+            slow = kind == UNNAMED or kind.startswith("offset")
+            drifted = slow and 0.5 * abs(u + v) > max(DEPARTED, AVERAGED * offset)
             if drifted or kind == MISREAD or self._out[PAIR + k]:
                 self._accuse(PAIR + k, 1.0, "deviating")
             else:
@@ -323,20 +275,6 @@ class Monitor(Tracks):
             self._accuse(2 * index + 1, 0.2, "deviating")
         else:
             self._doubt(index, dt)
-
-    def _sagging(self, r: Reading) -> bool:
-        """Name a supply error that has grown slowly: one factor for all potentiometers."""
-        if any(self._out[:POTENTIOMETERS]):
-            return False
-        apart = [*self._axes[0].distance, *self._axes[1].distance]
-        slope = [f * g for f, g in zip(r.fraction, r.gain, strict=True)]
-        error = sum(s * a for s, a in zip(slope, apart, strict=True)) / sum(s * s for s in slope)
-        shares = [abs(s * error) for s in slope]
-        left = max(abs(a - s * error) for a, s in zip(apart, slope, strict=True))
-        if left > 0.5 * min(shares) or max(shares) < 0.4 * DRIFT:
-            return False
-        self._accuse(SUPPLY, 0.2, "sag")
-        return True
 
     def _doubt(self, index: int, dt: float) -> None:
         if not (self._out[2 * index] or self._out[2 * index + 1]):

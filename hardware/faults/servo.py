@@ -1,37 +1,23 @@
-"""Model of one servo and its linkage: between which angles a healthy one is, and how it fails.
+"""Model of one servo and its linkage: between which angles a healthy one is.
 
 Two limits enclose every healthy servo: one that takes each command at once, and one that takes it
-after the longest delay and with the lowest speed. An angle outside of them is evidence. What kind
-of fault it is follows from the motion since the two last agreed: of the hypotheses (still,
-reversed, the other servo's command) the one whose error is a small part of the healthy one's.
+after the longest delay and with the lowest speed. Play and calibration add to them an offset that
+is constant, so that every frame narrows the interval it may be in. An angle that no such offset
+explains is evidence against the servo.
 """
 
 from dataclasses import dataclass, field
-from math import degrees, exp, radians
+from math import exp, radians
 
-from hardware.frames import AXES, Pair
 from hardware.parts import GIMBAL_STOP
 
 WINDOWS = 4  # of which the oldest ones together are the longest delay
 QUICK = 0.016  # s; each of two lags of the expected motion
 SWING = 0.12  # s; a servo that overshoots comes back with it
-NEAR = 0.4  # part of the tolerance within which command and angle agree
-EXPLAINED = 0.25  # squared error of a hypothesis, of the healthy one's
-CLOSELY = 0.1  # the same where a hypothesis says how far the axis moves
-BACK = radians(0.3)  # against the command; a jammed axis moves less, by the other axis's servo
-# commanded before an axis that never agreed is judged by its motion, and by its standing still
-FIRST, FIRST_STILL = radians(1.0), radians(1.5)
-LITTLE = radians(0.5) ** 2 * 0.02  # rad²·s; a smaller error shows nothing
-STEADY, STEADY_TIME = radians(0.35), 0.03  # of a constant difference, and its smoothing [s]
-RESTS = radians(0.25)  # between the limits of an axis at rest
-STILL = radians(0.6)  # that an axis with a jammed servo still moves: play and the other axis
-KNOWN = 0.3  # s at rest until the offset of an uncalibrated rig is known
-FAST_LEARNING, SLOW_LEARNING = 0.15, 60.0  # s
-STANDING = radians(20.0)  # rad/s
-AT_STOP = 0.85  # of the stop; a servo that is there without command has run away
-# s outside of the limits until a kind is named that is surer with time
-CONFIRM, WAIT, CONSTANT, UNDECIDED = 0.03, 0.05, 0.12, 0.18
-AT_REST = 2.5  # s outside until an axis is named that has neither agreed nor moved
+NARROWING = 0.03  # s; with which a frame narrows the interval of the offset
+RELAXING = radians(0.05)  # rad/s; with which the interval widens again
+STEADY = radians(0.02)  # of a command that does not move
+NARROWEST = radians(0.3)  # of the interval: noise of the angle, and waviness of the potentiometers
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,52 +57,6 @@ class Tolerance:
     gain: float
     play: float
 
-    @property
-    def learned(self) -> bool:
-        """Whether the offset is so uncertain that it is taken from the axis at rest."""
-        return self.offset > 0.5 * self.play + radians(0.15)
-
-
-@dataclass(slots=True)
-class Motion:
-    """Motion of one axis since command and angle last agreed.
-
-    Attributes
-    ----------
-    angle, other, own_model, other_model, gyro : both axes' angles and expected angles, and the
-        integral of the gyro, where it began [rad]
-    healthy, still, reversed, swapped, other_healthy, other_swapped : squared errors [rad²·s]
-    """
-
-    angle: float = 0.0
-    other: float = 0.0
-    own_model: float = 0.0
-    other_model: float = 0.0
-    gyro: float = 0.0
-    healthy: float = 0.0
-    still: float = 0.0
-    reversed: float = 0.0
-    swapped: float = 0.0
-    other_healthy: float = 0.0
-    other_swapped: float = 0.0
-
-    def begin(self, angle: float, other: float, model: Pair) -> None:
-        """Start again from here."""
-        self.angle, self.other, (self.own_model, self.other_model) = angle, other, model
-        self.gyro = self.healthy = self.still = self.reversed = self.swapped = 0.0
-        self.other_healthy = self.other_swapped = 0.0
-
-    def add(self, angle: float, other: float, model: Pair, dt: float) -> None:
-        """Add a frame's errors of all hypotheses."""
-        a, b = angle - self.angle, other - self.other
-        m, n = model[0] - self.own_model, model[1] - self.other_model
-        self.healthy += (a - m) ** 2 * dt
-        self.still += a * a * dt
-        self.reversed += (a + m) ** 2 * dt
-        self.swapped += (a - n) ** 2 * dt
-        self.other_healthy += (b - n) ** 2 * dt
-        self.other_swapped += (b - m) ** 2 * dt
-
 
 @dataclass(slots=True)
 class ServoAxis:
@@ -127,11 +67,13 @@ class ServoAxis:
     command, model, lagging : commanded angle, expected angle and its first lag [rad]
     low, high : angles a healthy servo is between, offset and tolerance aside [rad]
     swing : overshoot that may still be under way [rad]
+    stood, first : command at rest, before the present motion, and when first driven [rad]
     least, greatest, window : commands of the latest time windows [rad], and the age of the last [s]
-    offset, known : of the angle from the command [rad], and time for which it was learned [s]
-    outside : time for which the angle has been out of its limits [s]
-    mean, spread : smoothed difference of angle and command, and its deviation [rad]
-    agreed : 1 once command and angle have agreed, else 0
+    lowest, highest : between which the offset of the angle is [rad]
+    outside : time for which no offset has explained the angle [s]
+    agreed : time for which command and angle have agreed away from the first command [s]
+    displaced, moving : time since it was seen outside without having agreed, and since its command
+        then moved by a degree [s]
     """
 
     command: float = 0.0
@@ -140,29 +82,54 @@ class ServoAxis:
     low: float = 0.0
     high: float = 0.0
     swing: float = 0.0
+    stood: float = 0.0
+    first: float = 0.0
     least: list[float] = field(default_factory=lambda: [0.0] * WINDOWS)
     greatest: list[float] = field(default_factory=lambda: [0.0] * WINDOWS)
     window: float = 0.0
-    offset: float = 0.0
-    known: float = 0.0
+    lowest: float = 0.0
+    highest: float = 0.0
     outside: float = 0.0
-    mean: float = 0.0
-    spread: float = 0.0
     agreed: float = 0.0
+    displaced: float = 0.0
+    moving: float = 0.0
 
-    def begin(self, command: float, angle: float) -> None:
+    @property
+    def speed(self) -> float:
+        """Rate of the expected angle [rad/s]."""
+        return (self.lagging - self.model) / QUICK
+
+    @property
+    def rests(self) -> bool:
+        """Whether the command has not changed within the longest delay."""
+        return max(self.greatest) - min(self.least) < STEADY
+
+    @property
+    def moved(self) -> float:
+        """How far the command has moved within the longest delay from where it stood [rad]."""
+        return abs(self.command - self.stood)
+
+    @property
+    def offset(self) -> float:
+        """Middle of the interval of the offset [rad]."""
+        return 0.5 * (self.lowest + self.highest)
+
+    def begin(self, command: float, angle: float, given: Tolerance) -> None:
         """Start with a servo that may be anywhere between its command and its angle."""
         self.command = self.model = self.lagging = command
+        self.stood = self.first = command
         self.low, self.high = min(command, angle), max(command, angle)
         self.least[:] = [self.low] * WINDOWS
         self.greatest[:] = [self.high] * WINDOWS
-        self.swing = self.window = self.outside = self.spread = 0.0
-        self.agreed = 0.0
-        self.mean = angle - command
+        self.lowest, self.highest = -given.offset, given.offset
+        self.swing = self.window = self.outside = 0.0
+        self.agreed = self.displaced = self.moving = 0.0
 
     def advance(self, command: float, dt: float, limits: ServoLimits) -> None:
         """Move the limits by dt [s] under a command [rad]."""
         command = min(max(command, -GIMBAL_STOP), GIMBAL_STOP)
+        if self.rests:
+            self.stood = command
         if command != self.command:
             self.swing += limits.overshoot * abs(command - self.command)
             self.command = command
@@ -185,73 +152,29 @@ class ServoAxis:
         self.model += share * (self.lagging - self.model)
 
     def tolerance(self, given: Tolerance, reach: float) -> float:
-        """Return by how much the angle may be beyond the limits [rad].
+        """Return by how much the angle may be beyond limits and offset [rad].
 
         Parameters
         ----------
         given : of the calibration
         reach : largest angle of both axes now [rad]
         """
-        base = given.offset + 0.5 * given.play
-        if given.learned and self.known >= KNOWN:
-            base = min(base, given.play + radians(0.15))
-        return base + given.gain * reach + self.swing
+        return 0.5 * given.play + given.gain * reach + self.swing
 
     def excess(self, angle: float, tolerance: float) -> float:
         """Return how far the angle is beyond its limits, signed; 0 within [rad]."""
-        e = angle - self.offset
-        if e > self.high + tolerance:
-            return e - self.high - tolerance
-        return min(0.0, e - self.low + tolerance)
+        over = angle - self.high - tolerance - self.highest
+        return over if over > 0 else min(0.0, angle - self.low + tolerance - self.lowest)
 
-    def learn(self, angle: float, dt: float, given: Tolerance) -> None:
-        """Follow the offset of an uncalibrated axis while it rests."""
-        if not given.learned or self.high - self.low > RESTS:
-            return
-        self.known += dt
-        time = FAST_LEARNING if self.known < 2 * KNOWN else SLOW_LEARNING
-        e = angle - 0.5 * (self.low + self.high)
-        self.offset += min(1.0, dt / time) * (e - self.offset)
-        self.offset = min(max(self.offset, -given.offset), given.offset)
-
-    def smooth(self, angle: float, dt: float) -> None:
-        """Update mean and spread of the difference from the command."""
-        share = min(1.0, dt / STEADY_TIME)
-        away = angle - self.offset - self.model - self.mean
-        self.mean += share * away
-        self.spread += share * (abs(away) - self.spread)
-
-
-def name(axis: int, servo: ServoAxis, motion: Motion, angle: float, rate: float) -> str:
-    """Return the kind of fault that the motion of an axis shows, "" while it is undecided.
-
-    Parameters
-    ----------
-    axis : 0 for x, 1 for y
-    servo, motion : of this axis
-    angle, rate : measured [rad], [rad/s]
-    """
-    explained = EXPLAINED * motion.healthy
-    moved, wanted = angle - motion.angle, servo.model - motion.own_model
-    at_stop = abs(angle) > AT_STOP * GIMBAL_STOP
-    fresh = not servo.agreed and abs(wanted) < FIRST  # away from the command from the beginning
-    if servo.outside < WAIT or (fresh and servo.outside < AT_REST and not at_stop):
-        return ""
-    if motion.other_swapped < CLOSELY * motion.other_healthy and motion.swapped < explained:
-        return f"swapped with {AXES[1 - axis]}"
-    back = moved * wanted < -BACK * abs(wanted)
-    mirrored = back and not at_stop and abs(moved) < 1.5 * abs(wanted)
-    limit = CLOSELY * motion.healthy if servo.agreed else explained
-    if mirrored and motion.reversed < min(limit, motion.still):
-        return "reversed"
-    still = motion.still < explained or (motion.still < motion.healthy and abs(moved) < STILL)
-    if still and motion.healthy > LITTLE:
-        sure = servo.outside > UNDECIDED if back else abs(wanted) > FIRST_STILL
-        if sure or (servo.agreed and not back):
-            return f"stuck at {degrees(angle):.1f}°"
-    if servo.outside > CONSTANT:
-        if at_stop and abs(rate) < STANDING:
-            return f"stuck at {degrees(angle):.1f}°"
-        if servo.spread < STEADY and (servo.agreed or fresh):
-            return f"offset by {degrees(servo.mean):.1f}°"
-    return "not following" if servo.outside > UNDECIDED and (servo.agreed or fresh) else ""
+    def narrow(self, angle: float, tolerance: float, dt: float, given: Tolerance) -> None:
+        """Take from the offset's interval what an angle within its limits excludes."""
+        share, relaxed = min(1.0, dt / NARROWING), RELAXING * dt
+        low = max(angle - self.high - tolerance - self.lowest, 0.0)
+        high = min(angle - self.low + tolerance - self.highest, 0.0)
+        lowest, highest = self.lowest, self.highest
+        self.lowest = min(lowest + share * low, highest - NARROWEST) if low else lowest - relaxed
+        self.highest = (
+            max(highest + share * high, lowest + NARROWEST) if high else highest + relaxed
+        )
+        self.lowest = max(-given.offset, self.lowest)
+        self.highest = min(given.offset, self.highest)

@@ -10,7 +10,9 @@ from hardware.faults.states import (
     ODD_SCORE,
     SCORE_TIME,
     SENSORS,
+    SERVO,
     TRANSITIONS,
+    UNNAMED,
     Fault,
     State,
     Track,
@@ -21,7 +23,10 @@ DOUBTFUL = 0.5  # s of disagreement in which no sensor can be named, until healt
 
 
 class Tracks:
-    """The state of every sensor and servo; calls `listener(sensor, old, new, kind)` on a change."""
+    """The state of every sensor and servo; calls `listener(sensor, old, new, kind)` on a change.
+
+    The kind of a servo's fault may follow later: it changes then, and the state does not.
+    """
 
     def __init__(self, listener: Callable[[str, State, State, str], None] | None = None) -> None:
         self.listener = listener
@@ -73,6 +78,11 @@ class Tracks:
                 kind = "deviating"
         elif index == GYRO and self._stands:
             kind = "frozen"
+        elif index >= SERVO and self._out[index] and kind != track.kind:
+            if kind == UNNAMED:  # again
+                return
+            if self.listener is not None:
+                self.listener(SENSORS[index], track.state, track.state, kind)
         track.kind = kind
 
     def _fade(self, dt: float) -> None:

@@ -2,7 +2,7 @@
 
 import sys
 
-from tests.benchmarks import controller, desk, flight, process, realtime
+from tests.benchmarks import campaign, controller, desk, flight, process, realtime
 
 
 def main() -> int:
@@ -10,6 +10,7 @@ def main() -> int:
     sections = {
         "flight": flight.table,
         "controller": controller.table,
+        "campaign": campaign.table,
         "process": process.table,
         "desk": desk.table,
         "realtime": realtime.table,

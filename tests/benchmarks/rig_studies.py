@@ -5,9 +5,9 @@ python -m tests.benchmarks.rig_studies fusion [RIGS]
 python -m tests.benchmarks.rig_studies nees [SEEDS]
 python -m tests.benchmarks.rig_studies faults [RIGS]
 python -m tests.benchmarks.rig_studies alarms [SECONDS PER RIG] [RIGS]
-python -m tests.benchmarks.rig_studies servos [RIGS]
-python -m tests.benchmarks.rig_studies table [RIGS]
-python -m tests.benchmarks.rig_studies quiet [SECONDS PER RUN] [RIGS]
+python -m tests.benchmarks.rig_studies servos [RIGS] [FIRST SEED]
+python -m tests.benchmarks.rig_studies table [RIGS] [FIRST SEED]
+python -m tests.benchmarks.rig_studies quiet [SECONDS PER RUN] [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies cost
 """
 
@@ -19,9 +19,9 @@ from math import degrees, radians
 import numpy as np
 from scipy import stats
 
-from hardware.calibration import nominal
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
+from tests.benchmarks.rig_studies_servos import quiet, servos, table
 from tests.hardware.trial import calibrate, random_steps, run
 
 WORKERS = 2
@@ -154,121 +154,6 @@ def alarms(duration=600, rigs=12):
     for seed, named in results:
         for change in named:
             print(f"  rig {seed}: {change}")
-
-
-REST, DEGREE = 1.6, radians(1.0)  # s until motion begins; from it a servo's delay is counted
-SERVOS = {  # fault → (names that are right, whether it begins while moving)
-    "reversed": (("reversed",), False),
-    "jammed": (("stuck",), True),
-    "dead": (("stuck", "not following"), True),
-    "hard_over:60": (("stuck", "not following"), True),
-    "slipped:9": (("offset",), True),
-    "swapped": (("swapped",), False),
-}
-
-
-def flown(seed):
-    """Motion as in a flight: five sines of 0.15 to 1.5 Hz, 4° in all, after a rest."""
-    random = np.random.default_rng([seed, 9])
-    f, phase = random.uniform(0.15, 1.5, (2, 5)), random.uniform(0, 2 * np.pi, (2, 5))
-    size = random.uniform(0.3, 1.0, (2, 5))
-    size *= radians(4.0) * 1.3 / size.sum(axis=1, keepdims=True)
-
-    def command(time):
-        t = time - REST
-        if t < 0:
-            return 0.0, 0.0
-        x, y = (size * (np.sin(2 * np.pi * f * t + phase) - np.sin(phase))).sum(axis=1)
-        return float(x), float(y)
-
-    return command
-
-
-def _named(job):
-    """When a fault's command has moved by a degree, and what was named first."""
-    fault, axis, seed, onset, length = job
-    command = flown(seed)
-    begin = REST if onset is None else onset
-    fault = fault if onset is None else f"{fault}@{onset}"
-    trial = run(sample_rig(seed), command, begin + length, injections=(parse(fault),), seed=seed)
-    times = np.arange(begin, begin + length, 2e-3)
-    angles = np.array([command(t) for t in times])
-    moved = np.abs(angles - angles[0])
-    moved = moved.max(axis=1) if axis is None else moved[:, axis]
-    first = times[np.argmax(moved > DEGREE)] if (moved > DEGREE).any() else np.inf
-    changes = [c for c in trial.changes if c.new == "faulty" and c.old in ("ok", "suspect")]
-    return first, [(c.time, c.sensor, c.kind) for c in changes], trial
-
-
-def servos(rigs=20):
-    """Servo faults by the first name given, on the emulated bench and in flight-like motion."""
-    print(f"faults of servos, {rigs} rigs and both axes; delay from the first commanded degree")
-    for fault, (kinds, moving) in SERVOS.items():
-        delays, right = [], 0
-        for axis in range(2):
-            for seed in range(rigs):
-                name = "servos:swapped" if fault == "swapped" else f"servo_{'xy'[axis]}:{fault}"
-                either = None if fault == "swapped" else axis
-                first, named, _ = _named((name, either, seed, 3.1 if moving else None, 2.0))
-                found = [n for n in named if n[1].startswith("servo_")]
-                right += bool(found) and found[0] == named[0] and found[0][2].startswith(kinds)
-                start = 3.1 if fault.startswith(("hard", "slip")) else first
-                delays.append(named[0][0] - start if named else np.inf)
-        _print_delays(fault, np.array(delays), right)
-
-
-def _print_delays(name, delays, right):
-    seen = np.isfinite(delays)
-    if not seen.any():
-        print(f"  {name:32s} never noticed")
-        return
-    print(
-        f"  {name:32s} named rightly {right}/{len(delays)}, noticed {seen.sum()}, after "
-        f"{np.median(delays[seen]):.2f} s median, {delays[seen].max():.2f} s worst, "
-        f"{(delays <= 0.3).sum()} within 0.3 s",
-        flush=True,
-    )
-
-
-SLOW = {  # fault → (first sensor named, seconds)
-    "potentiometers_x:slipped:5": ("potentiometers_x", 2.0),
-    "potentiometers_x:stuck": ("potentiometers_x", 2.0),
-    "potentiometers_x:drift:0.3": ("potentiometers_x", 12.0),
-    "potentiometer_x_a:drift:0.05": ("potentiometer_x_a", 20.0),
-    "potentiometer_x_a:gain:0.05": ("potentiometer_x_a", 10.0),
-    "supply:droop:0.01": ("supply", 3.0),
-    "gyro:bias:20": ("gyro", 2.0),
-    "gyro:gain:0.05": ("gyro", 10.0),
-    "servo_x:contact:1": ("servo_x", 4.0),
-    "servo_x:slow:0.05": ("servo_x", 4.0),
-}
-
-
-def table(rigs=20):
-    """Slow and common faults: what is named first, when, and how far off the estimate is then."""
-    print(f"faults on {rigs} rigs in flight-like motion; delay from their beginning")
-    for fault, (sensor, length) in SLOW.items():
-        delays, off, right = [], [], 0
-        for seed in range(rigs):
-            _, named, trial = _named((fault, None, seed, 4.0, length))
-            right += bool(named) and named[0][1] == sensor
-            delays.append(named[0][0] - 4.0 if named else np.inf)
-            until = trial.time <= (named[0][0] if named else np.inf)
-            off.append(np.abs(trial.angle - trial.true_angle)[until & (trial.time > 3.0)].max())
-        _print_delays(fault, np.array(delays), right)
-        print(f"  {'':32s} estimate off by {degrees(max(off)):.2f}° at worst until then")
-
-
-def quiet(duration=20, rigs=20):
-    """False alarms of healthy rigs in flight-like motion and slews, calibrated and not."""
-    alarms, seconds = [], 0.0
-    for seed in range(rigs):
-        for command in (flown(seed), random_steps(seed, radians(8.0))):
-            for calibration in (None, nominal()):
-                trial = run(sample_rig(seed), command, duration, seed=seed, calibration=calibration)
-                alarms += [(seed, c) for c in trial.changes if c.new == "faulty"]
-                seconds += duration
-    print(f"false alarms: {len(alarms)} in {seconds / 3600:.2f} h of {rigs} healthy rigs {alarms}")
 
 
 def cost():

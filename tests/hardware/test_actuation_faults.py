@@ -47,6 +47,8 @@ def driven(fault, kind=Emulator, before=(3.0, -1.0), after=(-4.0, 2.0)):
         ("servo_y:slipped:9", (-4.0, 2.0 + 9 * 0.444)),
         ("servo_x:slow:0.02", (3.0 - 0.49 * 12.0 * 0.444, 2.0)),  # 2 % of 600°/s
         ("servo_x:contact:0.5", (3.0, 2.0)),  # the first second without power
+        ("servo_y:backlash:10", (-4.0, 2.0 - 0.444 * 5.4)),  # half of 10.8° of the horn
+        ("servo_x:delay:700", (3.0, 2.0)),
     ],
 )
 def test_a_faulty_servo_goes_where_its_fault_says(fault, angle):
@@ -108,10 +110,11 @@ def flight(time):
 
 
 REST, LATER = 1.5, 2.6  # s: motion begins, and a fault while moving
+NAMING = 0.33  # s: within which the name follows
 
 
 def watched(fault, seconds=3.2, kind=Emulator, seed=11, command=flight):
-    """Fly with a fault; give what was named when [s], and the time of the first degree."""
+    """Fly with a fault, back to zero when it is noticed; give what was named when [s]."""
     unit = replace(sample_rig(seed), skew=0.0)
     device = kind(unit, injections=(parse(fault),) if fault else (), seed=seed)
     rig = in_process(device, replace(exact_calibration(unit), rig=0))
@@ -120,8 +123,8 @@ def watched(fault, seconds=3.2, kind=Emulator, seed=11, command=flight):
         named.append((device.time_us * 1e-6, f"{sensor} {k}")) if new == "faulty" else None
     )
     rig.connect()
-    while device.time_us < seconds * 1e6:
-        rig.send(GimbalCommand(device.time_ns, command(device.time_us * 1e-6)))
+    while (time := device.time_us * 1e-6) < (named[0][0] + NAMING if named else seconds):
+        rig.send(GimbalCommand(device.time_ns, (0.0, 0.0) if named else command(time)))
         device.advance_us(4000)
         rig.poll()
     rig.close()
@@ -150,14 +153,14 @@ def degree(axis, begin):
 )
 def test_a_servo_that_does_not_obey_is_named_within_the_claimed_time(fault, name, axis, begin):
     named = watched(fault)
-    assert any(what.startswith(name) for _, what in named), named
+    assert named[-1][1].startswith(name), named
     assert all(what.startswith("servo_") for _, what in named), named
     assert named[0][0] < degree(axis, begin) + 0.3
 
 
 @pytest.mark.parametrize("kind", KINDS[1:])
 def test_a_reversed_servo_of_the_simulated_nano_is_named(kind):
-    assert watched("servo_x:reversed", 2.2, kind)[0][1] == "servo_x reversed"
+    assert watched("servo_x:reversed", 2.2, kind)[-1][1] == "servo_x reversed"
 
 
 @pytest.mark.parametrize(
@@ -225,6 +228,7 @@ def test_a_command_that_times_out_is_not_a_fault_and_the_model_is_stored_whole()
     ],
 )
 def test_a_drift_is_named_by_gravity_and_command(fault, name, within):
-    named = watched(f"{fault}@3.8", 3.8 + within)  # gravity is known after 2 s
+    # gravity is known after 2 s; unit 11 has the largest play that a healthy servo may have
+    named = watched(f"{fault}@3.8", 3.8 + within, seed=12)
     assert named[0][1] == name
     assert {what for _, what in named} == {name}

@@ -16,7 +16,7 @@ from hardware.calibration import (
     Procedure,
     nominal,
 )
-from hardware.calibration.solve import solve
+from hardware.calibration.solve import _mean, solve
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import SensorFrame
@@ -41,6 +41,7 @@ class _Rig:
         self.gain = rng.uniform(0.95, 1.05, 4) * radians(240) * np.array([1, -1, 1, -1])
         self.centre = 0.5 + rng.uniform(-0.015, 0.015, 4)
         self.gyro = np.diag(rng.uniform(0.97, 1.03, 2)) + rng.normal(0, 0.005, (2, 2))
+        self.bias = np.zeros(2)
         self.integral, self.time = np.zeros(2), 0.0
         self.angle = np.zeros(2)
 
@@ -66,6 +67,7 @@ class _Rig:
         met[axis] -= way * RIG.fine / 2
         move = true - self.angle
         self.integral += self.gyro @ (move * [np.cos((true[1] + self.angle[1]) / 2), 1])
+        self.integral += self.bias  # of the second that an event takes
         self.angle, self.time = true, self.time + 1
         noise = self.rng.normal(0, 1e-4, 4)  # 0.6 LSB over 50 frames
         reading = self.centre + true[[0, 0, 1, 1]] / self.gain + noise
@@ -131,6 +133,27 @@ def test_stated_intervals_cover_the_truth_as_often_as_they_say(solved):
 def test_gyro_scale_and_misalignment_are_found(solved):
     for rig, got in solved:
         assert np.abs(np.array(got.gyro.matrix) - rig.gyro).max() < 0.015
+
+
+@pytest.mark.parametrize("measured", [(8.0, -15.0), (8.4, -15.5)])
+def test_bias_of_the_gyro_is_taken_out_of_its_integral_and_what_is_left_is_found(measured):
+    """8 and −15 °/s in the readings; measured at rest exactly, and off by some tenths."""
+    rig = _Rig(3)
+    rig.bias = np.radians([8.0, -15.0])
+    log = rig.log()
+    log.gyro_bias = (*np.radians(measured), 0.0)
+    got = solve(log, RIG, 7)
+    assert np.degrees(got.gyro.bias[:2]) == pytest.approx([8.0, -15.0], abs=0.05)
+    assert np.abs(np.array(got.gyro.matrix) - rig.gyro).max() < 0.015
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_an_approach_from_one_side_is_set_right_by_half_the_hysteresis(way):
+    """Held from below the axis stands half the play low, from above half of it high."""
+    held, play = 0.01, 0.004
+    both = [(1, held - play / 2), (-1, held + play / 2)]
+    assert _mean(both, play) == pytest.approx(held)
+    assert _mean([p for p in both if p[0] == way], play) == pytest.approx(held)
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ from hardware.emulator import (
     sample_rig,
     valid_names,
 )
-from hardware.emulator.bench import OPEN_WIRE_TIME
+from hardware.emulator.bench import OPEN_WIRE_TIME, Bench
 from hardware.emulator.sensors import ImuPair, Mpu6050, Potentiometer
 from hardware.parts import GYRO_DELAY_S, GYRO_NOISE, POTENTIOMETER_TRAVEL
 from hardware.protocol import (
@@ -330,6 +330,23 @@ def test_sag_scales_all_four():
     codes = _codes("supply:sag:0.1@0.2")
     ratio = codes[-50:].mean(axis=0) / codes[80:95].mean(axis=0)
     np.testing.assert_allclose(ratio, 0.9, atol=0.004)
+
+
+def test_sag_of_the_supply_slows_the_servos_that_share_it_with_the_potentiometers():
+    """The free speed of a motor is proportional to its voltage, less the dry friction's."""
+
+    def slew(*faults):
+        bench = Bench(injections=tuple(map(parse, faults)))
+        bench.set_pulses((2.2e-3, 1.5e-3, 1.5e-3))  # 68°: no end comes near in 60 ms
+        angles = []
+        for _ in range(60):
+            bench.advance(1e-3)
+            angles.append(bench.plant.servos[0].shaft)
+        return angles[-1] - angles[-11]
+
+    p = ServoParameters()
+    ratio = (0.7 * p.voltage - p.friction) / (p.voltage - p.friction)
+    assert slew("supply:sag:0.3") / slew() == pytest.approx(ratio, rel=0.01)
 
 
 @pytest.mark.parametrize(

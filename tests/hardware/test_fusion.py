@@ -1,11 +1,13 @@
 """The filter against the textbook, against its own covariance, and against the better sensor."""
 
 import time
+from dataclasses import replace
 from math import radians
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from hardware.calibration import nominal
@@ -146,6 +148,48 @@ def test_uncalibrated_rig_is_uncertain_but_not_faulty():
     assert trial.changes == ()
     assert trial.sigma.min() > radians(2.0)
     assert trial.error(1.0).max() < 3 * trial.sigma.max()
+
+
+@pytest.fixture
+def watched(monkeypatch):
+    """A fusion of a sampled rig, the last frame it has taken, and what it gives its filter."""
+    parameters = sample_rig(5)
+    device = Emulator(parameters, seed=5)
+    rig = in_process(device, exact_calibration(parameters))
+    rig.connect()
+    frames = []
+    for _ in range(60):
+        device.advance_us(1000)
+        frames += rig.poll()
+    given = {}
+    monkeypatch.setattr(rig.fusion.filter, "update", lambda **values: given.update(values))
+    return rig.fusion, frames[-1], given
+
+
+def test_a_supply_error_moves_both_potentiometers_of_an_axis_by_their_stated_covariance(watched):
+    """Against the covariance of angles read with 20 000 random errors of the common supply."""
+    fusion, frame, given = watched
+    after = replace(frame, device_us=frame.device_us + 2000)
+    fusion.update(after)
+    fraction = np.array(after.potentiometer)
+    error = fusion.noise.supply * np.random.default_rng(0).standard_normal((20_000, 1))
+    read = (1 + error) * fraction
+    maps = fusion.calibration.potentiometers
+    angles = np.array([[m.angle(f) for m, f in zip(maps, row, strict=True)] for row in read])
+    for k in (0, 1):
+        of_axis = np.cov(angles[:, 2 * k : 2 * k + 2], rowvar=False)
+        # the variance of 20 000 scatters by 1 %
+        assert given["covariance"][k] == pytest.approx(of_axis[0, 1], rel=0.05)
+        assert of_axis[0, 1] < 0.0  # they turn in opposite senses
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.15, -0.15])
+def test_the_ring_turns_the_tilted_gyro_by_the_cosine_of_the_tilt(watched, angle):
+    fusion, frame, given = watched
+    fusion.filter.set_axis(1, np.array([angle, 0.0, 0.0, 0.0]), fusion.filter.P[1])
+    fusion.update(replace(frame, device_us=frame.device_us + 2000))
+    of_ring = Rotation.from_euler("y", angle).inv().apply([1.0, 0.0, 0.0])
+    assert given["gyro_gain"] == pytest.approx(of_ring[0], abs=1e-9)
 
 
 def test_gap_restarts_the_filter():

@@ -85,6 +85,7 @@ def test_telemetry_carries_imu_and_adc(pi):
     assert last.joystick == (512, 700)
     assert last.flags & Flags.HOLDER_IMU
     assert last.flags & Flags.BASE_IMU
+    assert last.flags & Flags.PULSE_UNTIMED  # no phase of the frame is known, and none is claimed
     assert pi.bus.registers[0x68] == {0x6B: 1, 0x1A: 2, 0x1B: 8, 0x1C: 8, 0x19: 0}
 
 

@@ -100,6 +100,7 @@ def run(
     injections: tuple[Injection, ...] = (),
     seed: int = 0,
     calibration: Calibration | None = None,
+    safe: float | None = None,
 ) -> Trial:
     """Drive a rig open loop and note truth and estimate of every frame.
 
@@ -111,6 +112,7 @@ def run(
     injections : faults, in rig time
     seed : of the sensors' noise
     calibration : the exact one when left out
+    safe : time for which a run goes on, commanded to zero, after a fault is named [s]
     """
     device = Emulator(parameters, injections=injections, seed=seed)
     rig = in_process(device, calibration or exact_calibration(parameters))
@@ -128,10 +130,12 @@ def run(
     )
     rig.connect()
     rows: list[list[float]] = []
-    while device.time_us < duration * 1e6:
+    while (time := device.time_us * 1e-6) < duration:
+        named = [c.time for c in changes if c.new == "faulty"] if safe is not None else []
+        if named and time > named[0] + (safe or 0.0):
+            break
         if device.time_us % COMMAND_US == 0:
-            time = device.time_us * 1e-6
-            rig.send(GimbalCommand(device.time_ns, command(time)))
+            rig.send(GimbalCommand(device.time_ns, (0.0, 0.0) if named else command(time)))
         device.advance_us(1000)  # one frame at most: the filter's state is that of the last
         rows.extend(_row(rig, frame, truth.pop(frame.device_us)) for frame in rig.poll())
         if len(truth) > 1000:

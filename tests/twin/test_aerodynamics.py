@@ -170,6 +170,23 @@ def test_broadside_cylinder_has_the_textbook_drag() -> None:
     assert my == pytest.approx(0, abs=1e-15)
 
 
+def test_normal_force_of_a_turning_part_damps_pitch_as_barrowmans_local_angle_has_it() -> None:
+    """A part at r m ahead meets the air at (v + ω×r)/axial: M_q = −½ρ V A C_Nα r² ω."""
+    slope, speed = 0.5 * 1.225 * 2.29e-3 * 3.9, 40.0  # ½ρ A C_Nα [kg/m]
+    for r in (-0.4, 0.25):
+        # no flow across but that of the turn: about x the part moves along −y, about y along x
+        assert air.normal_force(0.0, 0.0, speed, 1.5, 0.0, slope, r) == pytest.approx(
+            (0.0, slope * speed * 1.5 * r, -slope * speed * 1.5 * r * r, 0.0), abs=1e-15
+        )
+        assert air.normal_force(0.0, 0.0, speed, 0.0, 1.5, slope, r) == pytest.approx(
+            (-slope * speed * 1.5 * r, 0.0, 0.0, -slope * speed * 1.5 * r * r), abs=1e-15
+        )
+        # and sideways at 2 m/s: C_Nα α about the small angle 2/40
+        assert air.normal_force(2.0, 0.0, speed, 0.0, 0.0, slope, r)[0] == pytest.approx(
+            -slope * speed**2 * (2.0 / 40.0)
+        )
+
+
 def test_area_moment_form_equals_its_printed_polynomial() -> None:
     """M = ½ (1/C_v) ρ [v0³, -3v0²ω, 3v0ω², -ω³]·∫C_d [r¹…r⁴] b dr, the integrals by quadrature."""
     moments = [

@@ -197,6 +197,19 @@ def test_integral_does_not_wind_up_while_the_output_is_bounded():
     assert pid(-0.6, 0.0, integral, *gains)[0] < 0.0
 
 
+def test_the_integral_waits_beyond_a_bound_and_moves_back_from_it():
+    """Conditional integration: held while it would drive the output further past a limit."""
+    gains = (1.0, 1.0, 0.0, -0.5, 0.5, 0.01)
+    # past the upper and the lower bound, by the proportional part alone
+    for error in (3.0, -3.0):
+        assert pid(error, 0.0, 0.1, *gains) == (math.copysign(0.5, error), 0.1)
+    # within the bounds, and past them with an error that leads back: ki·e·dt more
+    assert pid(0.2, 0.0, 0.1, *gains)[1] == pytest.approx(0.1 + 0.2 * 0.01)
+    output, integral = pid(-0.2, -1.0, 0.4, 1.0, 1.0, 1.0, -0.5, 0.5, 0.01)
+    assert output == 0.5
+    assert integral == pytest.approx(0.4 - 0.2 * 0.01)
+
+
 def test_setpoint_jump_gives_no_derivative_kick():
     level, up, jumped = wxyz(Rotation.identity()), np.array([0, 0, 1.0]), np.array([0, 0.1, 1.0])
     loop = AttitudeController(ControlConfig(kp=0.0, ki=0.0, kd=5.0))

@@ -43,6 +43,23 @@ def test_while_all_is_well_it_is_not_there(policy):
     assert (guard.fault, guard.over()) == (None, None)
 
 
+@pytest.mark.parametrize(
+    ("named", "end"), [(0.3, 1.3), (9.0, 1.4)]
+)  # s after the fault, whose name is awaited for 0.4 s
+def test_a_run_waits_at_neutral_for_the_name_of_a_servo_that_does_not_follow(named, end):
+    guard, readings = guarded("end")
+    guard.update(0.9, WELL)
+    for time in np.arange(1.0, 2.0, 0.01).round(2):
+        kind = "reversed" if time >= 1.0 + named else "not following"
+        readings.faults = (Fault("servo_x", kind, 1.0),)
+        readings.health = f"servo_x {kind}"
+        assert guard.update(time, ILL) == (0.0, 0.0)
+        if guard.over():
+            break
+    assert time == end
+    assert guard.over() == f"fault: servo_x {kind}"
+
+
 def fails(readings, how):
     if how == "sensor":
         readings.health = "gyro frozen"

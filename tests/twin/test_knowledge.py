@@ -226,7 +226,7 @@ def test_a_check_says_where_there_is_nothing_to_check(capsys, made, table, tmp_p
 
 def test_order_selection_searches_the_delays_it_is_told_to(capsys, tmp_path):
     """150 ms: beyond the 100 ms that are searched without a word."""
-    t = np.arange(0.0, 12.0, 0.01)
+    t = np.arange(0.0, 8.0, 0.01)
     u = np.where((t // 1.0).astype(int) % 2, [[4.0], [2.0]], 0.0)[(t // 2.0).astype(int) % 2,
                                                                   np.arange(len(t))]  # fmt: skip
     y, late, out = 0.0, np.concatenate([np.zeros(15), u[:-15]]), []
@@ -269,7 +269,7 @@ def test_a_model_from_pulses_predicts_another_multisine_of_a_linear_rig(capsys, 
     for name, seed in (("fitted", 0), ("other", 7)):
         step(
             Step(
-                gimbal=rig, signal="multisine", amplitude_deg=3.0, band_hz=(0.5, 8.0), axis="x",
+                gimbal=rig, signal="multisine", amplitude_deg=3.0, band_hz=(1.0, 8.0), axis="x",
                 repeats=2, set=STRAIGHT, seed=seed, out=tmp_path / f"{name}.rrd",
             )
         )  # fmt: skip
@@ -519,7 +519,7 @@ def test_the_linkage_behind_a_rig_is_found_within_its_intervals(capsys, tmp_path
     sets = [a for name, value in changed.items() for a in ("--set", f"{name}={value}")]
     code, _, _ = run(
         capsys, "step", "--gimbal", "emulator", "--signal", "multisine", "--axis", "x",
-        "--amplitude-deg", "6", "--repeats", "2", "--hold-s", "0.4", "--band-hz", "0.5", "8",
+        "--amplitude-deg", "6", "--repeats", "1", "--hold-s", "0.4", "--band-hz", "1", "8",
         "--out", str(file), *sets,
     )  # fmt: skip
     assert code == 0
@@ -529,4 +529,4 @@ def test_the_linkage_behind_a_rig_is_found_within_its_intervals(capsys, tmp_path
     )  # fmt: skip
     for e in found["estimates"]:
         assert abs(e["value"] - {**changed, "delay": 0.0}[e["name"]]) < 3.3 * e["std"]
-        assert e["std"] < 0.01 * e["value"] or e["name"] == "delay"
+        assert e["std"] < 0.015 * e["value"] or e["name"] == "delay"

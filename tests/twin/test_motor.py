@@ -309,6 +309,38 @@ def test_depletion_reaches_the_mass_matrix(flight: mujoco.MjModel) -> None:
     assert totals[0] - totals[1] == pytest.approx(0.1164, abs=2e-6)
 
 
+@pytest.mark.parametrize("t", [6.0, 99.0])
+def test_inertia_in_the_mass_matrix_is_that_of_the_cylinder_that_is_left(
+    flight: mujoco.MjModel, t: float
+) -> None:
+    """Rotational rows, about the vehicle's origin: m (3R² + l²)/12 + m z², and m R²/2."""
+    data, depletion = mujoco.MjData(flight), Depletion(flight)
+    numbers = {n: float(flight.numeric(f"motor_grain_{n}").data[0]) for n in ("length", "radius")}
+    body = flight.body("gimbal_propellant").id
+    height = np.zeros(flight.nbody)
+    for k in range(1, flight.nbody):  # of each body's frame above the vehicle's, all joints at 0
+        height[k] = height[flight.body_parentid[k]] + flight.body_pos[k][2]
+    centre = height[body] - height[flight.body("vehicle").id]
+
+    def matrix(at: float) -> np.ndarray:
+        depletion.update(at)
+        mujoco.mj_forward(flight, data)
+        full = np.zeros((flight.nv, flight.nv))
+        mujoco.mj_fullM(flight, data, full)
+        return full.diagonal()[3:6]
+
+    def grain(left: float) -> np.ndarray:
+        mass, length, radius = 0.1164 * left, numbers["length"] * left, numbers["radius"]
+        z = centre + (numbers["length"] - length) / 2  # an end burner's face recedes
+        across = mass * (3 * radius**2 + length**2) / 12 + mass * z * z
+        return np.array([across, across, mass * radius**2 / 2])
+
+    change = matrix(t) - matrix(0.0)
+    left = 1 - depletion.burnt(t)
+    # a milligram is left of an empty motor
+    np.testing.assert_allclose(change, grain(left) - grain(1.0), rtol=1e-3, atol=1e-9)
+
+
 def test_centre_of_the_remaining_grain_is_where_mujoco_puts_it(flight: mujoco.MjModel) -> None:
     """Also where MuJoCo takes the centre for the body's origin, as it was in the file."""
     body = flight.body("gimbal_propellant")

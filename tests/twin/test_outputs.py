@@ -9,7 +9,7 @@ import pytest
 
 from tests.conftest import ROOT
 from tests.twin.test_cli import run
-from twin.config.paths import writable
+from twin.config.paths import named, point_latest, writable
 from twin.errors import TwinError
 from twin.recorder import Recorder
 
@@ -82,6 +82,27 @@ def test_only_free_names_and_regular_files_are_written(tmp_path):
     assert writable(tmp_path / "latest.rrd", SUFFIX).name == "latest.rrd"
 
 
+@pytest.mark.parametrize("links", [True, False])
+def test_results_get_names_of_their_own_and_latest_leads_to_the_newest(
+    tmp_path, monkeypatch, links
+):
+    if not links:  # as on Windows without the privilege
+        monkeypatch.setattr(Path, "symlink_to", lambda *_: (_ for _ in ()).throw(OSError()))
+    written = []
+    for k in range(3):  # within one second, too
+        written.append(named(tmp_path, "fly", SUFFIX))
+        written[-1].write_text(f"{k}")
+        point_latest(written[-1])
+    assert [p.read_text() for p in written] == ["0", "1", "2"]
+    assert (tmp_path / "latest-fly.rrd").read_text() == "2"
+    point_latest(named(tmp_path, "fly", SUFFIX))  # a run that wrote nothing
+    point_latest(tmp_path / "mine.rrd")
+    assert len(list(tmp_path.iterdir())) == 4
+    assert (tmp_path / "latest-fly.rrd").read_text() == "2"
+    with pytest.raises(TwinError, match="newest result"):
+        writable(tmp_path / "latest-fly.rrd", SUFFIX)
+
+
 def recorded(path, gimbal, date):
     properties = {"command": "step", "configuration": {"gimbal": gimbal}} | date
     with Recorder(path, signals=["vehicle/mass"], properties=properties) as recorder:
@@ -97,10 +118,11 @@ def recorded(path, gimbal, date):
         ("/dev/ttyUSB0", {}, False),  # a replay
     ],
 )
-def test_only_a_recording_of_a_rig_is_kept_without_force(tmp_path, gimbal, date, asked):
+def test_only_a_recording_of_a_rig_is_kept_without_force(tmp_path, capsys, gimbal, date, asked):
     path = tmp_path / "a.rrd"
     recorded(path, gimbal, date)
     assert writable(path, SUFFIX, force=True) == path
+    assert "is replaced" in capsys.readouterr().err
     if not asked:
         assert writable(path, SUFFIX) == path
         return

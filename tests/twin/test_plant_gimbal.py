@@ -85,3 +85,29 @@ def test_a_gimbal_that_follows_turns_the_vehicle_the_other_way():
 def test_a_gimbal_that_moves_itself_refuses_to_follow(gimbal):
     with pytest.raises(TwinError, match=f"{gimbal!r} cannot follow"):
         reached(gimbal, lambda plant: plant.follow(ANGLE))
+
+
+def test_hysteresis_of_a_slow_triangle_is_that_of_friction_and_damping_over_the_servos_gain():
+    """Without play and dead band: 2 r/kp · (T_servo + r T_axis + (k_d + b) ω), r = 8 mm/20.5 mm.
+
+    Figures of `mjcf/mechanism.xml`, typed off: 6 and 1 mN·m of friction, 1.8 N·m/rad, 0.0267 N·m·s.
+    """
+    amplitude, period, tick, r = radians(4.0), 4.0, 4e-3, 8.0 / 20.5
+    overrides = {"gimbal_backlash": 0.0, "gimbal_servo_dead_band": 0.0}
+    with native.installed():
+        plant = Plant(load(ModelConfig(scene="bench", overrides=overrides)))
+        t = np.arange(0.0, 1.25 * period, tick)
+        command = amplitude * np.interp(t / period % 1, [0, 0.25, 0.75, 1], [0, 1, -1, 0])
+        angle = np.empty(len(t))
+        for k, u in enumerate(command.tolist()):
+            plant.drive((u, 0.0))
+            plant.advance(4)
+            angle[k] = plant.gimbal_angle[0]
+    down, up = (
+        np.polyfit(command[when], angle[when], 1)[1]
+        for when in ((t > 1.2) & (t < 2.8), (t > 3.2) & (t < 4.8))
+    )
+    speed = 4 * amplitude / period / r
+    width = 2 * r / 1.8 * (6e-3 + r * 1e-3 + (0.02244 + 0.0043) * speed)
+    # MuJoCo's friction gives way a little, and the ratio changes by 2 % over the travel
+    assert down - up == pytest.approx(width, rel=0.04)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.recording import read
-from hardware.emulator import Drive, sample_rig
+from hardware.emulator import Drive, Wear, sample_rig
 from hardware.events import HealthChanged, RigBack, RigLost, SensorFault, SensorRecovered
 from hardware.frames import GimbalCommand
 from hardware.simavr.nano import missing
@@ -91,6 +91,30 @@ class TestBenchPlant:
         # nozzle up, the motor's weight exceeds the friction of gear and bearings: outwards
         assert moved(0.5, 0.2, -0.1)[0] < held[0] - radians(0.3)
         bench.set_drive(0, Drive.NORMAL)  # the model is shared
+
+    def test_wear_widens_the_play_adds_friction_and_takes_voltage(self, bench_twin):
+        def width_and_speed(wear):
+            """Angle between both directions of approach, and the fastest rate."""
+            bench = BenchPlant(bench_twin)
+            bench.set_wear(1, wear)
+            ends, fastest = [], 0.0
+            for side in (0.2, -0.2):
+                for shaft in (side, 0.0):
+                    for _ in range(250):
+                        bench.advance(1e-3, (0.0, shaft, 0.0))
+                        fastest = max(fastest, abs(bench.rates()[1]))
+                ends.append(bench.angles()[1])
+            bench.set_wear(1, Wear())  # the model is shared
+            return ends[0] - ends[1], fastest
+
+        width, speed = width_and_speed(Wear())
+        slow = width_and_speed(Wear(voltage=0.5))[1]
+        assert 0.4 < slow / speed < 0.7  # half the voltage
+        # the horn turns the gimbal by 0.44 of its angle
+        assert abs(width_and_speed(Wear(backlash=radians(2.0)))[0] - width - radians(0.88)) < 0.004
+        # it stops where it overshoots to
+        assert width_and_speed(Wear(friction=4.0))[0] < width - 0.002
+        assert width_and_speed(Wear()) == (width, speed)
 
     def test_its_gyro_is_mujocos_own(self, bench_twin):
         bench = BenchPlant(bench_twin)

@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from twin.control import AttitudeController, Hold
+from twin.control.attitude import from_vertical
 from twin.loop.clock import Ledger
 from twin.loop.seats import Pilot
 from twin.physics import native
@@ -84,8 +85,20 @@ def test_airspeed_and_angle_of_attack_are_those_of_the_centre_of_mass_in_the_win
     attack = np.arccos(nose @ through_air / speed)
     assert row.value("vehicle/airspeed") == pytest.approx(speed, rel=1e-12)
     assert row.value("vehicle/angle_of_attack") == pytest.approx(attack, rel=1e-9)
-    tilt = [np.arctan2(-nose[1], nose[2]), np.arctan2(nose[0], nose[2])]
-    np.testing.assert_allclose(row.value("vehicle/tilt"), tilt, rtol=1e-12)
+    np.testing.assert_allclose(row.value("vehicle/wind"), wind, atol=1e-12)
+    turn = Rotation.from_rotvec([*row.value("vehicle/tilt"), 0.0])
+    np.testing.assert_allclose(turn.apply([0.0, 0.0, 1.0]), nose, atol=1e-12)
+
+
+def test_the_tilt_of_a_nose_that_swings_over_the_horizon_has_no_jump():
+    """A dive beside the vertical plane: two angles in planes would jump by 180 degrees at once."""
+    pitch = np.linspace(-0.2, np.pi - 0.05, 2000)
+    noses = np.stack([np.sin(pitch), 0.01 * np.cos(3.0 * pitch), np.cos(pitch)], axis=1)
+    tilt = np.array([from_vertical(*nose) for nose in noses])
+    step = np.abs(np.diff(tilt, axis=0)).max()
+    assert step < 20.0 * (pitch[1] - pitch[0])
+    in_planes = np.arctan2(-noses[:, 1], noses[:, 2])
+    assert np.abs(np.diff(in_planes)).max() > 0.5  # the counter-test
 
 
 def test_thrust_is_that_of_the_curve_and_no_setpoint_is_recorded_without_it(flying):

@@ -9,10 +9,12 @@ from analysis.comparison import errors
 from analysis.recording import load, read
 from analysis.recording.caveats import caveats
 from tests.twin.test_cli import run as command
-from twin.config import Replay, Step
+from twin.config import Compare, Replay, Step
 from twin.errors import TwinError
 from twin.experiments.replay import replay
 from twin.experiments.step import step
+from twin.hil.resimulation import Resimulation, Variant
+from twin.plant.compiled import compiled
 from twin.plant.model import REFERENCE_GIMBAL
 
 SHORT = {"gimbal": "emulator", "repeats": 1, "hold_s": 0.3, "axis": "x"}
@@ -112,3 +114,29 @@ def test_without_it_only_the_joints_that_follow_are_recorded(capsys, folder):
     code, _, error = command(capsys, "compare", str(folder / "none.rrd"))
     assert code == 2
     assert "holds no simulated angles" in error
+
+
+def test_a_run_simulated_again_moves_as_the_model_beside_its_rig_did(nominal):
+    with compiled():
+        same, later, at_once = Resimulation(nominal).motions(
+            [Variant(), Variant(late=0.008), Variant(at_once=True)]
+        )
+    beside = nominal["gimbal/simulated"]
+    # the stepper of the run calls MuJoCo from Python, this one from C: a last bit may differ
+    np.testing.assert_allclose(same, beside.values, atol=1e-12)
+    shift = round(0.008 / 0.002)
+    np.testing.assert_allclose(later[shift:], same[:-shift], atol=1e-5)  # it still settles
+    step_up = np.flatnonzero(same[:, 0] > 0.04)[0], np.flatnonzero(at_once[:, 0] > 0.04)[0]
+    assert 0.0 < (step_up[0] - step_up[1]) * 0.002 <= 0.023  # a frame of 20 ms and the wire
+
+
+def test_a_record_too_short_for_an_estimate_is_refused(folder, nominal, capsys):
+    out = folder / "no.rrd"
+    code, _, error = command(
+        capsys, "compare", str(folder / "nominal.rrd"), "--drift", "--out", str(out)
+    )
+    assert code == 2
+    assert "an estimate needs 10 s" in error
+    assert not out.exists()
+    with pytest.raises(TwinError, match="takes one recording"):
+        Compare((out, out), drift=True)

@@ -76,3 +76,42 @@ def test_every_tolerance_of_a_servo_reaches_its_part_of_the_model():
         free = (own.voltage / own.torque_constant) / (nominal.voltage / nominal.torque_constant)
         assert speeds[0] / speeds[1] == pytest.approx(free)
         assert 0.8 <= free <= 1.25
+
+
+def test_the_emulators_servo_is_that_of_the_mechanism_and_of_the_data_sheet():
+    """One SG90: 1.8 kgf·cm at 4.8 V and 0.10 to 0.12 s/60°, in both plants of a simulated rig."""
+    p, model = reference_rig().plant.servos[0], load(ModelConfig(scene="bench")).mj
+    shaft = p.torque_constant * p.gear
+    stall = p.voltage / p.resistance * shaft
+    assert stall == pytest.approx(1.8 * 9.80665e-2, rel=0.05)
+    loss = p.torque_constant**2 + p.viscous * p.resistance
+    free = (p.voltage - p.friction) * p.torque_constant / loss / p.gear
+    assert 0.10 < np.radians(60) / free < 0.12
+    gain = model.actuator_gainprm[int(model.actuator("gimbal_servo_x").id)]
+    joint = model.joint("gimbal_servo_x")
+    of_model = {
+        "resistance": gain[0], "torque constant": gain[1], "gain": gain[4] * gain[0] / gain[1],
+        "voltage": gain[7], "rotor": joint.armature[0], "damping": joint.damping[0],
+        "friction": joint.frictionloss[0],
+    }  # fmt: skip
+    of_plant = {
+        "resistance": p.resistance, "torque constant": shaft, "gain": p.gain,
+        "voltage": p.voltage, "rotor": p.inertia * p.gear**2, "damping": p.viscous * p.gear**2,
+        "friction": p.friction / p.resistance * shaft,
+    }  # fmt: skip
+    assert of_plant == pytest.approx(of_model, rel=0.01)
+
+
+def test_sag_of_the_supply_slows_the_servos_of_the_bench():
+    def speed(share):
+        bench = BenchPlant(load(ModelConfig(scene="bench", overrides={"gimbal_servo_slew": 0.0})))
+        bench.set_supply(share)
+        turned = []
+        for _ in range(60):
+            bench.advance(1e-3, (0.45, 0.0, 0.0))
+            turned.append(bench.rates()[0])
+        return max(turned)
+
+    with native.installed():
+        # friction of 3 % of the stall torque, and the load, take more of a weaker one
+        assert 0.6 < speed(0.7) / speed(1.0) < 0.72

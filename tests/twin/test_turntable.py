@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import degrees, radians
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from analysis.recording import read
-from hardware.frames import HardwareError
+from hardware.frames import HardwareError, SensorFrame
+from hardware.fusion import BaseMap
 from hardware.fusion.base import tilt
 from hardware.simavr.nano import missing
 from tests.twin.test_cli import run as command
@@ -19,7 +21,7 @@ from twin.config import Fly
 from twin.experiments.fly import fly
 from twin.hil import BenchPlant, RigOptions, open_rig
 from twin.hil.connect import lead, opened
-from twin.hil.turntable import _twist, measure_base
+from twin.hil.turntable import Turntable, _twist, measure_base
 from twin.physics import native
 from twin.plant.model import ModelConfig, load
 
@@ -155,6 +157,24 @@ def test_the_controller_sees_the_base_and_not_the_vehicle(tmp_path, monkeypatch)
     # gravity's turn and the integral leave a degree, as they do without the lean
     assert base == pytest.approx(0.0, abs=1.2)
     assert base - vehicle == pytest.approx(3.0, abs=0.5)
+
+
+def test_the_rate_given_to_the_controller_is_that_of_the_base_gyro():
+    """About the launch's x axis; about the others the simulated one, which here differ."""
+    frame = SensorFrame(
+        time_ns=0, device_us=0, potentiometer=(0.5,) * 4, gyro=(0.0,) * 3,
+        accelerometer=(0.0,) * 3, base_gyro=(0.5, 0.0, 0.0), base_accelerometer=(0.0, 0.0, -9.8),
+        pulse=(1.5e-3,) * 3, switches=(False,) * 4, joystick=(0.0, 0.0), flags=0,
+    )  # fmt: skip
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    plant = SimpleNamespace(attitude=level, rate=np.array([0.1, -0.2, 0.3]))
+    seat = SimpleNamespace(
+        rig=SimpleNamespace(turntable_limits=(1e-3, 2e-3)),
+        readings=SimpleNamespace(frames=[frame]), turntable=0.0,
+    )  # fmt: skip
+    attitude = Turntable(plant, seat, BaseMap(), (0.0, 0.0), 4e-3)
+    attitude.update()
+    np.testing.assert_allclose(attitude.rate, [0.5, -0.2, 0.3], atol=1e-12)
 
 
 def test_two_flights_of_one_seed_are_equal(tmp_path):

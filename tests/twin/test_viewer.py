@@ -20,7 +20,7 @@ from twin import viewer
 from twin.recorder import Recorder
 from twin.viewer import opening
 
-SIZE = (900, 560)
+SIZE = (1000, 620)  # a small window
 
 
 def needed(found: bool, what: str) -> None:
@@ -49,10 +49,10 @@ def flight(tmp_path_factory):
 
 
 def scene(picture: Path) -> np.ndarray:
-    """Pixels (h, w, 3) of the large 3D view: left half, without the row of views below."""
+    """Pixels (h, w, 3) of the view of the vehicle: upper left, beside that of the gimbal."""
     image = Image.open(io.BytesIO(picture.read_bytes())).convert("RGB")
     width, height = image.size
-    return np.asarray(image.crop((0, 60, width // 2, round(0.68 * height))), dtype=float)
+    return np.asarray(image.crop((0, 66, round(0.222 * width), round(0.46 * height))), dtype=float)
 
 
 def vehicle(pixels: np.ndarray) -> np.ndarray:
@@ -65,7 +65,7 @@ def assert_in_frame(picture: Path) -> None:
     mask = vehicle(scene(picture))
     rows, columns = np.nonzero(mask)
     height, width = mask.shape
-    assert len(rows) > 300, f"{picture.name}: {len(rows)} pixels of the vehicle"
+    assert len(rows) > 100, f"{picture.name}: {len(rows)} pixels of the vehicle"
     # whole, not cut off: the edge of the view is free of it
     assert 0 < rows.min() < rows.max() < height - 1, picture.name
     assert 0 < columns.min() < columns.max() < width - 1, picture.name
@@ -160,7 +160,7 @@ def test_the_shipped_flight_scene_is_in_frame(tmp_path, vulkan, signals):
         # the tube is light grey, nose and fins red: the red parts span the vehicle
         rows, columns = np.nonzero(vehicle(scene(picture)))
         height, width = scene(picture).shape[:2]
-        assert len(rows) > 100, picture.name
+        assert len(rows) > 50, picture.name
         assert 0 < rows.min() < rows.max() < height - 1
         assert 0 < columns.min() < columns.max() < width - 1
 
@@ -177,7 +177,7 @@ def test_a_flown_flight_is_in_frame_and_reports_nothing(tmp_path, vulkan):
     for picture in look.pictures:
         rows, columns = np.nonzero(vehicle(scene(picture)))
         height, width = scene(picture).shape[:2]
-        assert len(rows) > 100, picture.name
+        assert len(rows) > 50, picture.name
         assert 0 < rows.min() < rows.max() < height - 1
         assert 0 < columns.min() < columns.max() < width - 1
 
@@ -206,15 +206,15 @@ def test_a_recording_is_served_on_loopback_alone(flight):
 def test_a_file_cut_off_is_repaired_beside_the_original(flight, tmp_path, name):
     content = flight.read_bytes()
     broken = tmp_path / name
-    broken.write_bytes(content[: int(0.7 * len(content))])
+    broken.write_bytes(content[: int(0.6 * len(content))])
     mended = viewer.repaired(broken)
     assert mended == tmp_path / "cut.repaired.rrd"
     kept = recording.read(mended)
     whole = recording.read(flight)["gimbal/command"]
     n = len(kept["gimbal/command"].time)
-    assert 0.5 * len(whole.time) < n < len(whole.time)
+    assert 0.4 * len(whole.time) < n < len(whole.time)
     assert np.array_equal(kept["gimbal/command"].values, whole.values[:n])
-    assert broken.read_bytes() == content[: int(0.7 * len(content))]
+    assert broken.read_bytes() == content[: int(0.6 * len(content))]
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, "cut.repaired.rrd"])
 
 

@@ -8,6 +8,7 @@ import re
 import textwrap
 from dataclasses import MISSING, field, fields, make_dataclass
 from difflib import get_close_matches
+from functools import cache
 from importlib.metadata import version
 from typing import Annotated, Any, get_args, get_origin
 
@@ -62,7 +63,8 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
             hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(BY_NAME)}"
             raise TwinError(f"no verb {arguments[0]!r}; {hint}")
         verb = BY_NAME[arguments[0]]
-        given = _parsed(_grouped(verb.settings), verb.settings.__doc__, verb.name, arguments[1:])
+        grouped = _grouped(verb.settings)  # type: ignore[arg-type]  # a class has a hash
+        given = _parsed(grouped, verb.settings.__doc__, verb.name, arguments[1:])
         flat = {k: v for group in vars(given).values() for k, v in vars(group).items()}
         return verb, verb.settings.of(flat)
     if arguments == ["--version"]:
@@ -115,6 +117,7 @@ def _parsed(kind: type, description: str | None, name: str, arguments: list[str]
         raise TwinError(f"{advice} (`twin {name} --help` lists the options)") from None
 
 
+@cache
 def _grouped(kind: type[Settings]) -> type:
     """A dataclass of dataclasses, one a group: tyro prints each under its own heading."""
     groups: dict[str, list[tuple[str, Any, Any]]] = {}
@@ -169,6 +172,7 @@ def described(kind: type[Settings], name: str) -> tuple[str, str]:
     return family.group, owners[0][1]
 
 
+@cache
 def _texts(owner: type) -> dict[str, str]:
     """The text under each setting of a class, from its source; none for other classes."""
     if not issubclass(owner, Settings):

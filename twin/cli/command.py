@@ -10,7 +10,9 @@ from typing import NoReturn
 
 from analysis.schema import AnalysisError
 from hardware.frames import HardwareError
+from twin import status
 from twin.cli.arguments import parse
+from twin.cli.ready import ready
 from twin.config import Settings
 from twin.config.result import Result
 from twin.errors import CheckError, DivergenceError, TwinError
@@ -23,8 +25,12 @@ def run(arguments: Sequence[str]) -> NoReturn:
     """Run one verb and end the process with 0, 1 (a check failed) or 2 (the user's mistake)."""
     _prepare_terminal()
     try:
-        verb, settings = parse(list(arguments))
-        sys.exit(_status(settings, verb.function(settings)))
+        with status.shown():
+            verb, settings = parse(list(arguments))
+            status.say("starting")
+            ready(verb.name, settings)
+            result = verb.function(settings)
+        sys.exit(_status(settings, result))
     except (TwinError, AnalysisError, HardwareError) as error:
         _complain(f"twin: {error}")
         sys.exit(MISTAKE)
@@ -47,7 +53,7 @@ def _status(settings: Settings, result: Result | int | None) -> int:
     as_json = getattr(settings, "json", False)
     _print(json.dumps(result.as_dict(), allow_nan=False) if as_json else result.text())
     ignored = getattr(settings, "on_fault", None) == "ignore"
-    return 0 if result.passed or ignored else FAILED
+    return 0 if ignored else result.status
 
 
 def _print(text: str) -> None:

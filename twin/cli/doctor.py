@@ -77,6 +77,12 @@ def doctor(config: Doctor) -> DoctorResult:
     ------
     TwinError : a file is not that of a vehicle or mechanism
     """
+    if config.compile:
+        from twin.cli.ahead import compile_all
+
+        seconds, folder = compile_all()
+        state = f"all compiled in {seconds:.0f} s, kept in {folder}"
+        return DoctorResult((Finding("compiled code", "ok", state),))
     if config.vehicle is None and config.mechanism is None:
         return DoctorResult(tuple(examine()))
     from twin.plant.inspection import inspect_mechanism, inspect_vehicle

@@ -11,6 +11,7 @@ from typing import Any
 
 from analysis.files import FileError, content
 from twin.cli.arguments import described
+from twin.cli.ready import ready
 from twin.config.base import hints, without_markers
 from twin.config.types import POSITIONAL
 from twin.config.verbs import BY_NAME, Verb
@@ -35,7 +36,9 @@ def function(name: str) -> Callable[..., Any]:
         if controller is not None and not isinstance(controller, str):
             given = verb.settings.of({**settings, "controller": None})
             return verb.function(given, controller)
-        return verb.function(verb.settings.of(settings))
+        given = verb.settings.of(settings)
+        ready(name, given)
+        return verb.function(given)
 
     call.__name__ = call.__qualname__ = name
     call.__module__ = "twin"

@@ -10,6 +10,8 @@ def view(config: View) -> int:
     ------
     TwinError : the recording cannot be shown
     """
-    from twin import viewer
+    from twin import status, viewer
+
+    status.say("")
 
     return int(viewer.view(config.recording, web=config.web, port=config.port) or 0)

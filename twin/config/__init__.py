@@ -5,6 +5,7 @@ False
 """
 
 from twin.config.base import Settings
+from twin.config.demo import Demo
 from twin.config.evaluation import Columns, Compare, Doctor, Identify, Report, View
 from twin.config.options import Run
 from twin.config.rig import Calibrate, Mirror, Rig
@@ -28,6 +29,7 @@ __all__ = [
     "Columns",
     "Compare",
     "Converge",
+    "Demo",
     "Doctor",
     "Fly",
     "Identify",

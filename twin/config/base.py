@@ -78,6 +78,11 @@ class Settings:
                     f"{flag(other)} {chosen}; it is for {', '.join(values)}"
                 )
 
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need, see `twin.cli.ready`."""
+        return ()
+
     @classmethod
     def of(cls, settings: Mapping[str, object]) -> Self:
         """Settings from keyword arguments of any origin.

@@ -100,7 +100,8 @@ class Identify(Columns, Output, Parameters):
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism for `--linkage`; the reference mechanism if omitted."""
     out: Path | None = None
-    """File to write (.json); runs/model.json, or runs/set.json with `--linkage`, if omitted."""
+    """File to write (.json); runs/model-DATE-TIME.json, or runs/set-DATE-TIME.json with
+    `--linkage`, if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.
@@ -123,6 +124,11 @@ class Identify(Columns, Output, Parameters):
         if self.out is not None and self.out.suffix.lower() != ".json":
             raise TwinError(f"--out {self.out}: must be a .json file")
 
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return ("sysid",) if self.linkage else ()
+
 
 @dataclass(frozen=True)
 class Compare(Columns, Output, Parameters):
@@ -142,12 +148,16 @@ class Compare(Columns, Output, Parameters):
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism for `--with linkage`; the reference mechanism if omitted.
     """
+    drift: Flag = False
+    """Of one recording of a rig: estimate gain, delay, zero, speed, backlash and friction over time
+    with their intervals, and name what leaves the interval of the model, since when, by how much.
+    """
     fail_below: Annotated[float, Range(-1e6, 100.0, "%")] | None = None
     """Exit with 1 if the fit of an axis, delay not removed, is below this value [%]."""
     longest_delay_ms: Milliseconds = 250.0
     """Longest delay of one motion behind the other that is searched [ms]."""
     out: Path | None = None
-    """Recording of both and their difference; runs/compare.rrd if omitted."""
+    """Recording of both and their difference; runs/compare-DATE-TIME.rrd if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.
@@ -168,8 +178,10 @@ class Compare(Columns, Output, Parameters):
             raise TwinError("--with: not with --commands; give one table with commands and angles")
         given = {"--ratio": self.ratio, "--mechanism": self.mechanism, "--set": self.set or None}
         for flag, value in given.items():
-            if value is not None and self.with_ is None:
+            if value is not None and self.with_ is None and not (self.drift and flag != "--ratio"):
                 raise TwinError(f"{flag} {value}: needs --with linkage or --with model.json")
+        if self.drift and (self.with_ is not None or len(self.recordings) != 1):
+            raise TwinError("--drift: takes one recording of a rig with a model beside it")
 
 
 @dataclass(frozen=True)
@@ -186,7 +198,12 @@ class Report(Columns, Output):
     title: str = "Gimbal report"
     """Title of the page."""
     out: Path | None = None
-    """Page to write (.html); runs/report.html if omitted."""
+    """Page to write (.html); runs/report-DATE-TIME.html if omitted."""
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return ("report",)
 
 
 @dataclass(frozen=True)
@@ -218,6 +235,7 @@ class Doctor(Settings):
     fit of its coefficients to its geometry."""
     mechanism: Path | None = None
     """MJCF file of a gimbal mechanism: report mobility, workspace and reach."""
-
+    compile: Flag = False
+    """Compile now what the verbs otherwise compile on first use, about 30 s."""
     json: Flag = False
     """Print the findings as one JSON object."""

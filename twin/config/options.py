@@ -170,7 +170,8 @@ class Run(Output, Time, Model, Shadow, Rig, Gimbal):
     """Settings of every run of the twin."""
 
     out: Path | None = None
-    """Recording to write (.rrd), or a folder; runs/VERB.rrd if omitted."""
+    """Recording to write (.rrd), or a folder; runs/VERB-DATE-TIME.rrd if omitted, to
+    which runs/latest-VERB.rrd then leads."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.

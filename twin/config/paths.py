@@ -1,16 +1,70 @@
 """Where results may be written: the one gate for every `--out`."""
 
 import os
+import re
 import stat
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from datetime import datetime
+from itertools import count
 from pathlib import Path
 
 from analysis import schema
 from analysis.schema import AnalysisError
+from twin import status
 from twin.config.seats import is_port
 from twin.errors import TwinError
 
+RUNS = Path("runs")
+LATEST = "latest-"
+_DATED = re.compile(r"(?P<name>.+)-\d{8}-\d{6}(-\d+)?")
 HEAD = 4096  # bytes of a page in which its generator is named
+
+
+def named(out: Path | None, name: str, *suffixes: str, force: bool = False) -> Path:
+    """Where a result is written: the file that was asked for, or NAME-DATE-TIME in a folder.
+
+    Parameters
+    ----------
+    out : file or folder; the folder `runs` if None
+    suffixes, force : see `writable`; the first suffix is that of a dated name
+
+    Raises
+    ------
+    TwinError : it cannot be written, see `writable`
+    """
+    place = out or RUNS
+    if out is None or place.is_dir() or (not place.suffix and ".rrd" in suffixes):
+        place = dated(place, name, suffixes[0])
+    return writable(place, *suffixes, force=force)
+
+
+def dated(folder: Path, name: str, suffix: str) -> Path:
+    """A name with the local time that nothing in the folder has yet, finished or not."""
+    stem = f"{name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    for k in count(1):
+        path = folder / f"{stem}{f'-{k}' if k > 1 else ''}{suffix}"
+        if not any(map(os.path.lexists, (path, path.with_name(path.name + ".partial")))):
+            break
+    return path
+
+
+def point_latest(path: Path) -> None:
+    """Let `latest-NAME` lead to a result with a dated name, if it was written.
+
+    A symbolic link, or a hard link where the system grants none (Windows); left out where the
+    folder takes neither.
+    """
+    if (match := _DATED.fullmatch(path.stem)) is None or not path.exists():
+        return
+    link = path.with_name(f"{LATEST}{match['name']}{path.suffix}")
+    beside = path.with_name(f".{link.name}-{os.getpid()}")
+    with suppress(OSError):
+        try:
+            beside.symlink_to(path.name)
+        except OSError:
+            beside.hardlink_to(path)
+        beside.replace(link)
 
 
 def writable(path: Path, *suffixes: str, force: bool = False) -> Path:
@@ -19,7 +73,7 @@ def writable(path: Path, *suffixes: str, force: bool = False) -> Path:
     A result is written beside its place under the name `PATH.partial` and then renamed, so both
     names are checked: each must be free or a regular file. Devices, FIFOs, sockets and folders are
     refused, and links that lead out of the folder or nowhere. A file that a simulation or a report
-    wrote is replaced without a question, since it can be had again; any other needs `force`.
+    wrote is replaced with a note, since it can be had again; any other needs `force`.
 
     Parameters
     ----------
@@ -30,6 +84,8 @@ def writable(path: Path, *suffixes: str, force: bool = False) -> Path:
     ------
     TwinError : the path and what it must be
     """
+    if path.name.startswith(LATEST):
+        raise TwinError(f"--out {path}: {LATEST}… names the newest result; give another name")
     if suffixes and path.suffix.lower() not in suffixes:
         raise TwinError(f"--out {path}: must be a file name that ends with {' or '.join(suffixes)}")
     folder = path.parent
@@ -47,6 +103,8 @@ def writable(path: Path, *suffixes: str, force: bool = False) -> Path:
         raise TwinError(f"cannot write {path}: it is a loop of links") from None
     if not os.access(folder, os.W_OK):
         raise TwinError(f"cannot write {path}: no permission in {folder}")
+    if path.exists() and path.stat().st_size:
+        status.note(f"twin: {path} exists and is replaced")
     return path
 
 

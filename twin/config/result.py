@@ -15,6 +15,11 @@ class Result:
         """Whether every check that was asked for passed."""
         return True
 
+    @property
+    def status(self) -> int:
+        """Exit code: 0 where every check passed, 1 otherwise."""
+        return 0 if self.passed else 1
+
     def as_dict(self) -> dict[str, object]:
         """The result as JSON values, in SI units unless a name gives another."""
         raise NotImplementedError

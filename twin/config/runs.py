@@ -132,6 +132,11 @@ class Fly(FaultResponse, Run):
             )
 
     @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return ("report",) if self.repeat > 1 else ()
+
+    @property
     def controller_file(self) -> Path | None:
         """File of an own controller; None for the attitude loop and for a Python object."""
         if self.controller is None or self.controller.startswith(OBJECT):
@@ -299,7 +304,12 @@ class Converge(Output, Parameters):
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
     thrust table of two columns (.csv); the vehicle's own motor if omitted."""
     out: Path | None = None
-    """Page to write (.html); runs/converge.html if omitted."""
+    """Page to write (.html); runs/converge-DATE-TIME.html if omitted."""
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return ("report",)
 
 
 R = TypeVar("R", bound=Run)

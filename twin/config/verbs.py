@@ -6,6 +6,8 @@ from importlib import import_module
 from typing import Any
 
 from twin.config.base import Settings
+from twin.config.campaign import Campaign
+from twin.config.demo import Demo
 from twin.config.evaluation import Compare, Doctor, Identify, Report, View
 from twin.config.mechanism import Mechanism, Meshes
 from twin.config.rig import Calibrate, Mirror, Rig
@@ -38,6 +40,7 @@ class Verb:
 
 
 VERBS = (
+    Verb("demo", Demo, "twin.cli.demo:demo"),
     Verb("fly", Fly, "twin.experiments.flights:fly"),
     Verb("step", Step, "twin.experiments.step:step"),
     Verb("mirror", Mirror, "twin.experiments.mirror:mirror"),
@@ -46,6 +49,7 @@ VERBS = (
     Verb("compare", Compare, "twin.evaluation.compare:compare"),
     Verb("report", Report, "twin.evaluation.report:write_report"),
     Verb("converge", Converge, "twin.experiments.convergence:converge"),
+    Verb("campaign", Campaign, "twin.campaigns.campaign:campaign"),
     Verb("replay", Replay, "twin.experiments.replay:replay"),
     Verb("rig", Rig, "twin.experiments.serve:rig"),
     Verb("vehicle", Vehicle, "twin.experiments.vehicle:vehicle"),

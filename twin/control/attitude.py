@@ -97,6 +97,19 @@ def interpolate(t: float, times: Array, values: Array) -> float:
 
 
 @njit(nogil=True)
+def from_vertical(x: float, y: float, z: float) -> tuple[float, float]:
+    """Rotation about world x and y that turns the vertical to the direction (x, y, z) [rad].
+
+    Continuous up to the nadir, where angles in two planes jump as the direction turns over.
+    """
+    sine = math.hypot(x, y)
+    if sine < 1e-12:
+        return 0.0, (0.0 if z > 0.0 else math.pi)
+    angle = math.atan2(sine, z) / sine
+    return -y * angle, x * angle
+
+
+@njit(nogil=True)
 def _update(
     t: float, dt: float, attitude: Array, rate: Array, nose: Array, gains: Array,
     times: Array, authority: Array, state: Array, error: Array, out: Array,

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +25,13 @@ from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
 from twin.config import Compare
-from twin.config.paths import writable
+from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
+
+if TYPE_CHECKING:
+    from twin.evaluation.drift import RunDrift
 
 Array = NDArray[np.float64]
 
@@ -54,6 +58,7 @@ class CompareResult(Result):
     limit : fit below which the check fails [%], or None
     flight : how far the vehicles' flights lie apart; None where none flew
     warnings : reasons to doubt the figures
+    drift : properties of the gimbal over time, with `--drift`
     """
 
     comparison: Comparison
@@ -63,6 +68,7 @@ class CompareResult(Result):
     wall_s: float
     flight: PathDifference | None = None
     warnings: tuple[str, ...] = ()
+    drift: "RunDrift | None" = None
 
     @property
     def passed(self) -> bool:
@@ -78,6 +84,7 @@ class CompareResult(Result):
             "passed": self.passed,
             "flight": None if self.flight is None else self.flight.to_dict(),
             "warnings": list(self.warnings),
+            "drift": None if self.drift is None else self.drift.as_dict(),
             "recording": str(self.file),
             "wall_s": self.wall_s,
         }
@@ -98,6 +105,8 @@ class CompareResult(Result):
             rows.append(("left out, gaps", _columns(f"{100 * a.left_out:.1f} %" for a in c.axes)))
         if self.flight is not None:
             rows.append(("flights, under power", self.flight.text()))
+        if self.drift is not None:
+            rows += self.drift.rows()
         rows += [("fit not counted", f"{axis}: {why}") for axis, why in c.uncounted.items()]
         rows += [("WARNING", w) for w in self.warnings]
         if self.limit is not None:
@@ -139,11 +148,14 @@ def compare(config: Compare) -> CompareResult:
         longest_delay=1e-3 * config.longest_delay_ms,
         still=[n for n in axes if not len(command.select((n,)).changes())],
     )
-    file = config.out or Path("runs/compare.rrd")
-    if file.is_dir() or not file.suffix:
-        file /= "compare.rrd"
-    writable(file, ".rrd", force=config.force)
-    _record(config, file, pair)
+    file = named(config.out, "compare", ".rrd", force=config.force)
+    drift = None
+    if config.drift:
+        from twin.evaluation.drift import run_drift
+
+        drift = run_drift(config, pair.run.recording)
+    _record(config, file, pair, drift)
+    point_latest(file)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(
         comparison,
@@ -153,6 +165,7 @@ def compare(config: Compare) -> CompareResult:
         time.perf_counter() - began,
         _flights(runs),
         caveats(runs),
+        drift,
     )
 
 
@@ -219,12 +232,12 @@ def _repeats_begin(run: Measurement, axis: str) -> Array:
     return np.linspace(changes[0], last, count + 1)
 
 
-def _record(config: Compare, file: Path, pair: _Pair) -> None:
+def _record(config: Compare, file: Path, pair: _Pair, drift: "RunDrift | None") -> None:
     """Both motions and their difference at the reference's stamps, as one recording."""
     from twin.recorder import Recorder
 
     reference, other = pair.reference, pair.other
-    signals = ("gimbal/command", REFERENCE, OTHER, DIFFERENCE)
+    signals = ["gimbal/command", REFERENCE, OTHER, DIFFERENCE]
     properties: dict[str, object] = {
         "command": "compare",
         "configuration": {"recordings": [str(f) for f in config.recordings]},
@@ -243,12 +256,25 @@ def _record(config: Compare, file: Path, pair: _Pair) -> None:
         rows[:, 4 + k] = bridged(reference.time, there.time, there.value)
         rows[:, 6 + k] = rows[:, 4 + k] - rows[:, 2 + k]
     rows[:, :2] = np.nan_to_num(rows[:, :2])
+    events = [(0.0, f"reference: {reference.name}", "INFO"), (0.0, f"other: {other.name}", "INFO")]
+    if drift is not None:
+        more = drift.signals(pair.run.recording["gimbal/measured"])
+        rows = np.hstack([rows, *(_placed(reference.time, *given) for given in more.values())])
+        signals += more
+        events += [(c.noticed, c.text, "WARN") for c in drift.changes]
     with Recorder(file, signals=signals, properties=properties, drain_ns=8_000_000_000) as recorder:
-        recorder.event(int(stamps[0]), f"reference: {reference.name}")
-        recorder.event(int(stamps[0]), f"other: {other.name}")
+        for when, text, level in sorted(events, key=lambda e: e[0]):
+            recorder.event(max(int(stamps[0]), round(when * 1e9)), text, level)
         for stamp, row in zip(stamps.tolist(), rows, strict=True):
             recorder.row[:] = row
             recorder.commit(stamp, stamp)
+
+
+def _placed(time: Array, stamps: Array, values: Array) -> Array:
+    """Values (m, k) in the rows of times (n,) that they belong to; NaN in the others."""
+    out = np.full((len(time), values.shape[1]), np.nan)
+    out[np.minimum(np.searchsorted(time, stamps - 1e-9), len(time) - 1)] = values
+    return out
 
 
 def _columns(cells: Iterable[str]) -> str:

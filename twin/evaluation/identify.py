@@ -22,7 +22,7 @@ from analysis.plain import plain
 from analysis.recording import Measurement
 from analysis.transfer_function import Margins, TransferFunctionModel, margins
 from twin.config import Identify
-from twin.config.paths import writable
+from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
@@ -137,7 +137,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
     if config.check_only:
         return _information(config)
     began = time.perf_counter()
-    out = writable(config.out or Path("runs/model.json"), ".json", force=config.force)
+    out = named(config.out, "model", ".json", force=config.force)
     source = given(config, config.sources)
     runs = source.runs
     held_back = [given(config, (file,)).runs[0] for file in config.check]
@@ -159,6 +159,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
     notes = (*model.warnings, *_notes(config, source), *still)
     flown = _flown(config, model, notes)
     flown.write(out)
+    point_latest(out)
     return IdentifyResult(
         model,
         out,

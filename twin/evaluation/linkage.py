@@ -13,7 +13,7 @@ import mujoco
 from analysis.files import write_text
 from hardware.frames import AXES
 from twin.config import Identify
-from twin.config.paths import writable
+from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import given
@@ -118,7 +118,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     from analysis.linkage.problem import DELAY
 
     began = time.perf_counter()
-    out = writable(config.out or Path("runs/set.json"), ".json", force=config.force)
+    out = named(config.out, "set", ".json", force=config.force)
     if len(config.sources) != 1:
         raise TwinError(f"--linkage: {len(config.sources)} sources; it takes one recording")
     known = config.overrides
@@ -134,6 +134,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
         warnings.append(f"{1e3 * late:.1f} ms of delay are no parameter of the linkage: not in it")
     written = {**known, **{t: v for n, v in values.items() for t in TARGETS.get(n, (n,))}}
     write_text(out, json.dumps(written, indent=2, allow_nan=False) + "\n")
+    point_latest(out)
     return PhysicsResult(
         fit, written, out, tuple(r.name for r in source.runs), tuple(warnings),
         time.perf_counter() - began,

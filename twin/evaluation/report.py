@@ -6,7 +6,7 @@ from pathlib import Path
 from analysis.report import ReportNumbers, report
 from analysis.transfer_function import TransferFunctionModel
 from twin.config import Report
-from twin.config.paths import writable
+from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
@@ -41,7 +41,8 @@ def write_report(config: Report) -> ReportResult:
         raise TwinError("report: name one or more recordings (.rrd) or tables (.csv, .mat)")
     runs = seen(config, config.recordings)
     models = {f.stem: TransferFunctionModel.read(f) for f in config.model}
-    out = writable(config.out or Path("runs/report.html"), ".html", ".htm", force=config.force)
+    out = named(config.out, "report", ".html", ".htm", force=config.force)
     loops = attitude_loops() if models else ()
     numbers = report(runs, out, models=models, loops=loops, title=config.title)
+    point_latest(out)
     return ReportResult(numbers, out, tuple(str(f) for f in (*config.recordings, *config.model)))

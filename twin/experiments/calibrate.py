@@ -1,8 +1,6 @@
 """`twin calibrate`: drive a rig to its limit switches, solve, write the file."""
 
 import secrets
-import sys
-import time
 from dataclasses import dataclass
 from math import degrees, radians, sqrt
 from typing import Any
@@ -10,6 +8,7 @@ from typing import Any
 from hardware.calibration import Calibration, CalibrationError, CalibrationRig, Procedure, write
 from hardware.calibration.file import to_dict
 from hardware.protocol import constants
+from twin import status
 from twin.config import Calibrate
 from twin.config.paths import writable
 from twin.config.result import Result, Rows
@@ -162,7 +161,7 @@ def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
     session = seat.rig.session
     received = seat.now_ns()
     next_command = received
-    bar = _Bar()
+    status.say(lambda: f"calibrating {procedure.progress:4.0%}")
     while not procedure.done:
         seat.wait(STEP_NS)
         now = seat.now_ns()
@@ -183,26 +182,4 @@ def _drive(seat: RigGimbal, rig: CalibrationRig) -> Calibration:
                 f"the rig fell silent at {procedure.progress:.0%} of the calibration; check its"
                 " cable and start again"
             )
-        bar.show(procedure.progress)
-    bar.end()
     return procedure.result()
-
-
-class _Bar:
-    """Progress on a terminal, nothing elsewhere."""
-
-    def __init__(self) -> None:
-        self._on = sys.stderr.isatty()
-        self._next = 0.0
-
-    def show(self, progress: float) -> None:
-        if not self._on or time.monotonic() < self._next:
-            return
-        self._next = time.monotonic() + 0.1
-        done = round(40 * progress)
-        line = f"\rcalibrating {'█' * done}{'·' * (40 - done)} {progress:4.0%}"
-        print(line, end="", file=sys.stderr, flush=True)
-
-    def end(self) -> None:
-        if self._on:
-            print("\r" + " " * 60 + "\r", end="", file=sys.stderr, flush=True)

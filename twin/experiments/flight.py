@@ -35,7 +35,7 @@ class FlightResult(Result):
 
     Attributes
     ----------
-    recording : file written
+    recording : file written; empty without one
     ended : why the flight ended
     mass_kg : at launch
     flight_time_s : from time zero to the end
@@ -166,7 +166,7 @@ class Flight:
         self._closest_ns: int | None = None  # when last nearer the point than ever since the launch
         self._moved_ns = self.burnout_ns
         self._burnout_range: float | None = None
-        self._on_ramp = True
+        self._on_ramp, self._rising = True, False
         self.announce: Callable[[int, str], None] = lambda *_: None
 
     def watch(self, time_ns: int) -> None:
@@ -184,6 +184,9 @@ class Flight:
         elif self._burnout_range is None:
             self._burnout_range = math.dist((x, y, z), self._start)
             self._report(time_ns, "burnout", self._burnout_range, vx, vy, vz)
+        if self._rising and vz < 0.0 and not self._on_ramp:
+            self.announce(time_ns, f"apogee, {z - self._start[2]:.1f} m above the launch point")
+        self._rising = vz > 0.0
         away = math.dist((x, y, z), self._start)
         if self._on_ramp and away > self._ramp and time_ns >= self._ignition_ns:
             self._on_ramp = False
@@ -214,7 +217,7 @@ class Flight:
         return None
 
     def result(
-        self, recording: Path, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
+        self, recording: Path | None, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
     ) -> FlightResult:
         """The flight in numbers."""
         plant = self._plant
@@ -222,7 +225,7 @@ class Flight:
         target = None if self._target is None else self._target - self._start
         closest = None if self._target is None else _closest(path, self._target)
         return FlightResult(
-            recording=str(recording),
+            recording=str(recording or ""),
             ended=outcome.ended,
             mass_kg=self._mass,
             flight_time_s=plant.time_ns * 1e-9,

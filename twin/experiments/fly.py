@@ -31,6 +31,8 @@ def fly(
     playback: "Recording | None" = None,
     controller: object | None = None,
     origin: Origin | None = None,
+    *,
+    recorded: bool = True,
 ) -> FlightResult:
     """Fly the vehicle once, with the component in the gimbal seat that was asked for; record it.
 
@@ -39,6 +41,7 @@ def fly(
     playback : recording whose readings take the place of a rig
     controller : own controller object in place of the attitude loop and of `config.controller`
     origin : what is recorded about the files of a flight that is repeated
+    recorded : False flies without a recording, in lockstep only
 
     Raises
     ------
@@ -64,9 +67,12 @@ def fly(
         if controller is not None:
             commanding = OwnController(controller, plant.model, pilot, s.tick_ns * 1e-9)
         guard = s.guard(commanding, config.on_fault, turntable)
-        recorder = s.record(pilot, turntable, guard)
+        recorder = s.record(pilot, turntable, guard) if recorded else None
+        if recorder is None:
+            s.gather(pilot, turntable, guard)
         flight, track = Flight(plant, pilot.error, target), Track(plant, s.rows.command)
-        flight.announce = recorder.event
+        if recorder is not None:
+            flight.announce = recorder.event
         s.rehearse(_pilot(plant, programme, s.tick_ns))
         powered = _powered(turntable, flight.burnout_ns)
         outcome = s.run(
@@ -75,10 +81,11 @@ def fly(
             each_tick=(s.rows.write, track.watch, flight.watch, powered),
             stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
         )
-        recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
+        if recorder is not None:
+            recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
         timing = s.verdict()
     cpu_s, wall_s = time.process_time() - busy, time.perf_counter() - began
-    result = flight.result(recorder.path, outcome, track, cpu_s, wall_s)
+    result = flight.result(recorder.path if recorder else None, outcome, track, cpu_s, wall_s)
     return replace(
         result,
         within_m=config.within,

@@ -3,11 +3,10 @@
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.config import Run
-from twin.config.paths import writable
+from twin.config.paths import named
 from twin.config.seats import SIMULATED
 from twin.experiments.kept import RESULTS, Origin, files_of, repeated
 from twin.plant.model import TwinModel
@@ -61,10 +60,7 @@ def make_recorder(
         properties["shadow"] = _shadow(config, shadow)
     if real_time:
         properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")
-    path = config.out or Path("runs")
-    if path.is_dir() or not path.suffix:
-        path /= f"{verb}.rrd"
-    writable(path, ".rrd", force=config.force)
+    path = named(config.out, verb, ".rrd", force=config.force)
     make = DetachedRecorder if real_time else Recorder
     return make(
         path,

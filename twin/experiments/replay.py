@@ -138,7 +138,7 @@ def replay(config: Replay, controller: object | None = None) -> ReplayResult:
     if not config.force:
         with restored(old, recorded, config.recording, force=False) as original:
             _check(old, original, config.recording)
-    out = config.out or config.recording.with_suffix(".replay.rrd")
+    out = config.out or config.recording.resolve().with_suffix(".replay.rrd")
     if not out.is_dir():
         writable(out, ".rrd", force=config.force)
     if out.resolve() == config.recording.resolve():

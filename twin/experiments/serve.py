@@ -3,12 +3,12 @@
 import gc
 import json
 import math
-import sys
 import time
 from dataclasses import asdict
 
 from hardware.device import TcpPort, serve
 from hardware.key import VARIABLE
+from twin import status
 from twin.config import Rig
 from twin.experiments.signals import until_signal
 from twin.hil import RigOptions, device
@@ -51,9 +51,10 @@ def rig(config: Rig) -> None:
                 if isinstance(server.port, TcpPort):
                     place["key_file"] = str(server.port.key_file)
                     lines.append(f"session key {server.port.key_file} {KEY_USE}")
+                status.say("")
                 print(json.dumps(place) if config.json else "\n".join(lines), flush=True)
                 end = time.monotonic() + life
                 server.run(until=lambda: ended() is not None or time.monotonic() >= end)
             if server.strangers:
-                print(f"twin: {server.strangers}", file=sys.stderr)
+                status.note(f"twin: {server.strangers}")
         simulated.close()

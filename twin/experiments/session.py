@@ -7,7 +7,9 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from hardware.frames import GimbalCommand, GimbalState
+from twin import status
 from twin.config import OnFault, Run
+from twin.config.paths import point_latest
 from twin.config.seats import is_rig
 from twin.experiments.assembly import (
     make_plant,
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from twin.hil.shadow import Shadow
     from twin.hil.turntable import Turntable
 
+LONGEST_SHOWN_NS = 60_000_000_000  # a longer one is a limit that a run seldom reaches
 REHEARSALS = 3  # ticks before the clock starts: the first one takes 15 ms
 
 
@@ -165,6 +168,11 @@ class Session:
             return None
         return Guard(controller, self.rig.readings, on_fault or "end", turntable)
 
+    def gather(self, *sources: Source | Eventful | None) -> None:
+        """Make the rows of a run, which `record` writes; they derive their signals without it."""
+        given = (*sources, self.shadow, self._ledger)
+        self.rows = Rows(self.plant, *given, readings=self.readings)
+
     def record(
         self,
         *sources: Source | Eventful | None,
@@ -183,15 +191,13 @@ class Session:
         ------
         TwinError : the file cannot be written, or the port is taken
         """
-        given = (*sources, self.shadow, self._ledger)
-        self.rows = Rows(self.plant, *given, readings=self.readings)
-        self.recorder = self._stack.enter_context(
-            make_recorder(
-                self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,
-                serve=serve, drain_ns=drain_ns, rig=self.rig, origin=self._origin,
-                shadow=self.shadow,
-            )
+        self.gather(*sources)
+        recorder = make_recorder(
+            self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,
+            serve=serve, drain_ns=drain_ns, rig=self.rig, origin=self._origin, shadow=self.shadow,
         )  # fmt: skip
+        self._stack.callback(point_latest, recorder.path)  # once it is closed
+        self.recorder = self._stack.enter_context(recorder)
         self.rows.bind(self.recorder)
         for note in self.notes:
             self.recorder.event(self.plant.time_ns, note)
@@ -245,6 +251,11 @@ class Session:
         ------
         DivergenceError : the physics left the finite numbers; the recording up to there is kept
         """
+        plant, of = (
+            self.plant,
+            "" if duration_ns > LONGEST_SHOWN_NS else f" of {duration_ns * 1e-9:.0f} s",
+        )
+        status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s{of}")
         seat: Clock = Wall() if self.real_time else Lockstep()
         clock = self._live.enter_context(seat)
         self._clock = clock if isinstance(clock, Wall) else None
@@ -260,6 +271,7 @@ class Session:
             stop=self.beside(stop),
             ledger=self._ledger,
         )
+        status.say("writing the recording")
         self._live.close()
         return outcome
 

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.emulator import Drive
+from hardware.emulator import Drive, Wear
 from hardware.frames import AXES, Pair, Triple
 from twin.errors import DivergenceError, TwinError
+from twin.physics.mechanism.servo import GAIN, VOLTAGE
 from twin.plant.model import TwinModel
 from twin.plant.plant import LARGEST_SPEED
 
@@ -45,7 +46,10 @@ class BenchPlant:
         self._ctrl, self._qpos, self._qvel = self.data.ctrl, self.data.qpos, self.data.qvel
         self._dt = model.opt.timestep
         self._damping: dict[int, float] = {}
+        self._new: dict[int, Pair] = {}  # friction and half backlash of servos
+        self._supply, self._worn = 1.0, np.ones(2)  # voltages over the nominal ones
         self._servos = [int(model.actuator(f"gimbal_servo_{a}").id) for a in AXES]
+        self._drives = self.model.actuator_gainprm[self._servos][:, [GAIN, VOLTAGE]]
         self._turn = self._turntable()
         joints = [model.joint(f"gimbal_{a}") for a in AXES]
         self._q = [int(joint.qposadr[0]) for joint in joints]
@@ -100,6 +104,34 @@ class BenchPlant:
         model.dof_damping[dof] = JAM if drive is Drive.JAMMED else damping
         model.opt.disableactuator |= 1 << LIMP_GROUP
         model.actuator_group[actuator] = 0 if drive is Drive.NORMAL else LIMP_GROUP
+
+    def set_supply(self, share: float) -> None:
+        """Set the voltage of both servos from now on, over the nominal one [1].
+
+        Gain and limit of a servo's controller are proportional to it.
+        """
+        self._supply = share
+        self._set_drives()
+
+    def set_wear(self, servo: int, wear: Wear) -> None:
+        """Change how worn servo 0 (x) or 1 (y) is from now on; one without backlash keeps none."""
+        model = self.model
+        dof = int(model.joint(f"gimbal_servo_{AXES[servo]}").dofadr[0])
+        play = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"gimbal_play_{AXES[servo]}")
+        new = self._new.setdefault(
+            servo, (float(model.dof_frictionloss[dof]), float(model.jnt_range[play, 1]))
+        )
+        model.dof_frictionloss[dof] = new[0] * wear.friction
+        if play >= 0:
+            half = new[1] + wear.backlash / 2
+            model.jnt_range[play] = -half, half
+        self._worn[servo] = wear.voltage
+        self._set_drives()
+
+    def _set_drives(self) -> None:
+        drives = self._drives * (self._supply * self._worn)[:, None]
+        self.model.actuator_gainprm[self._servos, GAIN] = drives[:, 0]
+        self.model.actuator_gainprm[self._servos, VOLTAGE] = drives[:, 1]
 
     def angles(self) -> Pair:
         """True gimbal angles [rad]."""

@@ -1,6 +1,5 @@
 """Open and connect the rig that `--gimbal` names."""
 
-import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from hardware.frames import Pair, SensorFrame
 from hardware.fusion import Fusion
 from hardware.link import Link
 from hardware.rig import Rig, in_process
+from twin import status
 from twin.config import TURNTABLE
 from twin.config.seats import SIMULATED, check_seat, is_rig
 from twin.errors import TwinError
@@ -132,6 +132,7 @@ def open_rig(
     else:
         seat = opened(options, plant)
     try:
+        status.say(f"waiting for the rig {options.seat}")
         seat.start()
         if options.scene == TURNTABLE and seat.base is None:
             seat.base = measure_base(seat)
@@ -142,10 +143,7 @@ def open_rig(
     finally:
         seat.close()
         if seat.dropped:
-            print(
-                f"twin: {options.seat}: {ReadingsDropped().text} ({seat.dropped} bytes)",
-                file=sys.stderr,
-            )
+            status.note(f"twin: {options.seat}: {ReadingsDropped().text} ({seat.dropped} bytes)")
 
 
 def _check(seat: RigGimbal, options: RigOptions) -> None:
@@ -156,7 +154,8 @@ def _check(seat: RigGimbal, options: RigOptions) -> None:
         seat.notices.append(MotionChecked(None))
         return
     if options.seat not in SIMULATED:
-        print(f"twin: {options.seat}: motion check, the gimbal moves by 2°", file=sys.stderr)
+        status.note(f"twin: {options.seat}: motion check, the gimbal moves by 2°")
+    status.say("motion check")
     if seat.bench is not None:
         seat.bench.paused = True
     check_motion(seat)
@@ -260,7 +259,7 @@ def _calibration(options: RigOptions) -> Calibration | None:
         return None
     calibration = read_calibration(options.calibration)
     if calibration.note:
-        print(f"twin: {options.calibration}: {calibration.note}", file=sys.stderr)
+        status.note(f"twin: {options.calibration}: {calibration.note}")
     return calibration
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from hardware.events import Event, Level, RigLost
 from hardware.faults import SENSORS
-from hardware.faults.states import GYRO
+from hardware.faults.states import GYRO, UNNAMED
 from hardware.frames import GimbalState, Pair
 from twin.config import OnFault
 from twin.hil.gimbal import SILENT_S
@@ -15,6 +15,7 @@ from twin.loop.readings import Readings
 if TYPE_CHECKING:
     from twin.hil.turntable import Turntable
 
+NAMING_S = 0.4  # the name of a servo's fault follows after 0.3 s
 LATE_S = 0.3  # an older reading does not count; a pause of this computer is caught up with sooner
 
 
@@ -46,6 +47,8 @@ class RunFault(Event):
 class Guard:
     """A controller that commands zero from a rig's first fault on.
 
+    A servo that does not follow is named by its return to zero; the run ends 0.4 s later then.
+
     A fault is a lost connection, a silence of 0.1 s, readings that are 0.3 s
     old for as long, or a sensor that the monitor has named. Lost
     or damaged frames alone are not faults: the estimate goes on without them.
@@ -72,7 +75,8 @@ class Guard:
     ) -> None:
         self._controller, self._readings, self._policy = controller, readings, policy
         self._turntable = turntable
-        self._last_frame = 0.0
+        self._last_frame = self._time = 0.0
+        self._waits_until = 0.0
         self.fault: str | None = None
         self.events: list[Event] = []
 
@@ -83,15 +87,21 @@ class Guard:
             self.fault = self._detected(time, gimbal)
             if self.fault is not None:
                 self.events.append(RunFault(self.fault, self._policy))
+                self._waits_until = time + NAMING_S if UNNAMED in self.fault else time
                 if self._turntable is not None and self._policy != "ignore":
                     self._turntable.stop()
+        elif UNNAMED in self.fault and time < self._waits_until:
+            self.fault = self._readings.health if self._readings.faults else self.fault
+        self._time = time
         wanted = self._controller.update(time, gimbal)  # at every tick, so that its state continues
         return wanted if self.fault is None or self._policy == "ignore" else (0.0, 0.0)
 
     def over(self) -> str | None:
         """Return the reason to end the run, None while there is none."""
-        ended = self.fault is not None and self._policy == "end"
-        return f"fault: {self.fault}" if ended else None
+        if self.fault is None or self._policy != "end":
+            return None
+        waits = UNNAMED in self.fault and self._time < self._waits_until
+        return None if waits else f"fault: {self.fault}"
 
     def _detected(self, time: float, gimbal: GimbalState) -> str | None:
         r = self._readings

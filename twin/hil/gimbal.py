@@ -17,7 +17,8 @@ from hardware.events import (
     SensorFault,
     SensorRecovered,
 )
-from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
+from hardware.faults import Fault
+from hardware.frames import SERVO_NAMES, GimbalCommand, GimbalState, Pair, SensorFrame
 from hardware.fusion import BaseMap, Fusion
 from hardware.protocol import Hello
 from hardware.rig import Phase, RigError, RigStatistics
@@ -305,9 +306,9 @@ class RigGimbal:
         """Report the new health, and which sensors have gone wrong or recovered."""
         r, before = self.readings, self.readings.faults
         r.faults = self.rig.fusion.monitor.faults
-        known, wrong = {f.sensor for f in before}, {f.sensor for f in r.faults}
+        known, wrong = {_event_of(f) for f in before}, {f.sensor for f in r.faults}
         r.events.append(HealthChanged(r.health))
-        r.events += [SensorFault(f.sensor, f.kind) for f in r.faults if f.sensor not in known]
+        r.events += [SensorFault(f.sensor, f.kind) for f in r.faults if _event_of(f) not in known]
         r.events += [SensorRecovered(f.sensor) for f in before if f.sensor not in wrong]
 
     def _follow_connection(self) -> None:
@@ -322,3 +323,8 @@ class RigGimbal:
             return
         self._lost_ns = now
         self.readings.events.append(RigLost(self.rig.reason))
+
+
+def _event_of(fault: Fault) -> tuple[str, str]:
+    """What makes a fault another event: its sensor, and of a servo also its kind."""
+    return fault.sensor, fault.kind if fault.sensor in SERVO_NAMES else ""

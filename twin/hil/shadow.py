@@ -92,7 +92,7 @@ class Shadow:
     """
 
     def __init__(self, options: ShadowOptions, tick_ns: int) -> None:
-        self._n = _steps(tick_ns)
+        self._n = steps_of(tick_ns)
         self.plant = Plant(
             load(
                 ModelConfig(
@@ -118,9 +118,7 @@ class Shadow:
     def reset(self) -> None:
         """Return to rest at time zero."""
         self.plant.reset()
-        self.plant.drive((0.0, 0.0))
-        self.plant.advance(SETTLE_NS // self.plant.dt_ns)
-        self.plant.steps = 0
+        rested(self.plant)
         self._waiting: deque[tuple[int, Pair]] = deque()
         self._stamp_ns = -1
         self._clock: tuple[int, int] | None = None  # experiment and device time of a frame [ns]
@@ -169,11 +167,7 @@ class Shadow:
         """When the next pulse frame begins [ns]; far away while the clock is unknown."""
         if self._clock is None or self._at_once:
             return 1 << 62
-        # half a frame: an estimate of the clock that moved must neither repeat nor skip a frame
-        earliest = max(begin_ns - FRAME_NS // 2, self._latched_ns + FRAME_NS // 2)
-        stamp, device = self._clock
-        since = earliest - stamp + device
-        return earliest + -since % FRAME_NS
+        return frame_after(begin_ns, self._latched_ns, self._clock)
 
     def _latch(self, frame_ns: int) -> None:
         """Put the newest command that has arrived into force."""
@@ -185,7 +179,30 @@ class Shadow:
             self.plant.drive(angle)
 
 
-def _steps(tick_ns: int) -> int:
+def rested(plant: Plant) -> Plant:
+    """The plant at time zero, after it has come to rest at its neutral command."""
+    plant.drive((0.0, 0.0))
+    plant.advance(SETTLE_NS // plant.dt_ns)
+    plant.steps = 0
+    return plant
+
+
+def frame_after(begin_ns: int, latched_ns: int, clock: tuple[int, int]) -> int:
+    """When the next pulse frame begins [ns].
+
+    Parameters
+    ----------
+    begin_ns : of the tick
+    latched_ns : beginning of the last frame
+    clock : experiment and device time of a reading [ns]
+    """
+    # half a frame: an estimate of the clock that moved must neither repeat nor skip a frame
+    earliest = max(begin_ns - FRAME_NS // 2, latched_ns + FRAME_NS // 2)
+    stamp, device = clock
+    return earliest + -(earliest - stamp + device) % FRAME_NS
+
+
+def steps_of(tick_ns: int) -> int:
     """Physics steps of a tick: the fewest of a whole number of nanoseconds and at most 1 ms."""
     fewest = -(-tick_ns // LONGEST_STEP_NS)
     steps = next((n for n in range(fewest, 4 * fewest + 1) if tick_ns % n == 0), None)

@@ -30,7 +30,9 @@ def _vary_servo(
         gain[RESISTANCE] *= servo.resistance / plain.resistance
         gain[CONSTANT] *= servo.torque_constant / plain.torque_constant
         gain[VOLTAGE] *= servo.voltage / plain.voltage
-        gain[GAIN] *= servo.gain / plain.gain
+        # the servo's gain is volts per angle, the model's torque per angle
+        own, nominal = (p.gain * p.torque_constant / p.resistance for p in (servo, plain))
+        gain[GAIN] *= own / nominal
         gain[DAMPING] = feedback + gain[CONSTANT] ** 2 / gain[RESISTANCE]
         # the limit of the set point's speed follows the motor's own
         own, nominal = (p.voltage / p.torque_constant for p in (servo, plain))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from analysis.compiled import njit
 from hardware.frames import GimbalCommand, GimbalState, Pair
 from twin.control import AttitudeController, Setpoint
+from twin.control.attitude import from_vertical
 from twin.plant.plant import Plant, VehicleState
 
 Array = NDArray[np.float64]
@@ -66,7 +67,7 @@ class Pilot:
     ----------
     direction : (3,) wanted nose direction in the world
     error : (2,) rotation still missing about body x and y [rad]
-    signals : setpoint, as angles of the nose from the vertical, and error; NaN without thrust,
+    signals : setpoint, as rotation of the nose from the vertical, and error; NaN without thrust,
         since nothing steers then
     """
 
@@ -115,7 +116,7 @@ class Pilot:
 @njit()
 def _steering(out: Array, nose: Array, error: Array, thrust: Array) -> None:
     if thrust[0] > 0.0:
-        out[0], out[1] = math.atan2(-nose[1], nose[2]), math.atan2(nose[0], nose[2])
+        out[0], out[1] = from_vertical(nose[0], nose[1], nose[2])
         out[2], out[3] = error[0], error[1]
     else:
         out[:] = math.nan

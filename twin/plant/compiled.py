@@ -1,6 +1,5 @@
 """The compiled callbacks installed for the length of a run."""
 
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,6 +7,7 @@ from contextlib import contextmanager
 import mujoco
 
 from analysis.compiled import cache_folder
+from twin import status
 from twin.physics import native
 
 _lock = threading.Lock()
@@ -15,26 +15,20 @@ _depth = 0  # blocks that are open
 _previous: object = None  # handler of warnings outside them
 _printed: set[str] = set()
 
-NOTICE_AFTER_S = 2.0  # of compiling, then a user at a terminal is given the reason
-
 
 @contextmanager
 def compiled() -> Iterator[None]:
     """Install the native callbacks, and print each kind of MuJoCo warning once.
 
-    Blocks may overlap in any order, as those of several environments do. Compiling for the first
-    time takes long; a notice is then printed on standard error.
+    Blocks may overlap in any order, as those of several environments do.
     """
-    timer = threading.Timer(NOTICE_AFTER_S, _explain_wait)
-    timer.daemon = True
-    if sys.stderr.isatty():
-        timer.start()
-    try:
-        with _warnings_printed(), native.installed():
-            timer.cancel()
-            yield
-    finally:
-        timer.cancel()
+    when = "once after an installation or update, 30 s"
+    if cache_folder() is None:
+        when = "at every start, since no cache can be written; NUMBA_CACHE_DIR may name a folder"
+    status.say(f"loading the native forces; if they are new they are compiled, {when}")
+    with _warnings_printed(), native.installed():
+        status.say("building the model")
+        yield
 
 
 @contextmanager
@@ -60,11 +54,4 @@ def _warn(message: str) -> None:
     kind = message.partition("Time")[0]
     if kind not in _printed:  # a failing simulation repeats its warning at every step
         _printed.add(kind)
-        print(f"twin: MuJoCo: {message}", file=sys.stderr)
-
-
-def _explain_wait() -> None:
-    when = "once after an update"
-    if cache_folder() is None:
-        when = "at every start, since no cache can be written; NUMBA_CACHE_DIR may name a folder"
-    print(f"twin: compiling the native forces, {when} …", file=sys.stderr)
+        status.note(f"twin: MuJoCo: {message}")

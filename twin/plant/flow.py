@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import njit
-from twin.control.attitude import interpolate
+from twin.control.attitude import from_vertical, interpolate
 from twin.physics.aerodynamics import wind as wind_at
 from twin.physics.native.layout import number
 from twin.plant.authority import numeric, thrust_curve
@@ -47,13 +47,14 @@ class Flow:
         profile = numeric(model, "air_profile")
         self._profile: Array = np.zeros(0) if profile is None else profile
         self._times, self._curve = thrust_curve(model) or (np.zeros(1), np.zeros(1))
-        self._values: Array = np.zeros(5)
+        self._values: Array = np.zeros(8)
         self.thrust: Array = self._values[4:5]
         self.signals: Mapping[str, Array] = {
             "vehicle/tilt": self._values[0:2],
             "vehicle/airspeed": self._values[2:3],
             "vehicle/angle_of_attack": self._values[3:4],
             "vehicle/thrust": self.thrust,
+            "vehicle/wind": self._values[5:8],
         }
 
     def derive(self, time_ns: int) -> None:
@@ -79,7 +80,7 @@ def _derive(
     out: Array, time: float, addresses: Integers, members: Integers,
     wind: Array, modes: Array, profile: Array, curve_time: Array, curve_thrust: Array,
 ) -> None:  # fmt: skip
-    """Write tilt x and y, airspeed, angle of attack and thrust to `out` (5,)."""
+    """Write tilt x and y, airspeed, angle of attack, thrust and wind to `out` (8,)."""
     speed, azimuth, exponent, reference, turbulence = wind
     p, v, q, r = addresses[_POSITION], addresses[_VELOCITY], addresses[_ATTITUDE], addresses[_RATE]
     x, y, z = number(p, 0), number(p, 8), number(p, 16)
@@ -118,8 +119,9 @@ def _derive(
     ry = number(v, 8) + sx * xy + sy * yy - air_y
     rz = number(v, 16) + sx * xz + sy * yz - air_z
     airspeed = math.sqrt(rx * rx + ry * ry + rz * rz)
-    out[0], out[1] = math.atan2(-zy, zz), math.atan2(zx, zz)
+    out[0], out[1] = from_vertical(zx, zy, zz)
     out[2] = airspeed
     cosine = (zx * rx + zy * ry + zz * rz) / airspeed if airspeed > STILL else math.nan
     out[3] = math.acos(min(1.0, max(-1.0, cosine))) if airspeed > STILL else math.nan
+    out[5], out[6], out[7] = air_x, air_y, air_z
     out[4] = interpolate(time, curve_time, curve_thrust)

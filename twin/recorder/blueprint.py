@@ -1,142 +1,112 @@
 """Blueprint of a recording: views of the signals that were recorded."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-import rerun as rr
 import rerun.blueprint as rrb
+from rerun.encodings import EntityPathLike
 
 from analysis import schema
-from twin.recorder.poses import FOCUS_RADII, SIMULATED_COLOR, VEHICLE, Poses, focus_path
-from twin.recorder.scene import BodyMesh
+from twin.recorder import display, ghost, plots, states, style
+from twin.recorder.poses import GIMBAL_PREFIX, VEHICLE, Focus, Poses, focus_path
 
 SKY = (24, 30, 40)
 # Viewing direction, from 1.5 times the radius of the focus, which is also Rerun's default.
 LOOK = (0.55, 0.75, -0.25)
+MOST_PLOTS = 4  # in a tab
 
-COMMAND = (150, 150, 150)
-MEASURED = (255, 140, 30)
-FOLLOWED = (130, 200, 130)
-X, Y, Z, W = (230, 80, 80), (90, 190, 90), (80, 130, 240), (180, 120, 220)
-
-# One colour per meaning: commanded, simulated, measured.
-_MEANING = {
-    "gimbal/command": COMMAND,
-    "gimbal/simulated": SIMULATED_COLOR,
-    "gimbal/measured": MEASURED,
-    "gimbal/reference": MEASURED,
-    "gimbal/other": SIMULATED_COLOR,
-    "gimbal/followed": FOLLOWED,
-    "gimbal/rate/followed": FOLLOWED,
-    "gimbal/rate/simulated": SIMULATED_COLOR,
-    "gimbal/rate/measured": MEASURED,
-    "turntable/simulated": SIMULATED_COLOR,
-    "turntable/measured": MEASURED,
-    "control/setpoint": COMMAND,
-    "vehicle/tilt": SIMULATED_COLOR,
-}
-_BY_COMPONENT = {"x": X, "y": Y, "z": Z, "w": W}
-_CYCLE = (X, Y, Z, W, (200, 180, 60), (80, 190, 200))
-
-# Overlays, one plot per axis: title, signals.
-_PER_AXIS = (
+_ANGLES = (
+    "gimbal/command",
+    "gimbal/measured",
+    "gimbal/reference",
+    "gimbal/simulated",
+    "gimbal/other",
+)
+_ATTITUDE = ("control/setpoint", "vehicle/tilt")
+_RATES = ("gimbal/rate/measured", "gimbal/rate/simulated")
+# Further tabs: title, and its plots with their title and signals.
+_TABS: tuple[tuple[str, tuple[tuple[str, tuple[str, ...]], ...]], ...] = (
     (
-        "Gimbal",
+        "Flight",
         (
-            "gimbal/command",
-            "gimbal/simulated",
-            "gimbal/measured",
-            "gimbal/other",
-            "gimbal/reference",
+            ("Position", ("vehicle/position",)),
+            ("Velocity", ("vehicle/velocity",)),
+            ("Wind", ("vehicle/wind",)),
         ),
     ),
-    ("Attitude", ("control/setpoint", "vehicle/tilt")),
-    ("Gimbal rate", ("gimbal/rate/simulated", "gimbal/rate/measured")),
-)
-_GROUPS = (
-    ("Control error", ("control/error",)),
-    ("Difference", ("gimbal/difference",)),
-    ("Followed angle", ("gimbal/followed",)),
-    ("Followed rate", ("gimbal/rate/followed",)),
-    ("Turntable", ("turntable/simulated", "turntable/measured")),
-    ("Angle of attack", ("vehicle/angle_of_attack",)),
-    ("Airspeed", ("vehicle/airspeed",)),
-    ("Position", ("vehicle/position",)),
-    ("Velocity", ("vehicle/velocity",)),
-    ("Body rate", ("vehicle/rate",)),
-    ("Thrust", ("vehicle/thrust",)),
-    ("Mass", ("vehicle/mass",)),
-    ("Timing", ("timing/lateness", "timing/sensor_age", "timing/round_trip")),
-    ("Link", ("link/lost", "link/crc_errors", "link/connected")),
-    ("Potentiometers", ("sensors/potentiometer",)),
-    ("Gyro", ("sensors/gyro",)),
-    ("Accelerometer", ("sensors/accelerometer",)),
-    ("Base gyro", ("sensors/base_gyro",)),
-    ("Pulse width", ("sensors/pulse",)),
-    ("Loop closure", ("linkage/closure",)),
-    ("Servo angle", ("linkage/servo",)),
-)
-_TABS = (
     (
-        "Vehicle",
-        ("Airspeed", "Angle of attack", "Position", "Velocity", "Body rate", "Thrust", "Mass"),
+        "Motion",
+        (
+            ("Body rate", ("vehicle/rate",)),
+            ("Angle of attack", ("vehicle/angle_of_attack",)),
+            ("Airspeed", ("vehicle/airspeed",)),
+            ("Thrust", ("vehicle/thrust",)),
+        ),
     ),
-    ("Sensors", ("Potentiometers", "Gyro", "Accelerometer", "Base gyro", "Pulse width")),
-    ("Linkage", ("Servo angle", "Loop closure")),
-    ("Followed", ("Followed angle", "Followed rate")),
-    ("Timing", ("Timing", "Link")),
+    (
+        "Sensors",
+        (
+            ("Potentiometers", ("sensors/potentiometer",)),
+            ("Gyro", ("sensors/gyro",)),
+            ("Accelerometer", ("sensors/accelerometer",)),
+            ("Turntable", ("turntable/simulated", "turntable/measured")),
+        ),
+    ),
+    (
+        "Rig",
+        (
+            ("Timing", ("timing/lateness", "timing/sensor_age", "timing/round_trip")),
+            ("Link", ("link/lost", "link/crc_errors")),
+            ("Pulse width", ("sensors/pulse",)),
+            ("Base gyro", ("sensors/base_gyro",)),
+        ),
+    ),
+    (
+        "Rates",
+        (("Servo angle", ("linkage/servo",)), ("Loop closure", ("linkage/closure",))),
+    ),
 )
 
 
-def style(name: str) -> rr.SeriesLines:
-    """Colours and legend of one signal's lines."""
-    signal = schema.SIGNALS[name]
-    last = name.rsplit("/", 1)[-1]
-    single = len(signal.components) == 1
-    if name in _MEANING:
-        colors = [_MEANING[name]] * len(signal.components)
-    else:
-        colors = [
-            _BY_COMPONENT.get(c, _CYCLE[k % len(_CYCLE)]) for k, c in enumerate(signal.components)
-        ]
-    names = [last.replace("_", " ") if single else f"{last} {c}" for c in signal.components]
-    return rr.SeriesLines(colors=colors, names=names, widths=[1.5] * len(colors))
+@dataclass(frozen=True)
+class Content:
+    """What a recording holds.
 
-
-def build(names: Sequence[str], poses: Poses | None, *, live: bool = False) -> rrb.Blueprint:
-    """Return the blueprint for the recorded signals and, if there is one, the 3D scene.
-
-    It opens paused at the start; with `live` it follows the newest data.
+    Attributes
+    ----------
+    signals : names of the recorded signals
+    poses : of the 3D scene, None without one
+    residual : entity of measured minus simulated angle, None without one
+    lanes : whether there are states besides the health
+    known : ranges of the values, once they are known
+    profile : altitude over downrange, None where nothing flies
+    live : open at the newest data instead of paused at the start
     """
-    recorded = set(names)
-    plots = {title: _plot(title, members) for title, members in _present(_GROUPS, recorded)}
-    main = [
-        _axis(title, members, axis)
-        for title, members in _present(_PER_AXIS[:1], recorded)
-        for axis in (0, 1)
-    ]
-    main += [plots[title] for title in ("Control error", "Difference") if title in plots]
-    tabs = [rrb.Vertical(*main, name="Gimbal")] if main else []
-    attitude = [
-        _axis(title, members, axis)
-        for title, members in _present(_PER_AXIS[1:], recorded)
-        for axis in (0, 1)
-    ]
-    attitude += [plots["Turntable"]] if "Turntable" in plots else []
-    if attitude:
-        tabs.append(rrb.Vertical(*attitude, name="Attitude"))
-    for tab, titles in _TABS:
-        if views := [plots[title] for title in titles if title in plots]:
-            tabs.append(rrb.Vertical(*views, name=tab))
-    body = _left(poses)
-    if tabs:  # a run may record signals without plots only
-        body = rrb.Horizontal(body, rrb.Tabs(*tabs, active_tab=0), column_shares=[1, 1])
+
+    signals: Sequence[str]
+    poses: Poses | None = None
+    residual: str | None = None
+    lanes: bool = False
+    known: plots.Known = field(default_factory=plots.Known)
+    profile: rrb.Spatial2DView | None = None
+    live: bool = False
+
+
+def build(content: Content, *, brief: bool = False) -> rrb.Blueprint:
+    """Return the blueprint of a recording; a brief one has the first tab only.
+
+    A layout of all tabs takes 0.5 MB of the file.
+    """
+    body: rrb.View | rrb.Container = _left(content)
+    if tabs := _tabs(content)[: 1 if brief else None]:  # there may be signals without plots only
+        body = rrb.Horizontal(body, rrb.Tabs(*tabs, active_tab=0), column_shares=[9, 11])
     return rrb.Blueprint(
         body,
         rrb.TimePanel(
             state="collapsed",
             timeline=schema.TIME,
-            play_state="following" if live else "paused",
+            play_state="following" if content.live else "paused",
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -145,80 +115,106 @@ def build(names: Sequence[str], poses: Poses | None, *, live: bool = False) -> r
     )
 
 
-def _left(poses: Poses | None) -> rrb.View | rrb.Container:
-    if poses is None:
-        return _log()
-    first, *others = _scenes(poses)
-    below = rrb.Horizontal(*others, _log()) if others else _log()
-    return rrb.Vertical(first, below, row_shares=[5, 2])
-
-
-def _present(
-    table: Sequence[tuple[str, tuple[str, ...]]], recorded: set[str]
-) -> list[tuple[str, list[str]]]:
-    present = ((title, [m for m in members if m in recorded]) for title, members in table)
-    return [(title, members) for title, members in present if members]
-
-
-def _plot(title: str, members: Sequence[str]) -> rrb.TimeSeriesView:
-    unit = schema.SIGNALS[members[0]].stored_unit
-    return rrb.TimeSeriesView(
-        name=title if unit == "1" else f"{title} [{unit}]",
-        contents=[schema.SIGNALS[m].entity for m in members],
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
-        axis_x=rrb.TimeAxis(link=rrb.components.LinkAxis.LinkToGlobal),
-    )
-
-
-def _axis(title: str, members: Sequence[str], axis: int) -> rrb.TimeSeriesView:
-    """Overlay one component of several signals."""
-    visible = [k == axis for k in range(2)]
-    unit = schema.SIGNALS[members[0]].stored_unit
-    return rrb.TimeSeriesView(
-        name=f"{title} {'xy'[axis]} [{unit}]",
-        contents=[schema.SIGNALS[m].entity for m in members],
-        overrides={
-            schema.SIGNALS[m].entity: rr.SeriesLines.from_fields(
-                visible_series=visible
-            ).visualizer()
-            for m in members
-        },
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
-        axis_x=rrb.TimeAxis(link=rrb.components.LinkAxis.LinkToGlobal),
-    )
-
-
-def _scenes(poses: Poses) -> list[rrb.Spatial3DView]:
-    focus = {body.name: body for body in poses.focus.values()}
-    if VEHICLE not in focus:
-        return [_scene("Scene", next(iter(focus.values()), None))]
-    views = [_scene("Vehicle", focus.pop(VEHICLE))]
-    inner = [body.name for body in poses.moving if body.name.startswith("gimbal_")]
-    return views + [_scene("Gimbal", body, inner) for body in focus.values()]
-
-
-def _scene(
-    title: str, follows: BodyMesh | None, only: Sequence[str] | None = None
-) -> rrb.Spatial3DView:
-    """3D view that follows one body; of everything, or of the named bodies `only`."""
-    contents = ["$origin/**"] if only is None else [f"$origin/{name}" for name in only]
-    controls = None
-    if follows is not None:
-        distance = 1.5 * FOCUS_RADII * follows.radius
-        back = -distance * np.array(LOOK) / np.linalg.norm(LOOK)
-        contents.append(focus_path(follows.name))
-        controls = rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=back,
-            look_target=(0.0, 0.0, 0.0),
-            eye_up=(0.0, 0.0, 1.0),
-            tracking_entity=focus_path(follows.name),
+def _tabs(content: Content) -> list[rrb.View | rrb.Container]:
+    has = set(content.signals)
+    found = [_main(content)]
+    found.append(("Attitude", _overlays("Attitude", _ATTITUDE, content)))
+    for title, rows in _TABS:
+        views: list[rrb.View] = []
+        if title == "Flight" and content.profile is not None:
+            views.append(content.profile)
+        elif title == "Rates":
+            views += _overlays("Gimbal rate", _RATES, content)
+        for name, members in rows:
+            if there := [m for m in members if m in has]:
+                views.append(plots.all_components(name, there, content.known))
+        found.append((title, views))
+    estimates = [s for s in content.signals if s.startswith("shadow/estimate/")]
+    for first in range(0, len(estimates), MOST_PLOTS):
+        some = estimates[first : first + MOST_PLOTS]
+        found.append(
+            ("Estimates", [plots.all_components(style.last(s), [s], content.known) for s in some])
         )
+    return [rrb.Vertical(*views, name=title) for title, views in found if views]
+
+
+def _main(content: Content) -> tuple[str, list[rrb.View]]:
+    """The angles with what they differ by: residual, control error or difference."""
+    views: list[rrb.View] = list(_overlays("Gimbal", _ANGLES, content))
+    if content.residual:
+        beneath = [plots.residual(content.residual, axis, content.known) for axis in (0, 1)]
+        views = [v for pair in zip(views, beneath, strict=True) for v in pair]
+        return "Gimbal", views
+    for title, name in (("Control error", "control/error"), ("Difference", "gimbal/difference")):
+        if name in content.signals:
+            views.append(plots.all_components(title, [name], content.known))
+    return "Gimbal", views
+
+
+def _overlays(title: str, members: Sequence[str], content: Content) -> list[rrb.View]:
+    there = [m for m in members if m in content.signals]
+    return [plots.overlay(title, there, axis, content.known) for axis in (0, 1)] if there else []
+
+
+def _left(content: Content) -> rrb.Container:
+    parts: list[rrb.View | rrb.Container] = []
+    if content.poses is not None:
+        parts.append(_scenes(content.poses))
+    if content.lanes:
+        parts.append(rrb.StateTimelineView(name="States", contents=[f"{states.STATES}/**"]))
+    events = rrb.TextDocumentView(name="Events", contents=[display.EVENTS])
+    parts.append(rrb.Tabs(events, _log(), active_tab=0))
+    shares = {1: [1], 2: [5, 2], 3: [9, 5, 5]}[len(parts)]
+    return rrb.Vertical(*parts, row_shares=shares)
+
+
+def _scenes(poses: Poses) -> rrb.View | rrb.Container:
+    focus = {body.name: body for body in poses.focus.values()}
+    vehicle = focus.pop(VEHICLE, None)
+    near = [_gimbal(poses, body) for body in focus.values()]
+    if vehicle is not None:
+        return rrb.Horizontal(_scene("Vehicle", vehicle), *near)
+    whole = _scene("Scene", next(iter(focus.values()), None))
+    return rrb.Tabs(*near, whole, active_tab=0) if near else whole
+
+
+def _gimbal(poses: Poses, follows: Focus) -> rrb.Spatial3DView:
+    """The gimbal from near, without tube and rig, with the commanded attitude and the axes."""
+    inner = [b.name for b in (*poses.moving, *poses.fixed) if b.name.startswith(GIMBAL_PREFIX)]
+    contents = [f"{schema.WORLD}/{name}" for name in inner]
+    contents += [ghost.GHOST, f"{ghost.AXES}/**", f"{schema.WORLD}/thrust"]
+    return _view("Gimbal", contents, follows)
+
+
+def _scene(title: str, follows: Focus | None) -> rrb.Spatial3DView:
+    """All bodies, with the trail up to the present time."""
+    contents = ["$origin/**", f"- {ghost.GHOST}", f"- {ghost.AXES}/**"]
     history = rrb.VisibleTimeRanges(
         timeline=schema.TIME,
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.cursor_relative(nanos=0),
     )
+    return _view(title, contents, follows, {f"{schema.WORLD}/trail": history})
+
+
+def _view(
+    title: str,
+    contents: Sequence[str],
+    follows: Focus | None,
+    overrides: Mapping[EntityPathLike, rrb.VisibleTimeRanges] | None = None,
+) -> rrb.Spatial3DView:
+    """3D view that follows one body."""
+    controls = None
+    if follows is not None:
+        distance = 1.5 * follows.size
+        controls = rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=-distance * np.array(LOOK) / np.linalg.norm(LOOK),
+            look_target=(0.0, 0.0, 0.0),
+            eye_up=(0.0, 0.0, 1.0),
+            tracking_entity=focus_path(follows.name),
+        )
+        contents = [*contents, focus_path(follows.name)]
     return rrb.Spatial3DView(
         name=title,
         origin=schema.WORLD,
@@ -226,14 +222,14 @@ def _scene(
         background=SKY,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=controls,
-        overrides={f"{schema.WORLD}/trail": history} if only is None else None,
+        overrides=overrides,
     )
 
 
 def _log() -> rrb.TextLogView:
     kind = rrb.encodings.TextLogColumnKind
     return rrb.TextLogView(
-        name="Events",
+        name="Log",
         contents=[schema.EVENTS, schema.HEALTH],
         columns=rrb.TextLogColumns(text_log_columns=[kind.LogLevel, kind.Body]),
     )

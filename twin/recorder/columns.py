@@ -52,3 +52,23 @@ def arrows(tails: Floats, vectors: Floats) -> list[rr.ComponentColumn]:
 def texts(lines: Sequence[str], levels: Sequence[str]) -> list[rr.ComponentColumn]:
     """One line of text per row with its level (INFO, WARN, ERROR)."""
     return list(rr.TextLog.columns(text=list(lines), level=list(levels)))
+
+
+def states(names: Sequence[str]) -> list[rr.ComponentColumn]:
+    """One state per row; an empty name ends the state before it."""
+    return list(rr.StateChange.columns(state=list(names)))
+
+
+def bands(middle: Floats, half: Floats) -> list[rr.ComponentColumn]:
+    """Band of half width `half` (n,) about `middle` (n,), which Rerun has as a variance."""
+    return list(rr.Measurements.columns(values=middle, variances=half**2))
+
+
+def points(places: Floats) -> list[rr.ComponentColumn]:
+    """One point of a plane per row, from (n, 2)."""
+    return list(rr.Points2D.columns(positions=places))
+
+
+def ends(count: int) -> list[rr.ComponentColumn]:
+    """Rows that end the line of an entity, so that a gap stays one."""
+    return list(rr.Clear.columns(is_recursive=[False] * count))

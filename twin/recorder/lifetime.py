@@ -1,6 +1,8 @@
 """Beginning and end of Rerun's streams, which Rerun 0.41 itself keeps with their threads."""
 
+import contextlib
 import ctypes
+from collections.abc import Iterator
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -21,6 +23,18 @@ def begin(stream: rr.RecordingStream, sinks: Sinks, look: rrb.Blueprint) -> None
     ------
     RuntimeError, OSError, ValueError : a sink cannot be opened
     """
+    with _stored(look) as memory:
+        rerun_bindings.set_sinks(sinks, default_blueprint=memory, recording=stream.to_native())
+
+
+def show(stream: rr.RecordingStream, look: rrb.Blueprint) -> None:
+    """Send a blueprint that takes the place of the first one; as `rerun.send_blueprint`."""
+    with _stored(look) as memory:
+        rerun_bindings.send_blueprint(memory, True, True, recording=stream.to_native())
+
+
+@contextlib.contextmanager
+def _stored(look: rrb.Blueprint) -> Iterator[rerun_bindings.PyMemorySinkStorage]:
     layout = rr.RecordingStream._from_native(
         rerun_bindings.new_blueprint(
             application_id=schema.APPLICATION,
@@ -33,9 +47,7 @@ def begin(stream: rr.RecordingStream, sinks: Sinks, look: rrb.Blueprint) -> None
     look._log_to_stream(layout)
     memory = layout.memory_recording()
     try:
-        rerun_bindings.set_sinks(
-            sinks, default_blueprint=memory.storage, recording=stream.to_native()
-        )
+        yield memory.storage
     finally:
         layout.disconnect()  # releases the memory, which holds the stream
 

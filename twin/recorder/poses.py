@@ -1,26 +1,30 @@
 """The moving part of the 3D scene: decimated body poses, trail and thrust arrow."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from analysis import schema
-from twin.recorder import columns
-from twin.recorder.scene import BodyMesh, bodies
+from twin.recorder import columns, style
+from twin.recorder.ghost import NOZZLE, Ghost
+from twin.recorder.scene import BodyMesh, bodies, united
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-VEHICLE = "vehicle"
+VEHICLE, GIMBAL_PREFIX = "vehicle", "gimbal_"
 GIMBAL = (
     "gimbal_holder",
     "gimbal_motor",
     "gimbal_ring",
 )  # the close-up follows the first
 FOCUS = "focus"
-FOCUS_RADII = 2.7  # of the body, which then fills half the height of the view
-NOZZLE = "gimbal_nozzle"
+FOCUS_RADII = 2.7  # of the vehicle, which then fills half the height of the view
+NEAR_RADII = 1.55  # of the gimbal
 TRAIL_EVERY = 5  # poses to a piece of trail
 PATH_POINTS = 2048  # of the whole path; every second one is dropped when full
 METRES_PER_NEWTON = 0.02  # length of the thrust arrow
@@ -28,8 +32,22 @@ METRES_PER_NEWTON = 0.02  # length of the thrust arrow
 # Rerun takes a negative radius in points of the screen.
 TRAIL_RADIUS, PATH_RADIUS = -1.5, -0.75
 PATH_COLOR = (150, 150, 150, 120)
-SIMULATED_COLOR = (60, 140, 255)
-THRUST_COLOR = (255, 210, 60)
+
+
+@dataclass(frozen=True, slots=True)
+class Focus:
+    """What a 3D view follows: a point of a body.
+
+    Attributes
+    ----------
+    name : of the body
+    centre : point (3,) in its frame [m]
+    size : half the diagonal of the box that fills the view [m]
+    """
+
+    name: str
+    centre: Floats
+    size: float
 
 
 class Poses:
@@ -48,8 +66,11 @@ class Poses:
         self.moving = [b for b in visible if b.moves]
         names = [b.name for b in self.moving]
         wanted = (VEHICLE, next((name for name in GIMBAL if name in names), ""))
-        self.focus = {k: b for k, b in enumerate(self.moving) if b.name in wanted}
+        self.focus = {
+            k: _focus(model, visible, b) for k, b in enumerate(self.moving) if b.name in wanted
+        }
         self.has_vehicle = VEHICLE in names
+        self.ghost = Ghost(model, visible)
         self.full = False
         self._model = model
         self._index = np.array([b.body for b in self.moving], dtype=np.intp)
@@ -59,6 +80,7 @@ class Poses:
         self._time = np.zeros(capacity, dtype=np.int64)
         self._position = np.zeros((capacity, len(self.moving), 3))
         self._attitude = np.zeros((capacity, len(self.moving), 4))
+        self._qpos = np.zeros((capacity, model.nq))
         self._nozzle = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, NOZZLE)
         self._jet = np.zeros((capacity, 2, 3))  # nozzle position, unit thrust direction
         self._trail = np.zeros((0, 3))
@@ -75,6 +97,7 @@ class Poses:
         self._time[n] = time_ns
         np.take(data.xpos, self._index, axis=0, out=self._position[n])
         np.take(data.xquat, self._index, axis=0, out=self._attitude[n])
+        self._qpos[n] = data.qpos
         if self._nozzle >= 0:
             self._jet[n, 0] = data.site_xpos[self._nozzle]
             self._jet[n, 1] = data.site_xmat[self._nozzle, 2::3]
@@ -93,11 +116,12 @@ class Poses:
                 xyzw = np.roll(data.xquat[body.body], -1)
                 pose = rr.Transform3D(translation=data.xpos[body.body], quaternion=xyzw)
                 stream.log(path, pose, static=True)
-        for body in self.focus.values():
-            stream.log(focus_path(body.name), _invisible(FOCUS_RADII * body.radius), static=True)
-        trail = rr.LineStrips3D.from_fields(colors=[SIMULATED_COLOR], radii=[TRAIL_RADIUS])
+        for focus in self.focus.values():
+            stream.log(focus_path(focus.name), _invisible(focus.size), static=True)
+        trail = rr.LineStrips3D.from_fields(colors=[style.SIMULATED], radii=[TRAIL_RADIUS])
         stream.log(f"{schema.WORLD}/trail", trail, static=True)
-        arrow = rr.Arrows3D.from_fields(colors=[THRUST_COLOR], radii=[0.01])
+        self.ghost.start(stream)
+        arrow = rr.Arrows3D.from_fields(colors=[style.THRUST], radii=[0.01])
         stream.log(f"{schema.WORLD}/thrust", arrow, static=True)
 
     @property
@@ -105,7 +129,9 @@ class Poses:
         """Experiment times of the poses kept (n,) [ns]."""
         return self._time[: self._n]
 
-    def drain(self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats) -> None:
+    def drain(
+        self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats, angles: Mapping[str, Floats]
+    ) -> None:
         """Send the kept poses and discard them.
 
         Parameters
@@ -113,6 +139,7 @@ class Poses:
         stream : recording
         wall : time since 1970 of each pose (n,) [ns]
         thrust : thrust at each pose (n,) [N]
+        angles : gimbal angles (n, 2) at each pose by signal [rad]
         """
         n = self._n
         time = self.times
@@ -125,7 +152,7 @@ class Poses:
             pose = columns.transforms(position[:, k], attitude[:, k])
             stream.send_columns(f"{schema.WORLD}/{body.name}", stamps, pose)
             if k in self.focus:
-                middle = _middles(position[:, k], attitude[:, k], body.centre)
+                middle = _middles(position[:, k], attitude[:, k], self.focus[k].centre)
                 stream.send_columns(focus_path(body.name), stamps, columns.translations(middle))
             if body.name == VEHICLE:
                 self._drain_trail(stream, time, wall, position[:, k])
@@ -133,6 +160,7 @@ class Poses:
             vectors = (METRES_PER_NEWTON * thrust)[:, None] * jet[:, 1]
             arrows = columns.arrows(jet[:, 0] - vectors, vectors)
             stream.send_columns(f"{schema.WORLD}/thrust", stamps, arrows)
+        self.ghost.drain(stream, time, wall, self._qpos[:n], angles)
         self._n, self.full = 0, False
 
     def finish(self, stream: rr.RecordingStream) -> None:
@@ -169,6 +197,17 @@ class Poses:
             self._path[: PATH_POINTS // 2] = self._path[::2].copy()
             self._path_n //= 2
             self._path_every *= 2
+
+
+def _focus(model: mujoco.MjModel, bodies: list[BodyMesh], body: BodyMesh) -> Focus:
+    """The vehicle itself, or around a part of the gimbal all of the gimbal, at rest."""
+    if body.name == VEHICLE:
+        return Focus(body.name, body.centre, FOCUS_RADII * body.radius)
+    whole = united(model, [b for b in bodies if b.name.startswith(GIMBAL_PREFIX)], body.body)
+    low, high = whole.vertices.min(axis=0), whole.vertices.max(axis=0)
+    return Focus(
+        body.name, 0.5 * (low + high), NEAR_RADII * 0.5 * float(np.linalg.norm(high - low))
+    )
 
 
 def focus_path(body: str) -> str:

@@ -55,6 +55,22 @@ def bodies(model: mujoco.MjModel) -> list[BodyMesh]:
     return visible
 
 
+def united(model: mujoco.MjModel, parts: list[BodyMesh], frame: int) -> shapes.Triangles:
+    """Meshes of some bodies as one, at the initial pose, in the frame of a body."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    turn = data.xmat[frame].reshape(3, 3).T
+    return shapes.merged(
+        [
+            part.triangles.moved(
+                turn @ data.xmat[part.body].reshape(3, 3),
+                turn @ (data.xpos[part.body] - data.xpos[frame]),
+            )
+            for part in parts
+        ]
+    )
+
+
 def _visible(model: mujoco.MjModel, body: int) -> list[int]:
     first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
     return [g for g in range(first, first + count) if model.geom_group[g] < HIDDEN_GROUP]

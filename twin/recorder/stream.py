@@ -13,6 +13,9 @@ from analysis import schema
 from analysis.recording import rrd
 from twin.recorder import blueprint, columns, lifetime
 from twin.recorder.checks import RecorderError, checked, claimed, json_text, refuse_taken
+from twin.recorder.display import GAP_NS
+from twin.recorder.ghost import Ghost
+from twin.recorder.look import Look
 from twin.recorder.poses import Poses
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
 from twin.viewer.opening import LOOPBACK
@@ -69,6 +72,8 @@ class Recorder(Sink):
             refuse_taken(serve)
         self._layout(capacity, drain_ns)
         self._poses = None if model is None else Poses(model, pose_period_ns)
+        names = [s.name for s in self._signals]
+        self._look = Look(names, self._poses, model, live=serve is not None)
         self._mark = claimed(self.path, self._partial)  # late: a killed run leaves it empty
         self._texts: list[tuple[str, int, str, str]] = []
         self._last_wall = 0
@@ -101,15 +106,13 @@ class Recorder(Sink):
             sinks.append(rr.FileSink(self._partial))
             if serve is not None:
                 sinks.append(rr.GrpcServerSink(LOOPBACK, serve, server_memory_limit="256MiB"))
-            names = [s.name for s in self._signals]
-            look = blueprint.build(names, self._poses, live=serve is not None)
-            lifetime.begin(stream, sinks, look)
+            first = blueprint.build(self._look.content, brief=serve is None)
+            lifetime.begin(stream, sinks, first)
         except (RuntimeError, OSError, ValueError) as error:
             self._give_up()
             raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
         stream.send_property(schema.PROPERTY, rr.AnyValues(schema=schema.SCHEMA, json=text))
-        for name in names:
-            stream.log(schema.SIGNALS[name].entity, blueprint.style(name), static=True)
+        self._look.start(stream)
         if self._poses:
             self._poses.start(stream)
         try:
@@ -178,10 +181,13 @@ class Recorder(Sink):
             stamps = np.array([at], dtype=np.int64)
             when = columns.times(stamps, self._wall_at(stamps, time, wall))
             self._stream.send_columns(entity, when, columns.texts([text], [level]))
+            self._look.text(self._stream, when, (entity, at, text, level))
         self._texts.clear()
         if n:
             self._send_rows(self._block[:n] * self._scale, time, wall)
             self._reached, self._last_wall = int(time[-1]), int(wall[-1])
+        rows = {name: self._block[:n, place] for name, place in self.slices.items()}
+        self._look.drain(self._stream, time, wall, rows)
         self._n = 0
         try:  # else what a fast run writes waits in memory
             self._stream.flush(timeout_sec=FLUSH_SECONDS)
@@ -204,13 +210,25 @@ class Recorder(Sink):
         if not self._poses or not self._poses.times.size:
             return
         at = self._poses.times
-        thrust = np.zeros(len(at))
-        if THRUST in self.slices and self._n:
-            known = self._block[: self._n, self.slices[THRUST].start]
-            rows = np.isfinite(known)  # rows of sensor frames have no vehicle signals
-            if rows.any():
-                thrust = np.interp(at, time[rows], known[rows])
-        self._poses.drain(self._stream, self._wall_at(at, time, wall), thrust)
+        held = self._held(at, time)
+        thrust = held[THRUST][:, 0] if THRUST in held else np.zeros(len(at))
+        angles = {name: held[name] for name in self._poses.ghost.signals if name in held}
+        self._poses.drain(self._stream, self._wall_at(at, time, wall), thrust, angles)
+
+    def _held(self, at: Stamps, time: Stamps) -> dict[str, NDArray[np.float64]]:
+        """Values in force at the given times (n, k) of thrust and gimbal angles; NaN in a gap."""
+        found = {}
+        for name in (THRUST, *Ghost.signals):
+            if name not in self.slices or not len(time):
+                continue
+            values = self._block[: len(time), self.slices[name]]
+            # rows of sensor frames have no vehicle signals, and those of ticks no measurement
+            rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+            if rows.size:
+                row = rows[np.clip(np.searchsorted(time[rows], at, side="right") - 1, 0, None)]
+                there = (np.abs(time[row] - at) < GAP_NS)[:, None]
+                found[name] = np.where(there, values[row], 0.0 if name == THRUST else np.nan)
+        return found
 
     def _wall_at(self, at: Stamps, time: Stamps, wall: Stamps) -> Stamps:
         """Time since 1970 of the first rows from `at` on (k,); the last known one without rows."""
@@ -238,6 +256,7 @@ class Recorder(Sink):
             self.drain()
             if self._poses:
                 self._poses.finish(self._stream)
+            self._look.finish(self._stream)
             self._stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:
             self._failed = self._failed or one_line(error)

@@ -4,14 +4,13 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import mujoco
 
 from analysis.convergence import Flight, Study, distance, richardson, study
 from analysis.report import render
 from twin.config import Converge
-from twin.config.paths import writable
+from twin.config.paths import named, point_latest
 from twin.errors import TwinError
 from twin.experiments.convergence.budget import budget
 from twin.experiments.convergence.flights import JITTERED, flight, jittered, load_for
@@ -35,7 +34,7 @@ def converge(config: Converge) -> ConvergenceResult:
     """
     began = time.perf_counter()
     steps = _steps(config)
-    out = writable(config.out or Path("runs/converge.html"), ".html", ".htm", force=config.force)
+    out = named(config.out, "converge", ".html", ".htm", force=config.force)
     names = tuple(dict.fromkeys((*config.integrators, config.integrator)))
     with compiled(), _quietly():
         fly = flight(config)
@@ -50,6 +49,7 @@ def converge(config: Converge) -> ConvergenceResult:
         str(out), time.perf_counter() - began,
     )  # fmt: skip
     render(sections(result, at_step), "Convergence study", out, result.as_dict())
+    point_latest(out)
     return result
 
 

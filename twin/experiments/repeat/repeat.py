@@ -1,7 +1,6 @@
 """`twin fly --repeat`: one flight a seed, for a rig also with its models."""
 
 import math
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +17,9 @@ from analysis.report import render
 from analysis.response.figure import Figure, over_repeats
 from analysis.response.metrics import StepMetrics
 from analysis.response.steps import up_to_hidden
+from twin import status
 from twin.config import Fly, with_model
-from twin.config.paths import writable
+from twin.config.paths import RUNS, dated, point_latest, writable
 from twin.config.seats import MODELS, is_rig
 from twin.errors import TwinError
 from twin.experiments.flight import FlightResult
@@ -46,11 +46,12 @@ def repeat(config: Fly) -> RepeatResult:
     differences = {s.gimbal: path_difference(flown[0], s.paths[0]) for s in seats[1:] if flown}
     result = RepeatResult(seats, differences, str(page), time.perf_counter() - began)
     render(sections(result), "Repeated flights", page, result.as_dict())
+    point_latest(page)
     return result
 
 
 def _places(config: Fly) -> tuple[Path, Path]:
-    out = config.out or Path("runs/repeat")
+    out = config.out or dated(RUNS, "repeat", ".html")
     if out.suffix.lower() in (".html", ".htm"):
         return out.with_suffix(""), writable(out, force=config.force)
     if out.suffix:
@@ -65,9 +66,9 @@ def _seat(config: Fly, gimbal: str, folder: Path) -> SeatFlights:
     same = False
     name = gimbal if gimbal in MODELS or not is_rig(gimbal) else _slug(gimbal)
     for k in range(config.repeat):
-        _progress(gimbal, k, config.repeat)
         out = folder / f"{name}-{k + 1:02d}.rrd"
-        result = fly(_one(config, gimbal, config.seed + k, out))
+        with status.stage(f"{gimbal}, flight {k + 1} of {config.repeat}: "):
+            result = fly(_one(config, gimbal, config.seed + k, out))
         results.append(result)
         if not _counts(result, config):
             continue  # it has no end that could be compared
@@ -78,7 +79,6 @@ def _seat(config: Fly, gimbal: str, folder: Path) -> SeatFlights:
         same = len(paths) > 1 and all(_equal(path, paths[0]) for path in paths[1:])
         if same and k == 1:  # nothing random in it: more flights would be equal
             break
-    _progress(gimbal, config.repeat, config.repeat)
     scatter = spread(paths) if len(paths) > 1 else None
     different = slice(1) if same else slice(None)  # equal flights count as one
     figures = _figures([r for r in results if _counts(r, config)][different], steps[different])
@@ -116,9 +116,3 @@ def _figures(results: list[FlightResult], steps: list[StepMetrics]) -> tuple[Fig
 
 def _slug(port: str) -> str:
     return "".join(c if c.isalnum() else "-" for c in port).strip("-") or "rig"
-
-
-def _progress(gimbal: str, k: int, n: int) -> None:
-    if sys.stderr.isatty():
-        line = f"flying {gimbal} {k + 1} of {n}" if k < n else ""
-        print(f"\r{line:<60}\r", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,103 @@
+"""Recursive estimates and drift, on motions whose properties are known."""
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+
+from analysis.estimate import Property, drift, information, track
+from analysis.schema import AnalysisError
+
+PERIOD, MEMORY, NOISE = 0.01, 0.8, 1e-3
+GAIN = Property("gain", "", 1.0, 1.0, 0.01)
+ZERO = Property("zero", "°", 180.0 / np.pi, 0.0, 0.003)
+DELAY = Property("delay", "ms", 1e3, 0.0, 1e-3)
+
+
+def noise(n, seed):
+    """First-order noise of one standard deviation."""
+    rng = np.random.default_rng(seed)
+    white = rng.standard_normal(n + 200) * np.sqrt(1.0 - MEMORY**2)
+    return lfilter([1.0], [1.0, -MEMORY], white)[200:]
+
+
+def swing(t):
+    return 0.08 * np.sin(2 * np.pi * 0.7 * t) + 0.03 * np.sin(2 * np.pi * 2.3 * t)
+
+
+def moved(t, level):
+    gain, zero, delay = level
+    return gain * swing(t - delay) + zero
+
+
+def model(t):
+    def both(level):
+        gain, _, delay = level
+        slope = (swing(t - delay - 1e-6) - swing(t - delay)) / 1e-6
+        motion = swing(t - delay)
+        return moved(t, level), np.column_stack([motion, np.ones_like(t), gain * slope])
+
+    return both
+
+
+def test_an_estimate_without_forgetting_is_that_of_generalised_least_squares(monkeypatch):
+    monkeypatch.setattr("analysis.estimate.recursive.MEMORY", 1e9)
+    t = PERIOD * np.arange(1201)
+    J = model(t)(np.array([1.0, 0.0, 0.0]))[1]
+    true, prior = np.array([0.02, 0.004, 0.001]), np.full(3, 1e3)
+    info = information(t, J @ true + NOISE * noise(len(t), 1), J)
+    seen = track(info, prior)
+    value, sigma = seen.value[-1], seen.sigma[-1]
+    V = NOISE**2 * toeplitz(MEMORY ** np.arange(len(t)))
+    normal = J.T @ np.linalg.solve(V, J)
+    np.testing.assert_allclose(sigma, np.sqrt(np.diag(np.linalg.inv(normal))), rtol=0.15)
+    assert np.all(np.abs(value - true) < 4 * sigma)
+
+
+def test_its_intervals_hold_the_truth_as_often_as_they_promise():
+    t = PERIOD * np.arange(1201)
+    J = model(t)(np.array([1.0, 0.0, 0.0]))[1]
+    prior, own = np.array([0.01, 0.003, 1e-3]), np.random.default_rng(5)
+    inside = []
+    for seed in range(60):
+        true = prior * own.standard_normal(3)
+        seen = track(information(t, J @ true + NOISE * noise(len(t), seed), J), prior)
+        inside.append(np.abs(seen.value[-1] - true) < 1.96 * seen.sigma[-1])
+    assert 0.88 < np.mean(inside) < 0.99  # 95 % of 180, three standard deviations either way
+
+
+@pytest.mark.parametrize(
+    ("which", "change"), [(0, 0.08), (1, 0.02), (2, 0.012)], ids=["gain", "zero", "delay"]
+)
+def test_a_step_of_one_property_is_named_with_its_time_and_size(which, change):
+    t = PERIOD * np.arange(4001)
+    before, after = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    after[which] += change
+    true = np.where(t < 20.0, moved(t, before), moved(t, after))
+    properties = (GAIN, ZERO, DELAY)
+    found = drift("y", t, true + NOISE * noise(len(t), 3), model(t), properties).changes
+    assert [c.what.name for c in found] == [properties[which].name]
+    assert abs(found[0].since - 20.0) < 1.0
+    assert 20.0 < found[0].noticed < 26.0
+    assert abs(found[0].after - after[which]) < 0.1 * change
+    assert found[0].text.startswith(f"y: {properties[which].name} ")
+
+
+def test_an_unchanged_gimbal_has_no_events_and_its_band_holds_the_readings():
+    t = PERIOD * np.arange(6001)
+    angle = moved(t, (1.004, 0.001, 4e-4)) + NOISE * noise(len(t), 4)
+    seen = drift("x", t, angle, model(t), (GAIN, ZERO, DELAY))
+    assert seen.changes == ()
+    assert np.mean(np.abs(angle - seen.motion) < seen.band) > 0.95
+    np.testing.assert_allclose(seen.track.value[-1], (1.004, 0.001, 4e-4), atol=5e-4)
+
+
+def test_readings_that_are_missing_are_left_out_and_a_short_record_is_refused():
+    t = PERIOD * np.arange(3001)
+    angle = moved(t, (1.004, 0.0, 0.0)) + NOISE * noise(len(t), 6)
+    angle[700:900] = np.nan
+    seen = drift("x", t, angle, model(t), (GAIN, ZERO, DELAY))
+    assert seen.changes == ()
+    assert np.isfinite(seen.track.value).all()
+    with pytest.raises(AnalysisError, match="needs 10 s"):
+        information(t[:500], angle[:500], np.ones((500, 1)))

@@ -1,0 +1,149 @@
+"""Cost of a campaign: per run, per simulated second, scaling, memory; what a large one would take.
+
+`python -m tests.benchmarks.campaign` prints all; physics, scaling, scale, prompt: only these.
+"""
+
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from mujoco.batch import Batch
+
+from tests.benchmarks.timing import row
+from tests.twin.campaigns import flown, linear, place, study
+from twin.campaigns.runs import Runs
+from twin.config import Fly
+from twin.experiments.assembly import make_plant
+from twin.experiments.fly import fly
+from twin.plant.compiled import compiled
+
+TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
+LONGEST_S = 12.0  # of the flights compared
+STEPS = 4  # of a control tick
+SIMS = 4
+MACHINES, CORES, FLIGHTS = 100, 2, 10_000_000
+
+
+def table() -> Iterator[str]:
+    """Lines of the table."""
+    for part in SECTIONS.values():
+        yield from part()
+
+
+def physics() -> Iterator[str]:
+    """A row against the bare steps of the same model, in processor time."""
+    for gimbal in ("linkage", "transfer-function"):
+        config = Fly(gimbal=gimbal, programme="point", off_axis_deg=(20, 5), duration_s=LONGEST_S)
+        with compiled():
+            fly(config, recorded=False)
+            model = make_plant(config).model
+            batch = Batch(model, SIMS, 1)
+            ticks = round(LONGEST_S / model.opt.timestep) // STEPS
+
+            def bare(batch: Batch = batch, ticks: int = ticks) -> None:
+                batch.reset()
+                for _ in range(ticks):
+                    batch.step(nstep=STEPS)
+
+            def whole(config: Fly = config) -> None:
+                for _ in range(SIMS):
+                    fly(config, recorded=False)
+
+            share = min(_used(whole) / _used(bare) for _ in range(3))
+        yield row(f"a row over bare batch steps, {gimbal}", f"{share:.2f}", "≤ 1.2", share <= 1.2)
+
+
+def scaling() -> Iterator[str]:
+    """Throughput of two processes over that of one."""
+    text = linear(64)
+
+    def busy(run: int) -> dict[str, object]:
+        ended = time.thread_time() + 0.05
+        while time.thread_time() < ended:
+            pass
+        return work(run)
+
+    seconds = []
+    for workers in (1, 2):
+        with tempfile.TemporaryDirectory() as folder:
+            s = study(Path(folder), text)
+            work = place(s, Runs(s))
+            began = time.perf_counter()
+            flown(s, Path(folder, "out"), busy, workers)
+            seconds.append(time.perf_counter() - began)
+    share = seconds[0] / seconds[1] / 2
+    yield row("scaling from one to two processes", f"{share:.2f}", "≥ 0.9", share >= 0.9)
+
+
+def scale() -> Iterator[str]:
+    """Cost of a stand-in run in campaigns of 100 to 100 000, and their memory."""
+    costs = []
+    for n in (100, 10_000, 100_000):
+        with tempfile.TemporaryDirectory() as folder:
+            s = study(Path(folder), linear(n))
+            before = _processor()
+            store = flown(s, Path(folder, "out"))
+            costs.append((_processor() - before) / n * 1e6)
+            assert len(list(store.present())) == store.parts
+    shown = ", ".join(f"{c:.0f}" for c in costs)
+    spread = max(costs) / min(costs) - 1.0
+    yield row("stand-in run, 100, 10⁴, 10⁵ runs", f"{shown} µs", "within 10 %", spread <= 0.1)
+    own, forked = (
+        resource.getrusage(who).ru_maxrss / 1024
+        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
+    most = max(own, forked)
+    yield row("memory with 10⁵ runs, largest process", f"{most:.0f} MB", "< 1 GB", most < 1000)
+    extra = costs[-1] * 1e-6
+    config = Fly(programme="point", off_axis_deg=(20, 5))
+    with compiled():
+        fly(config, recorded=False)
+        before = time.process_time()
+        fly(config, recorded=False)
+        flight = time.process_time() - before
+    days = FLIGHTS * (flight + extra) / MACHINES / CORES / 86_400
+    parts = f"{flight:.2f} s of flight and {extra * 1e3:.2f} ms of engine a run"
+    yield row(f"10⁷ flights, {MACHINES} machines of {CORES} cores", f"{days:.2f} days", parts, True)
+
+
+def prompt() -> Iterator[str]:
+    """Thirty judged flights from prompt to prompt."""
+    shipped = Path(__file__).parents[2] / "twin" / "campaigns" / "studies" / "dispersion.toml"
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "thirty.toml")
+        file.write_text(shipped.read_text().replace("n = 1000", "n = 30"))
+        seconds = []
+        for _ in range(2):
+            began = time.perf_counter()
+            out = ["--out", str(Path(folder, "out")), "--force", "--fail-if", "hit_rate < 0.5"]
+            subprocess.run([*TWIN, "campaign", "run", str(file), *out], check=True,
+                           capture_output=True)  # fmt: skip
+            seconds.append(time.perf_counter() - began)
+    best = min(seconds)
+    yield row("30 judged flights, prompt to prompt", f"{best:.1f} s", "≤ 10 s", best <= 10)
+
+
+def _used(action: Callable[[], None]) -> float:
+    """Processor time of an action [s], which other processes hardly change."""
+    before = time.process_time()
+    action()
+    return time.process_time() - before
+
+
+def _processor() -> float:
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system
+
+
+SECTIONS = {"physics": physics, "scaling": scaling, "scale": scale, "prompt": prompt}
+
+if __name__ == "__main__":
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
+    for name in sys.argv[1:] or SECTIONS:
+        for line in SECTIONS[name]():
+            print(line, flush=True)

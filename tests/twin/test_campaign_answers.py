@@ -1,0 +1,184 @@
+"""Answers against closed forms: intervals, Sobol indices, boundaries, dispersion."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import integrate, optimize
+from scipy.special import ndtri
+
+from tests.twin.campaigns import HIT, flown, linear, place, study
+from twin.campaigns.answers import answers
+from twin.campaigns.boundary import region
+from twin.campaigns.campaign import result
+from twin.campaigns.design import Streams
+from twin.campaigns.dispersion import ellipse
+from twin.campaigns.runs import Runs
+from twin.campaigns.sensitivity import rank_influences, sobol_influences
+from twin.campaigns.statistic import cep, condition, mean, quantile, statistic, wilson
+
+EAST, NORTH = 3.0, 2.0  # deviations of a linear case
+
+
+def circular_error(east: float, north: float) -> float:
+    """Radius that holds half of a normal distribution with these deviations."""
+
+    def share(radius: float) -> float:
+        def inside(t: float) -> float:
+            s = (math.cos(t) / east) ** 2 + (math.sin(t) / north) ** 2
+            return (1.0 - math.exp(-0.5 * radius**2 * s)) / (2.0 * math.pi * east * north * s)
+
+        return integrate.quad(inside, 0.0, 2.0 * math.pi)[0]
+
+    return optimize.brentq(lambda r: share(r) - 0.5, 0.1, 10.0 * east)
+
+
+def coverage(repeats: int, n: int, stops: bool) -> dict[str, float]:
+    """Share of campaigns whose 95 % intervals hold the exact value."""
+    truth = {
+        "mean": 0.0, "cep": circular_error(EAST, NORTH), "major": EAST, "minor": NORTH,
+        "rate": 0.5 * math.erfc(-1 / EAST / math.sqrt(2)), "p90": 1.2815515655 * EAST,
+    }  # fmt: skip
+    inside = dict.fromkeys(truth, 0)
+    for seed in range(repeats):
+        streams = Streams("random", n, seed, ["east", "north"])
+        every = np.arange(n)
+        places = np.stack([EAST * ndtri(streams.uniform("east", every)),
+                           NORTH * ndtri(streams.uniform("north", every))], axis=1)  # fmt: skip
+        if stops:  # as the engine looks: every eight runs, from the 30th on
+            for k in range(32, n + 1, 8):
+                if mean(places[:k, 0], 0.95).half_width <= 0.9:
+                    places = places[:k]
+                    break
+        hits = (places[:, 0] <= 1.0).astype(float)
+        axes = ellipse(places, 0.95)
+        made = {"mean": mean(places[:, 0], 0.95), "cep": cep(places, 0.95),
+                "rate": wilson(hits, 0.95), "major": axes.major, "minor": axes.minor,
+                "p90": quantile(places[:, 0], 0.9, 0.95)}  # fmt: skip
+        for name, e in made.items():
+            inside[name] += e.low <= truth[name] <= e.high
+    return {name: count / repeats for name, count in inside.items()}
+
+
+def test_the_closed_form_of_a_round_dispersion():
+    assert circular_error(2.0, 2.0) == pytest.approx(2.0 * math.sqrt(2.0 * math.log(2.0)), rel=1e-6)
+
+
+@pytest.mark.parametrize("stops", [False, True])
+def test_intervals_hold_the_exact_value_in_most_campaigns(stops, monkeypatch):
+    monkeypatch.setattr("twin.campaigns.statistic.BOOTSTRAP", 100)
+    # 12 campaigns at 95 %: fewer than 9 of them in one in 5000
+    assert min(coverage(12, 96, stops).values()) >= 9 / 12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stops", [False, True])
+def test_intervals_hold_the_exact_value_in_95_percent_of_200_campaigns(stops):
+    shares = coverage(200, 400, stops)
+    print(stops, shares)
+    assert all(0.90 <= share <= 0.98 for share in shares.values()), shares
+
+
+def ishigami(folder, n: int):
+    """Sobol indices of Ishigami's function, by a sensitivity design of three uniform parameters."""
+    names = ["wind_speed", "wind_azimuth", "wind_turbulence"]
+    vary = "".join(
+        f'[vary.{name}]\ndistribution = "uniform"\nlow = {-math.pi}\nhigh = {math.pi}\n'
+        for name in names
+    )
+    runs = Runs(study(folder, f'{vary}[design]\nkind = "sensitivity"\nn = {n}'))
+    x = np.array([[row[c] for c in names] for row in runs.values(range(runs.count))])
+    y = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    return sobol_influences(names, y, 0.95)
+
+
+@pytest.mark.parametrize("n", [2048, pytest.param(8192, marks=pytest.mark.slow)])
+def test_sobol_indices_of_ishigami(tmp_path, n):
+    # T. Ishigami, T. Homma, 1990, a = 7, b = 0.1
+    exact = ((0.3139, 0.5576), (0.4424, 0.4424), (0.0, 0.2437))
+    found = ishigami(tmp_path, n)
+    for (first, total), (s, t) in zip(found.values(), exact, strict=True):
+        assert first.value == pytest.approx(s, abs=0.02)
+        assert total.value == pytest.approx(t, abs=0.02)
+        assert first.low < first.value < first.high
+
+
+def test_rank_correlations_name_the_parameter_that_decides():
+    rng = np.random.default_rng(1)
+    x = {name: rng.random(300) for name in "abc"}
+    found = rank_influences(x, np.exp(3 * x["a"]) - 0.3 * x["b"], 0.95)
+    assert found["a"].rank.value > 0.95
+    assert found["b"].rank.value < 0
+    assert found["c"].rank.low < 0 < found["c"].rank.high
+
+
+def test_the_boundary_of_a_known_region():
+    rng = np.random.default_rng(2)
+    x = {"gain": rng.uniform(1.0, 10.0, 3000), "delay": rng.uniform(0.0, 0.1, 3000)}
+    # P = 0.9 where 4 ln(gain) − 60 delay − 4 = ln 9, with delay 0.02: gain = exp(1.849) = 6.36
+    p = 1.0 / (1.0 + np.exp(-(4.0 * np.log(x["gain"]) - 60.0 * x["delay"] - 4.0)))
+    hits = (rng.random(3000) < p).astype(float)
+    found = region(x, hits, {"gain": 8.0, "delay": 0.02}, 0.95)
+    gain, delay = found.properties
+    exact = math.exp((math.log(9.0) + 4.0 + 60.0 * 0.02) / 4.0)
+    assert gain.threshold.low < exact < gain.threshold.high
+    assert gain.threshold.value == pytest.approx(exact, rel=0.1)
+    assert (gain.better, delay.better) == (1, -1)
+    assert gain.margin == pytest.approx(8.0 / gain.threshold.value)
+    f = found.frontier("delay", "gain")
+    k = int(np.argmin(np.abs(f.at - 0.02)))
+    assert f.value[k] == pytest.approx(gain.threshold.value, rel=0.03)
+    assert f.low[k] < exact < f.high[k]
+
+
+def test_a_region_without_failures_has_no_boundary():
+    x = {"gain": np.linspace(1.0, 2.0, 200)}
+    assert region(x, np.ones(200), {}, 0.95) is None
+
+
+@pytest.fixture(scope="module")
+def half(tmp_path_factory):
+    """A campaign with P(east ≤ 1) = Φ(1/3) = 0.63."""
+    folder = tmp_path_factory.mktemp("half")
+    s = study(folder, linear(160, HIT))
+    return s, flown(s, folder / "out")
+
+
+@pytest.mark.parametrize(
+    ("limit", "holds", "status"), [(0.2, False, 0), (0.9, True, 1), (0.63, None, 3)]
+)
+def test_exit_codes_of_a_condition(half, limit, holds, status):
+    s, store = half
+    c = condition(f"hit_rate < {limit}", s.measures)
+    made = result(s, Runs(s), store, (c,), 160, 1.0)
+    assert made.verdicts[0].holds is holds
+    assert made.status == status
+    assert made.answers.text.startswith("hit holds in")
+    page = (store.folder / "report.html").read_text()
+    assert "twin campaign refly study 0" in page
+    assert made.as_dict()["answer"] in page
+    assert "hit_rate" in made.text()
+
+
+def test_the_page_of_a_named_choice_lists_every_value(tmp_path):
+    text = (
+        '[vary.servo]\ndistribution = "grid"\nvalues = ['
+        '{ name = "slow", wind_speed = 1 }, { name = "fast", wind_speed = 9 }]\n'
+        '[vary.wind_azimuth]\ndistribution = "normal"\nmean = 0\nsd = 2\n[design]\nn = 20\n'
+        '[measure]\nhit = "end_east_m <= 1"\n'
+    )
+    s = study(tmp_path, text)
+    runs = Runs(s)
+    east = {"slow": 0.0, "fast": 5.0}
+    good = place(s, runs, lambda v: (east[v["servo"]["name"]], v["wind_azimuth"]))
+    table = flown(s, tmp_path / "out", good).table()
+    a = answers(s, runs, table)
+    assert {c.value: c.rate.value for c in a.cells} == {"slow": 1.0, "fast": 0.0}
+    assert "with 0 of 2 servos" in a.text  # 20 of 20 is 84 % at least
+
+
+def test_statistics_by_name():
+    values = np.arange(1.0, 101.0)
+    assert statistic("apogee_m_p90", ()).of([values], 0.95).value == pytest.approx(90.1)
+    assert statistic("apogee_m_median", ()).of([values], 0.95).low < 50.5
+    assert statistic("apogee_m_mean", ()).of([values], 0.95).value == 50.5

@@ -1,0 +1,162 @@
+"""Samples of a study follow their distributions; mistakes in a study are one line."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.twin.campaigns import linear, study
+from twin.campaigns.design import Streams
+from twin.campaigns.parameters import RESPONSE, binding, response_model
+from twin.campaigns.runs import Runs
+from twin.errors import TwinError
+
+N = 2000
+ALL = np.arange(N)
+
+
+def values(folder, text, column):
+    runs = Runs(study(folder, text))
+    return [row[column] for row in runs.values(range(runs.count))]
+
+
+@pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
+def test_streams_are_uniform_and_independent(kind):
+    streams = Streams(kind, N, 3, ["a", "b"])
+    a, b = streams.uniform("a", ALL), streams.uniform("b", ALL)
+    assert stats.kstest(a, "uniform").pvalue > 1e-4
+    assert abs(stats.spearmanr(a, b).statistic) < 4 / np.sqrt(N)
+    if kind == "lhs":
+        assert np.array_equal(np.sort(np.floor(a * N)), ALL)  # one in every stratum
+
+
+@pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
+def test_a_parameter_more_changes_no_other_ones_numbers(kind):
+    few, many = (Streams(kind, N, 3, names) for names in (["a", "b"], ["a", "b", "c"]))
+    assert np.array_equal(few.uniform("b", ALL), many.uniform("b", ALL))
+    if kind != "sobol":  # there a parameter is added at the end
+        first = Streams(kind, N, 3, ["c", "a", "b"])
+        assert np.array_equal(few.uniform("b", ALL), first.uniform("b", ALL))
+
+
+def test_a_longer_random_campaign_begins_with_the_shorter_one():
+    short, long = Streams("random", 10, 3, ["a"]), Streams("random", N, 3, ["a"])
+    assert np.array_equal(short.uniform("a", ALL[:10]), long.uniform("a", ALL)[:10])
+
+
+@pytest.mark.parametrize(
+    ("table", "distribution"),
+    [
+        ('distribution = "normal"\nmean = 2\nsd = 0.5', stats.norm(2, 0.5)),
+        ('distribution = "uniform"\nlow = -1\nhigh = 3', stats.uniform(-1, 4)),
+        ('distribution = "lognormal"\nmedian = 3\nsigma = 0.4', stats.lognorm(0.4, scale=3)),
+    ],
+)
+def test_samples_have_their_distribution(tmp_path, table, distribution):
+    given = values(tmp_path, f"[vary.wind_speed]\n{table}\n[design]\nn = {N}", "wind_speed")
+    assert stats.kstest(given, distribution.cdf).pvalue > 1e-4
+
+
+def test_choice_table_grid_and_covariance(tmp_path):
+    text = '[vary.wind_speed]\ndistribution = "choice"\nvalues = [1, 2]\nweights = [1, 3]\n'
+    given = values(tmp_path, f"{text}[design]\nn = {N}", "wind_speed")
+    assert given.count(2) == pytest.approx(0.75 * N, abs=4 * np.sqrt(0.75 * 0.25 * N))
+    (tmp_path / "wind.csv").write_text("time,wind\n0,4\n1,5\n")
+    text = '[vary.wind_speed]\ndistribution = "table"\nfile = "wind.csv"\ncolumn = "wind"\n'
+    assert set(values(tmp_path, f"{text}[design]\nn = 50", "wind_speed")) == {4.0, 5.0}
+    text = (
+        '[vary.wind]\ndistribution = "covariance"\nnames = ["wind_speed", "wind_azimuth"]\n'
+        f"mean = [5, 1]\ncovariance = [[4, 1.2], [1.2, 1]]\n[design]\nn = {N}"
+    )
+    both = [values(tmp_path, text, name) for name in ("wind_speed", "wind_azimuth")]
+    # standard error of a variance of 4 is 4 √(2/N) = 0.13
+    assert np.cov(both) == pytest.approx(np.array([[4, 1.2], [1.2, 1]]), abs=0.4)
+
+
+def test_every_cell_of_a_grid_sees_the_same_samples(tmp_path):
+    text = (
+        '[vary.control_kp]\ndistribution = "grid"\nlow = 10\nhigh = 30\ncount = 3\n'
+        '[vary.wind_speed]\ndistribution = "uniform"\nlow = 0\nhigh = 5\n[design]\nn = 4'
+    )
+    runs = Runs(study(tmp_path, text))
+    rows = runs.values(range(runs.count))
+    assert [r["control_kp"] for r in rows[:3]] == [10.0, 20.0, 30.0]
+    assert rows[0]["wind_speed"] == rows[2]["wind_speed"] != rows[3]["wind_speed"]
+    assert [runs.sample(r) for r in (0, 2, 3)] == [0, 0, 1]
+
+
+def test_a_sensitivity_design_changes_one_column_at_a_time(tmp_path):
+    runs = Runs(study(tmp_path, linear(8, kind="sensitivity")))
+    a, b, one, other = runs.values(range(4))
+    assert runs.count == 32
+    assert (one["wind_speed"], one["wind_azimuth"]) == (b["wind_speed"], a["wind_azimuth"])
+    assert (other["wind_speed"], other["wind_azimuth"]) == (a["wind_speed"], b["wind_azimuth"])
+
+
+def test_the_response_has_the_bandwidth_asked_for():
+    model = response_model({"model.bandwidth_hz": 7.0, "model.damping": 0.4, "model.gain": 1.1})
+    channel = model.channel("x", "x")
+    s = 2j * np.pi * 7.0
+    gain = abs(np.polyval(channel.num, s) / np.polyval(channel.den, s))
+    assert gain == pytest.approx(1.1 / np.sqrt(2.0), rel=1e-9)
+    assert response_model({"model.slew_deg_s": 300.0}).servo.rate_limit == pytest.approx(5.23599)
+    assert set(RESPONSE) >= {"model.delay_s", "model.backlash_deg", "model.dead_band_deg"}
+
+
+VARY = '[vary.wind_speed]\ndistribution = "uniform"\nlow = 0\nhigh = 5\n'
+TWO = f"{VARY}[design]\nn = 2\n"
+SPEED = "[vary.wind_speed]\ndistribution = "
+PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azimuth']\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"\[vary\]: nothing varies"),
+        ("x = [", "not TOML"),
+        (f"{VARY}[desing]\nn = 1", r"\[desing\]: unknown section"),
+        (f"{VARY}[design]\nkind = 'random'", r"\[design\] n None: must be a whole number from 1"),
+        (f"{VARY}[design]\nn = true", r"\[design\] n True"),
+        (f"{VARY}[design]\nkind = 'grid'", "wind_speed is not a grid"),
+        (f"{TWO}[fly]\nseeed = 3", "unknown setting 'seeed'; did you mean seed"),
+        (f"{TWO}[fly]\nclock = 'wall'", "a campaign decides it"),
+        (f"{TWO}[fly]\ngimbal = '/dev/ttyUSB0'", "use `twin fly --repeat`"),
+        (f"{TWO}[measure]\nhit = 'closest_aproach_m < 5'", "did you mean closest_approach_m"),
+        (f"{TWO}[measure]\nhit = '__import__(1)'", "must be FIGURE <= NUMBER"),
+        (f"{TWO}[stop]\nstatistic = 'hit_rate'\nhalf_width = 1", "'hit_rate' is unknown"),
+        (f"{TWO}[stop]\nstatistic = 'cep_m'", "needs half_width"),
+        (f"{SPEED}'gauss'", "'gauss': must be one of normal"),
+        (f"{SPEED}'normal'\nmean = 1", "needs sd"),
+        (f"{SPEED}'normal'\nmean = 1\nsd = -1", "must be a positive number"),
+        (f"{SPEED}'uniform'\nlow = 2\nhigh = 1", "must be less than high"),
+        (f"{SPEED}'table'\nfile = 'no.csv'\ncolumn = 'a'", "no.csv"),
+        (f"{PAIR}mean = [0, 0]\ncovariance = [[1, 2], [2, 1]]", "and positive definite"),
+        (f"{VARY}{PAIR}mean = [0, 0]\ncovariance = [[1, 0], [0, 1]]", "wind_speed varies twice"),
+    ],
+)
+def test_a_mistake_in_a_study_is_one_line(tmp_path, text, message):
+    with pytest.raises(TwinError, match=message) as refused:
+        study(tmp_path, text)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("wind_sped", "did you mean wind_speed"), ("model.bandwith_hz", "model.bandwidth_hz"),
+     ("model.delay_s", "needs .fly. gimbal = 'transfer-function'"), ("gravity", "has 3 values")],
+)  # fmt: skip
+def test_an_unknown_parameter_is_refused_with_the_nearest_names(tmp_path, name, message):
+    text = f'[vary."{name}"]\ndistribution = "uniform"\nlow = 1\nhigh = 2\n[design]\nn = 2'
+    s = study(tmp_path, text)
+    with pytest.raises(TwinError, match=message):
+        binding(s.fly, s.vary)
+
+
+def test_a_shipped_study_is_named_without_its_ending():
+    from twin.campaigns.study import SHIPPED, read
+
+    for file in SHIPPED.glob("*.toml"):
+        s = read(file.stem)
+        binding(s.fly, s.vary)
+        assert Runs(s).count > 0
+    with pytest.raises(TwinError, match="one of dispersion"):
+        read("dispersal")

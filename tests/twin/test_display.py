@@ -1,0 +1,148 @@
+"""What a recording holds for the viewer: residual, bands, gaps, states, axes, plots that scale."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pyarrow as pa
+import pytest
+from rerun.chunk import RrdReader
+from scipy.spatial.transform import Rotation
+
+from analysis import recording
+from tests.twin import runs
+from twin.recorder import Recorder, plots, profile, states
+from twin.recorder.ghost import Ghost
+from twin.recorder.scene import bodies
+
+TICK_NS = 4_000_000
+SIGNALS = ("gimbal/command", "gimbal/simulated", "gimbal/measured", "gimbal/sigma")
+
+
+def rows_of(path: Path, entity: str, component: str) -> list[tuple[float, object]]:
+    """Time [s] and content of the rows of one component."""
+    found = []
+    for chunk in RrdReader(path).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        if component in batch.schema.names and "time" in batch.schema.names:
+            times = batch["time"].cast(pa.int64()).to_pylist()
+            found += [
+                (t * 1e-9, v) for t, v in zip(times, batch[component].to_pylist(), strict=True)
+            ]
+    return sorted(found, key=lambda row: row[0])
+
+
+@pytest.fixture(scope="module")
+def beside(tmp_path_factory):
+    """A run whose measured angle is the simulated one plus 0.5° and −0.2°, with a gap of 1 s."""
+    path = tmp_path_factory.mktemp("display") / "run.rrd"
+    offset = np.radians([0.5, -0.2])
+    flags = ("sensors/flags", "link/connected")
+    with Recorder(path, signals=(*SIGNALS, *flags), properties={}) as recorder:
+        row, at = recorder.row, recorder.slices
+        for tick in range(1000):
+            time = tick * TICK_NS * 1e-9
+            row[:] = np.nan
+            row[at["gimbal/command"]] = 0.0
+            row[at["gimbal/simulated"]] = simulated = runs.angle(time)
+            if not 2.0 < time < 3.0:
+                row[at["gimbal/measured"]] = simulated + offset
+                row[at["gimbal/sigma"]] = np.radians(0.05)
+            if tick in (0, 250, 500, 750):
+                row[at["sensors/flags"]] = {0: 0, 250: 1, 500: 3, 750: 5}[tick]
+            row[at["link/connected"]] = float(tick < 900)
+            recorder.commit(tick * TICK_NS, tick * TICK_NS)
+        recorder.health(0, "ok")
+    return path
+
+
+def test_the_residual_is_measured_minus_simulated_with_two_sigma_about_zero(beside):
+    rows = rows_of(beside, plots.RESIDUAL, "Scalars:scalars")
+    assert len(rows) == pytest.approx(300, abs=60)  # at most one in 10 ms, none in the gap
+    np.testing.assert_allclose(
+        [v for _, v in rows], np.tile([0.5, -0.2], (len(rows), 1)), atol=1e-9
+    )
+    entity = plots.band("residual", 0)
+    assert {v[0] for _, v in rows_of(beside, entity, "Measurements:values")} == {0.0}
+    variances = [v[0] for _, v in rows_of(beside, entity, "Measurements:variances")]
+    np.testing.assert_allclose(np.sqrt(variances), 0.1, rtol=1e-9)
+
+
+def test_a_gap_ends_the_line_and_nothing_else_does(beside):
+    (gap,) = rows_of(beside, "/gimbal/measured", "Clear:is_recursive")
+    assert gap[0] == pytest.approx(2.0, abs=TICK_NS * 1e-9)
+    assert rows_of(beside, "/gimbal/simulated", "Clear:is_recursive") == []
+    read = recording.read(beside)["gimbal/measured"]  # the reader does not see it
+    assert np.isfinite(read.values).all()
+    assert np.diff(read.time).max() == pytest.approx(1.0, abs=0.01)
+
+
+def test_states_change_where_flags_and_link_do(beside):
+    mode = rows_of(beside, f"{states.STATES}/mode", "StateChange:state")
+    assert [(round(t, 3), v[0]) for t, v in mode] == [
+        (0.0, "disarmed"), (1.0, "armed"), (2.0, "driving"), (3.0, "timed out"),
+    ]  # fmt: skip
+    link = rows_of(beside, f"{states.STATES}/link", "StateChange:state")
+    assert [(round(t, 3), v[0]) for t, v in link] == [(0.0, "connected"), (3.6, "lost")]
+    health = rows_of(beside, states.HEALTH, "StateChange:state")
+    assert [v for _, v in health] == [["ok"]]
+
+
+def test_the_ghost_has_the_commanded_attitude_and_the_axes_those_of_their_signals(tmp_path):
+    path = tmp_path / "flight.rrd"
+    runs.fly(path, 1.0)
+    rows = rows_of(path, "/world/ghost", "Transform3D:quaternion")
+    vehicle = dict(rows_of(path, "/world/vehicle", "Transform3D:quaternion"))
+    for time, (xyzw,) in rows[::10]:
+        x, y = runs.angle(time)
+        wanted = Rotation.from_quat(vehicle[time][0]) * Rotation.from_euler("XY", [x, y])
+        np.testing.assert_allclose(
+            (wanted.inv() * Rotation.from_quat(xyzw)).magnitude(), 0, atol=1e-6
+        )
+    time, (line,) = rows_of(path, "/world/axis/simulated", "LineStrips3D:strips")[20]
+    x, y = runs.angle(time - 0.05)
+    turn = Rotation.from_quat(vehicle[time][0]) * Rotation.from_euler("XY", [x, y])
+    along = np.subtract(line[1], line[0])
+    np.testing.assert_allclose(along / np.linalg.norm(along), turn.apply([0, 0, -1]), atol=1e-5)
+
+
+def test_phases_of_a_flight_and_commands_at_their_limit():
+    judge = states.States(["gimbal/command", "vehicle/thrust", "vehicle/velocity"], limit=0.14)
+    thrust = np.array([[0.0], [5.0], [5.0], [0.0], [0.0]])
+    velocity = np.array([[0, 0, 0], [0, 0, 5], [0, 0, 9], [0, 0, 3], [0, 0, -1.0]])
+    names = [states.PHASES[k] for k in judge._phase(thrust, velocity)]
+    assert names == ["before ignition", "thrust", "thrust", "coast", "descent"]
+    command = np.array([[0.14, 0.0], [0.14, 0.1], [-0.14, 0.14], [0.0, -0.14], [0.14, 0.14]])
+    assert judge._limited(command, thrust).tolist() == [0, 1, 3, 0, 0]
+
+
+def test_a_signal_without_a_row_has_no_plot(tmp_path):
+    path = tmp_path / "some.rrd"
+    names = ["gimbal/command", "gimbal/measured", "gimbal/simulated", "sensors/gyro"]
+    with Recorder(path, signals=names, properties={}) as recorder:
+        for tick in range(50):
+            recorder.row[:] = np.nan
+            recorder.row[recorder.slices["gimbal/command"]] = 0.1
+            recorder.commit(tick * TICK_NS, tick)
+        recorder.drain()
+        content = recorder._look.final(recorder._stream)
+    assert content.signals == ["gimbal/command"]
+    assert content.residual is None
+
+
+def test_a_mechanism_without_gimbal_joints_has_no_ghost():
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
+    assert not Ghost(model, bodies(model)).active
+
+
+@pytest.mark.parametrize(("extent", "step"), [(654.0, 200.0), (12.0, 5.0), (1339.0, 500.0)])
+def test_the_grid_has_a_round_step(extent, step):
+    assert profile.grid_step(extent) == step
+
+
+def test_a_plot_shows_the_stops_where_the_motion_comes_near_them():
+    stops = [(-10.0, 10.0)] * 2
+    far = plots.Known({"/gimbal/command": [(-1.0, 1.0), (-5.0, 5.0)]}, stops)
+    small, large = (plots.overlay("Gimbal", ["gimbal/command"], k, far) for k in (0, 1))
+    assert plots.STOPS not in small.contents
+    assert plots.STOPS in large.contents

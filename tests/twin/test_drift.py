@@ -1,0 +1,30 @@
+"""What changed in a gimbal beside its model."""
+
+import numpy as np
+import pytest
+
+from tests.benchmarks.drift import BEFORE, CHANGES, PERIOD, commands, drifted, made
+from twin.hil.resimulation import Resimulation, Variant
+from twin.plant.compiled import compiled
+
+
+@pytest.fixture(scope="module")
+def moved():
+    angles = commands(5, BEFORE + 8.0)
+    with compiled():
+        motions = Resimulation(made(angles)).motions([Variant(), CHANGES["backlash"]])
+    return angles, motions
+
+
+def test_a_servo_with_more_backlash_is_named_and_nothing_else(moved):
+    angles, (new, worn) = moved
+    late = round(BEFORE / PERIOD)
+    both = np.concatenate([new[:late], np.column_stack([new[late:, 0], worn[late:, 1]])])
+    seen = drifted(angles, both, 7)
+    assert [(c.axis, c.what.name) for c in seen.changes] == [("y", "backlash")]
+    change = seen.changes[0]
+    assert abs(change.since - BEFORE) < 0.8
+    assert abs(np.degrees(change.after - change.before) - 0.5) < 0.1
+    signals = seen.signals(made(angles)["gimbal/measured"])
+    assert signals["shadow/estimate/backlash"][1].shape[1] == 4
+    assert any(label == "CHANGED" for label, _ in seen.rows())

@@ -1,0 +1,165 @@
+"""The answers of a campaign from its rows."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from twin.campaigns.boundary import SHARE, Frontier, Property, region
+from twin.campaigns.dispersion import Ellipse, ellipse
+from twin.campaigns.runs import Runs
+from twin.campaigns.sensitivity import Influence, rank_influences, sobol_influences
+from twin.campaigns.statistic import PLACE, Estimate, mean, statistic, wilson
+from twin.campaigns.store import column, counted
+from twin.campaigns.study import Study
+
+Array = NDArray[np.float64]
+Rows = Any  # a table of pyarrow
+MEANS = ("closest_approach_m", "attitude_error_rms_deg", "apogee_m", "downrange_m")
+FIGURES = ("closest_approach_m", "attitude_error_rms_deg")  # whose influences are of interest
+CELL_KINDS = ("string",)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Runs of one value of a parameter with names, such as one servo.
+
+    Attributes
+    ----------
+    parameter, value : which
+    rate : of the first measure; None without one
+    figure : mean of the first figure of interest
+    """
+
+    parameter: str
+    value: str
+    rate: Estimate | None
+    figure: Estimate
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a campaign says.
+
+    Attributes
+    ----------
+    outcomes : how many runs ended how
+    estimates : statistics by name
+    figure : whose influences these are
+    influences : of the parameters
+    cells : runs by named value
+    places : dispersion of the ends; None where there are too few
+    map : region in which the first measure holds
+    frontier : between the two parameters with the smallest margins; None without them
+    text : the answer in a sentence
+    """
+
+    outcomes: Mapping[str, int]
+    estimates: Mapping[str, Estimate]
+    figure: str
+    influences: Mapping[str, Influence]
+    cells: tuple[Cell, ...]
+    places: Ellipse | None
+    map: tuple[Property, ...]
+    frontier: Frontier | None
+    text: str
+
+
+def answers(study: Study, runs: Runs, table: Rows) -> Answers:
+    """All answers that the rows allow."""
+    kept = counted(table)
+    p = study.confidence
+    numbers = {
+        c: column(kept, c) for c in runs.columns if str(kept.schema.field(c).type) == "double"
+    }
+    figure = next((f for f in FIGURES if np.isfinite(column(kept, f)).any()), FIGURES[-1])
+    values = column(kept, figure)
+    influences = rank_influences(numbers, values, p)
+    if study.kind == "sensitivity":
+        of_all = sobol_influences(runs.columns, column(table, figure), p)
+        influences = {
+            name: Influence(i.rank, *of_all.get(name, ())) for name, i in influences.items()
+        }
+    hits = column(kept, study.measures[0].name) if study.measures else None
+    found = None if hits is None else region(numbers, hits, study.nominal, p)
+    properties = () if found is None else found.properties
+    first = limiting(properties)
+    pair = None
+    if found is not None and len(first) > 1:
+        pair = found.frontier(first[1].name, first[0].name)
+    places = np.stack([column(kept, c) for c in PLACE], axis=1)
+    estimates = _estimates(study, kept)
+    cells = _cells(kept, runs, hits, values, p)
+    return Answers(
+        dict(Counter(table["outcome"].to_pylist()).most_common()), estimates, figure, influences,
+        cells, ellipse(places, p), properties, pair,
+        _sentence(study, estimates, cells, first),
+    )  # fmt: skip
+
+
+def limiting(properties: tuple[Property, ...]) -> list[Property]:
+    """Parameters with a margin, the smallest first."""
+    return sorted((p for p in properties if p.margin is not None), key=lambda p: p.margin or 0.0)
+
+
+def _estimates(study: Study, kept: Rows) -> dict[str, Estimate]:
+    """Statistics of the study: rates, the watched one, and those that every flight has."""
+    names = [f"{m.name}_rate" for m in study.measures]
+    if study.stop is not None:
+        names.append(study.stop.statistic.name)
+    names += ["cep_m", *(f"{f}_mean" for f in MEANS)]
+    made = {}
+    for name in dict.fromkeys(names):
+        s = statistic(name, study.measures)
+        value = s.of([column(kept, c) for c in s.columns], study.confidence)
+        if value.n:
+            made[name] = value
+    return made
+
+
+def _cells(
+    kept: Rows, runs: Runs, hits: Array | None, values: Array, confidence: float
+) -> tuple[Cell, ...]:
+    made = []
+    for name in runs.columns:
+        if str(kept.schema.field(name).type) not in CELL_KINDS:
+            continue
+        for value in pc.unique(kept[name]).to_pylist():
+            here = pc.equal(kept[name], value).to_numpy(zero_copy_only=False)
+            rate = None if hits is None else wilson(hits[here], confidence)
+            made.append(Cell(name, value, rate, mean(values[here], confidence)))
+    return tuple(made)
+
+
+def _sentence(
+    study: Study,
+    estimates: Mapping[str, Estimate],
+    cells: tuple[Cell, ...],
+    first: list[Property],
+) -> str:
+    if not study.measures:
+        e = estimates.get("cep_m")
+        return "" if e is None else f"Half of all flights end within {e.text(' m')} of their mean."
+    name = study.measures[0].name
+    e = estimates.get(f"{name}_rate")
+    if e is None:
+        return "No run counts."
+    text = f"{name} holds in {e.value:.1%} of {e.n} runs ({e.low:.1%} to {e.high:.1%})"
+    grids = {v.name for v in study.vary if v.kind == "grid"}
+    named = [c for c in cells if c.parameter in grids and c.rate is not None]
+    if named:
+        good = [c.value for c in named if c.rate is not None and c.rate.low >= SHARE]
+        text += f"; surely in {SHARE:.0%} with {len(good)} of {len(named)} {named[0].parameter}s"
+        text += f": {', '.join(good)}" if good else ""
+    if first and first[0].threshold is not None:
+        least, t = first[0], first[0].threshold
+        word = "at least" if least.better > 0 else "at most"
+        text += (
+            f"; {least.name} limits it first: {word} {t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
+            f" for {SHARE:.0%}, nominal is {least.margin:.2g} times better"
+        )
+    return text + "."

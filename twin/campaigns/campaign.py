@@ -1,0 +1,197 @@
+"""`twin campaign`: fly a study, continue it, report it, or fly one of its runs again."""
+
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from analysis.report import render
+from twin.campaigns.answers import answers
+from twin.campaigns.bundle import bundle
+from twin.campaigns.engine import Engine, Work, lost_row
+from twin.campaigns.page import sections
+from twin.campaigns.parameters import Binding, binding
+from twin.campaigns.progress import Progress
+from twin.campaigns.result import CampaignResult, Verdict
+from twin.campaigns.runs import Runs, flown, shown
+from twin.campaigns.statistic import FEWEST, Condition, Estimate, condition
+from twin.campaigns.store import Store, column, counted
+from twin.campaigns.study import Stop, Study, read
+from twin.config.campaign import Campaign
+from twin.errors import TwinError
+from twin.experiments.flight import FlightResult
+from twin.experiments.fly import fly
+
+WARM_UP_S = 0.05  # of a flight that loads what all others need
+
+
+def campaign(config: Campaign) -> CampaignResult | FlightResult:
+    """Do what `config.action` says with a study.
+
+    Raises
+    ------
+    TwinError : in one line, what is wrong
+    """
+    study = read(config.study)
+    if config.action == "refly":
+        return _refly(config, study)
+    began = time.perf_counter()
+    conditions = (*study.fail_if, *(condition(t, study.measures) for t in config.fail_if))
+    runs = Runs(study)
+    store = _store(config, study, runs)
+    new = 0
+    if config.action == "report":
+        store.check()
+    else:
+        bound = binding(study.fly, study.vary)
+        if config.action == "run":
+            store.begin(force=config.force)
+        else:
+            store.check()
+        with TemporaryDirectory(prefix="tvc-twin-") as scratch:
+            work = flown(study, runs, bound, Path(scratch))
+            _warm_up(bound)
+            new = flying(study, runs, store, work, config.workers)
+    made = result(study, runs, store, conditions, new, time.perf_counter() - began)
+    return made if not config.paths else _with_paths(config.paths, study, runs, store, made)
+
+
+def flying(study: Study, runs: Runs, store: Store, work: Work, workers: int | None = None) -> int:
+    """Fly what is missing, until the study's end or its stop; gives the number of runs flown.
+
+    Raises
+    ------
+    TwinError : rows cannot be written
+    """
+    done = sum(len(store.runs_of(p)) for p in store.present())
+    progress = Progress(store.count, done)
+    engine = Engine(
+        work, store, workers or os.cpu_count() or 1,
+        lambda r: lost_row(r, runs.sample(r), _shown(runs, r)), progress.flown,
+    )  # fmt: skip
+    enough = None if study.stop is None else _Watch(study.stop, store, progress)
+    store.tidy()
+    fragments, last = engine.fragments(), store.parts
+    try:
+        for part in fragments:
+            if enough is not None and enough(part):
+                last = part
+                break
+    except KeyboardInterrupt as interrupt:
+        interrupt.add_note(f"{store.folder} has the runs so far; `twin campaign resume` continues")
+        raise
+    finally:
+        fragments.close()  # ends the processes
+        store.tidy()
+        progress.close()
+    store.discard(last + 1)
+    return sum(len(store.runs_of(p)) for p in store.present()) - done
+
+
+class _Watch:
+    """Whether the interval of a statistic is narrow enough, fragment by fragment.
+
+    The rule looks at the width alone (Y. S. Chow, H. Robbins, Annals of Mathematical Statistics 36,
+    1965), never at the value, so that looking often favours no answer; the first look is after
+    `FEWEST` runs.
+    """
+
+    def __init__(self, stop: Stop, store: Store, progress: Progress) -> None:
+        self._stop, self._store, self._progress = stop, store, progress
+        self._columns: list[list[np.ndarray]] = [[] for _ in stop.statistic.columns]
+
+    def __call__(self, part: int) -> bool:
+        rows = counted(self._store.read(part))
+        for values, name in zip(self._columns, self._stop.statistic.columns, strict=True):
+            values.append(column(rows, name))
+        now = self._stop.statistic.of(
+            [np.concatenate(values) for values in self._columns], self._stop.confidence
+        )
+        self._progress.estimate(self._stop.statistic.name, now)
+        return now.n >= FEWEST and now.half_width <= self._stop.half_width
+
+
+def result(
+    study: Study,
+    runs: Runs,
+    store: Store,
+    conditions: Sequence[Condition],
+    new: int,
+    wall_s: float,
+) -> CampaignResult:
+    """The campaign in numbers, and its page.
+
+    Raises
+    ------
+    TwinError : there are no rows
+    """
+    table = store.table()
+    kept = counted(table)
+    verdicts = tuple(
+        Verdict(c.text, estimate, c.holds(estimate))
+        for c in conditions
+        for estimate in [_estimate(c, kept, study.confidence)]
+    )
+    page = store.folder / "report.html"
+    made = CampaignResult(
+        answers(study, runs, table), str(store.folder), str(page), "", runs.count,
+        table.num_rows, new, verdicts, wall_s,
+    )  # fmt: skip
+    render(sections(study, made, table), study.title, page, made.as_dict())
+    return made
+
+
+def _with_paths(
+    count: int, study: Study, runs: Runs, store: Store, made: CampaignResult
+) -> CampaignResult:
+    """The result with a recording of some paths."""
+    bound, out = binding(study.fly, study.vary), store.folder / "paths.rrd"
+    figure, about = made.answers.figure, f"# {study.title}\n\n{made.answers.text}"
+    bundle(out, runs, bound, store.table(), figure, count, about)
+    return replace(made, recording=str(out))
+
+
+def _estimate(c: Condition, kept: Any, confidence: float) -> Estimate:  # noqa: ANN401  a table
+    return c.statistic.of([column(kept, name) for name in c.statistic.columns], confidence)
+
+
+def _store(config: Campaign, study: Study, runs: Runs) -> Store:
+    folder = config.out if config.out and config.action != "refly" else Path("runs") / study.name
+    probe = _shown(runs, 0)
+    kinds = {c: str if isinstance(v, str) else float for c, v in probe.items()}
+    return Store(folder, study, runs.count, kinds)
+
+
+def _shown(runs: Runs, run: int) -> dict[str, Any]:
+    return {c: shown(v) for c, v in runs.values([run])[0].items()}
+
+
+def _warm_up(bound: Binding) -> None:
+    """Load and compile in this process what the forked ones then share.
+
+    Raises
+    ------
+    TwinError : the settings cannot be flown at all
+    """
+    config = bound.config({}, 0, Path())
+    fly(replace(config, duration_s=config.at_s + WARM_UP_S), recorded=False)
+
+
+def _refly(config: Campaign, study: Study) -> FlightResult:
+    runs = Runs(study)
+    run = config.run
+    assert run is not None  # by the settings
+    if run >= runs.count:
+        raise TwinError(f"run {run}: must be below {runs.count}, the runs of {study.name}")
+    folder = Path("runs") / study.name
+    out = config.out or folder / f"run-{run}.rrd"
+    values = runs.values([run])[0]
+    bound = binding(study.fly, study.vary)
+    with TemporaryDirectory(prefix="tvc-twin-") as scratch:
+        flight = bound.config(values, runs.sample(run), Path(scratch))
+        return fly(replace(flight, out=out, force=config.force))

@@ -1,0 +1,147 @@
+"""A campaign as a page that leads with its answer."""
+
+from typing import Any
+
+import numpy as np
+
+from analysis.report import Cell, Line, Panel, Plot, Section, Table
+from twin.campaigns.answers import Answers
+from twin.campaigns.boundary import SHARE
+from twin.campaigns.result import CampaignResult
+from twin.campaigns.statistic import PLACE, Estimate
+from twin.campaigns.store import column, counted
+from twin.campaigns.study import Study
+
+SHOWN = 2000  # points of a plot
+COLOURS = 6  # of the page
+
+
+def sections(study: Study, result: CampaignResult, table: Any) -> tuple[Section, ...]:  # noqa: ANN401
+    """Sections of the page.
+
+    Parameters
+    ----------
+    table : all rows
+    """
+    a, kept = result.answers, counted(table)
+    parts = [_answer(study, result)]
+    if a.map:
+        parts.append(_map(a))
+    if a.cells:
+        parts.append(_cells(a))
+    if a.influences:
+        parts.append(_influences(a, kept, study))
+    if a.places is not None:
+        parts.append(_footprint(a, kept, study))
+    return tuple(parts)
+
+
+def _answer(study: Study, result: CampaignResult) -> Section:
+    a = result.answers
+    rows: list[tuple[Cell | str, ...]] = [_estimate(n, e) for n, e in a.estimates.items()]
+    for v in result.verdicts:
+        word = {True: "failed", False: "passed", None: "undecided"}[v.holds]
+        rows.append((f"{v.text}: {word}", *_estimate("", v.estimate)[1:]))
+    head = ("statistic", "value", f"{study.confidence:.0%} interval", "runs")
+    ends = ", ".join(f"{n} {name}" for name, n in a.outcomes.items())
+    text = (a.text, f"{study.title}. {result.runs} of {result.planned} runs; {ends}.")
+    return Section("answer", "Answer", text, (Table(head, tuple(rows)),))
+
+
+def _estimate(name: str, e: Estimate) -> tuple[Cell | str, ...]:
+    interval = f"{e.low:.4g} to {e.high:.4g}" if np.isfinite(e.low) else "–"
+    return name, Cell(f"{e.value:.4g}", "number"), interval, Cell(str(e.n), "number")
+
+
+def _map(a: Answers) -> Section:
+    panels, lines, rows = [], [], []
+    for k, p in enumerate(a.map):
+        panels.append(
+            Panel(p.name, "share of hits" if k % 2 == 0 else "", k // 2, k % 2, x_label=p.name)
+        )
+        lines.append(Line("probability", p.values, p.share, "run0", k, low=p.low, high=p.high))
+        ends = np.array([p.values.min(), p.values.max()])
+        lines.append(Line(f"{SHARE:.0%}", ends, np.full(2, SHARE), "run1", k, "dash"))
+        t = p.threshold
+        limit = "none in its range" if t is None else f"{t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
+        margin = "–" if p.margin is None else f"{p.margin:.2g}"
+        word = "at least" if p.better > 0 else "at most"
+        rows.append((p.name, Cell(f"{p.nominal:.3g}", "number"), word, limit, margin))
+    caption = (
+        "Probability that the measure holds over each parameter with all others at their nominal"
+        " values, from a quadratic logistic regression over all runs; the band is the interval of"
+        " resampled runs."
+    )
+    plot = Plot("map", caption, "", tuple(panels), tuple(lines), panel_height=200)
+    head = ("parameter", "nominal", "needed", f"limit for {SHARE:.0%}", "margin")
+    about = "Margin: how many times better than its limit the nominal value is."
+    return Section(
+        "map", "Map: what the mission needs", (), (plot, Table(head, tuple(rows), about))
+    )
+
+
+def _cells(a: Answers) -> Section:
+    rows = []
+    for c in a.cells:
+        rate = ("–", "–") if c.rate is None else (
+            f"{c.rate.value:.1%}", f"{c.rate.low:.1%} to {c.rate.high:.1%}",
+        )  # fmt: skip
+        rows.append(
+            (c.parameter, c.value, Cell(rate[0], "number"), rate[1],
+             Cell(f"{c.figure.value:.3g}", "number"), Cell(str(c.figure.n), "number"))
+        )  # fmt: skip
+    head = ("parameter", "value", "success", "interval", f"mean {a.figure}", "runs")
+    return Section("values", "By value", (), (Table(head, tuple(rows)),))
+
+
+def _influences(a: Answers, kept: Any, study: Study) -> Section:  # noqa: ANN401
+    order = sorted(a.influences.items(), key=lambda item: -abs(item[1].rank.value))
+    rows = [
+        (name, *(_short(e) for e in (i.rank, i.first, i.total))) for name, i in order
+    ]  # fmt: skip
+    head = ("parameter", "partial rank correlation", "Sobol index, first order", "total")
+    names = [name for name, _ in order[:4]]
+    panels = tuple(
+        Panel(name, a.figure if k % 2 == 0 else "", k // 2, k % 2, x_label=name)
+        for k, name in enumerate(names)
+    )
+    some, labels = _some(kept, study)
+    lines = tuple(
+        Line("run", column(some, name), column(some, a.figure), "run0", k, "dots", labels=labels)
+        for k, name in enumerate(names)
+    )
+    caption = f"{a.figure} of the runs over the most influential parameters."
+    plot = Plot("scatter", caption, "", panels, lines)
+    table = Table(head, tuple(rows), f"Influence on {a.figure}, with intervals.")
+    return Section("influence", "What decides", (), (plot, table))
+
+
+def _short(e: Estimate | None) -> str:
+    return "–" if e is None else f"{e.value:+.2f} ({e.low:+.2f} to {e.high:+.2f})"
+
+
+def _footprint(a: Answers, kept: Any, study: Study) -> Section:  # noqa: ANN401
+    assert a.places is not None
+    some, labels = _some(kept, study)
+    outline = a.places.outline()
+    lines = (
+        Line("end of a run", column(some, PLACE[0]), column(some, PLACE[1]), "run0", 0, "dots",
+             labels=labels),
+        Line("ellipse of half the ends", outline[:, 0], outline[:, 1], "run1"),
+    )  # fmt: skip
+    caption = (
+        f"Ends of the runs. Deviations along the axes of the ellipse:"
+        f" {a.places.major.text(' m')} and {a.places.minor.text(' m')}. A point shows the command"
+        " that flies its run again."
+    )
+    panels = (Panel("Footprint", "north [m]"),)
+    plot = Plot("footprint", caption, "east [m]", panels, lines, panel_height=420)
+    return Section("footprint", "Where the runs end", (), (plot,))
+
+
+def _some(kept: Any, study: Study) -> tuple[Any, tuple[str, ...]]:  # noqa: ANN401
+    """Rows for a plot, evenly spaced, and the command for each."""
+    step = max(1, kept.num_rows // SHOWN)
+    some = kept.take(list(range(0, kept.num_rows, step)))
+    runs = some["run"].to_pylist()
+    return some, tuple(f"twin campaign refly {study.name} {run}" for run in runs)

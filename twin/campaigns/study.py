@@ -1,0 +1,222 @@
+"""A study file: what is flown, what varies, how it is sampled, what is measured, when it ends."""
+
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from analysis.files import FileError, content
+from twin.campaigns.design import KINDS
+from twin.campaigns.statistic import Condition, Measure, Statistic, condition, measure, statistic
+from twin.campaigns.vary import Varied, number, varied
+from twin.config import Fly
+from twin.config.base import hints
+from twin.errors import TwinError
+
+SHIPPED = Path(__file__).parent / "studies"
+LARGEST = 1_000_000  # bytes
+MOST_RUNS = 100_000_000
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+SECTIONS = ("study", "fly", "vary", "design", "measure", "stop", "fail_if")
+# settings of `fly` that a campaign decides itself
+OWN = ("out", "json", "force", "repeat", "within", "clock")
+FILES = ("vehicle", "mechanism", "model", "motor", "calibration", "set_from", "scene")
+VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba")
+
+
+@dataclass(frozen=True)
+class Stop:
+    """When a campaign has enough runs.
+
+    Attributes
+    ----------
+    statistic : whose interval is watched
+    half_width : of the interval that suffices
+    confidence : of the interval
+    """
+
+    statistic: Statistic
+    half_width: float
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """The content of a study file, validated.
+
+    Attributes
+    ----------
+    name : of the file, without its ending
+    title : what it asks, one line
+    fly : settings of the flight
+    vary : what varies
+    kind, n, seed : design, samples, seed
+    measures : figures that are true or false, from conditions on figures
+    stop : sequential stop; None to fly all
+    fail_if : conditions that a campaign must not meet
+    nominal : values that parameters keep in a map while another one varies
+    digest : of everything that decides a row, with the versions of the physics
+    text : the file
+    """
+
+    name: str
+    title: str
+    fly: Mapping[str, Any]
+    vary: tuple[Varied, ...]
+    kind: str
+    n: int
+    seed: int
+    measures: tuple[Measure, ...]
+    stop: Stop | None
+    fail_if: tuple[Condition, ...]
+    nominal: Mapping[str, float]
+    digest: str
+    text: str
+
+    @property
+    def confidence(self) -> float:
+        """Of every interval that is reported."""
+        return self.stop.confidence if self.stop else 0.95
+
+
+def read(place: str) -> Study:
+    """Read a study file, or a shipped study by its name.
+
+    Raises
+    ------
+    TwinError : in one line, what is wrong and where
+    """
+    file = Path(place)
+    if not file.suffix and not file.exists():
+        names = sorted(f.stem for f in SHIPPED.glob("*.toml"))
+        if place not in names:
+            raise TwinError(f"{place}: must be a study file (.toml) or one of {', '.join(names)}")
+        file = SHIPPED / f"{place}.toml"
+    try:
+        text = content(file, LARGEST).decode()
+        given = tomllib.loads(text)
+    except FileError as error:
+        raise TwinError(str(error)) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise TwinError(f"{file}: not TOML: {' '.join(str(error).split())}") from None
+    try:
+        return _study(file, given, text)
+    except TwinError as error:
+        raise TwinError(f"{file}: {error}") from None
+
+
+def _study(file: Path, given: dict[str, Any], text: str) -> Study:
+    for name, section in given.items():
+        if name not in SECTIONS:
+            raise TwinError(f"[{name}]: unknown section; there are {', '.join(SECTIONS)}")
+        if not isinstance(section, dict):
+            raise TwinError(f"{name}: must be a section [{name}]")
+    part = {name: given.get(name, {}) for name in SECTIONS}
+    _keys("study", part["study"], ("title",))
+    _keys("design", part["design"], ("kind", "n", "seed"))
+    fly = _fly(part["fly"], file.parent)
+    vary = tuple(varied(n, table, file.parent) for n, table in part["vary"].items())
+    if not vary:
+        raise TwinError("[vary]: nothing varies; give at least one [vary.NAME]")
+    columns = [c for v in vary for c in v.columns]
+    if twice := sorted({c for c in columns if columns.count(c) > 1}):
+        raise TwinError(f"[vary]: {twice[0]} varies twice")
+    kind, n, seed = _design(part["design"], vary)
+    measures = tuple(measure(n, t, columns) for n, t in part["measure"].items())
+    return Study(
+        name=file.stem, title=str(part["study"].get("title", file.stem))[:200], fly=fly, vary=vary,
+        kind=kind, n=n, seed=seed, measures=measures,
+        stop=_stop(part["stop"], measures), text=text,
+        fail_if=tuple(condition(str(t), measures) for t in part["fail_if"].values()),
+        nominal={n: float(t["nominal"]) for n, t in part["vary"].items() if "nominal" in t},
+        digest=_digest(part, fly, file.parent),
+    )  # fmt: skip
+
+
+def _keys(section: str, given: Mapping[str, Any], valid: tuple[str, ...]) -> None:
+    if unknown := sorted(set(given) - set(valid)):
+        raise TwinError(f"[{section}]: unknown key {unknown[0]!r}; there are {', '.join(valid)}")
+
+
+def _fly(given: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Settings of the flight, files relative to the study's folder."""
+    settings = dict(given)
+    for name in OWN:
+        if name in settings:
+            raise TwinError(f"[fly] {name}: a campaign decides it; leave it out")
+    for name in FILES:
+        value = settings.get(name)
+        if isinstance(value, str) and (folder / value.partition(":")[0]).is_file():
+            settings[name] = str(folder / value)
+    if not all(isinstance(k, str) for k in settings):
+        raise TwinError("[fly]: must have settings of `twin fly`")
+    config = Fly.of(settings)
+    if config.real_time or config.controller is not None:
+        what = f"gimbal {config.gimbal!r}" if config.real_time else "controller"
+        raise TwinError(
+            f"[fly] {what}: a campaign flies in simulation time with the attitude loop; use"
+            " `twin fly --repeat` for a rig on a port or an own controller"
+        )
+    return settings
+
+
+def _design(given: Mapping[str, Any], vary: tuple[Varied, ...]) -> tuple[str, int, int]:
+    kind = given.get("kind", "grid" if all(v.kind == "grid" for v in vary) else "random")
+    if kind not in KINDS:
+        raise TwinError(f"[design] kind {kind!r}: must be one of {', '.join(KINDS)}")
+    n, seed = given.get("n", 1 if kind == "grid" else None), given.get("seed", 0)
+    for name, value, low in (("n", n, 1), ("seed", seed, 0)):
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        if not whole or not low <= value <= MOST_RUNS:
+            raise TwinError(f"[design] {name} {value!r}: must be a whole number from {low}")
+    random = [v.name for v in vary if v.kind != "grid"]
+    if kind == "grid" and random:
+        raise TwinError(
+            f"[design] grid: {random[0]} is not a grid; take another kind, which flies its samples"
+            " in every cell of the grid"
+        )
+    if kind == "sensitivity" and len(random) < len(vary):
+        raise TwinError("[design] sensitivity: cannot have a grid; vary it as uniform or choice")
+    return kind, int(n), int(seed)
+
+
+def _stop(given: Mapping[str, Any], measures: tuple[Measure, ...]) -> Stop | None:
+    if not given:
+        return None
+    _keys("stop", given, ("statistic", "half_width", "confidence"))
+    if missing := {"statistic", "half_width"} - set(given):
+        raise TwinError(f"[stop]: needs {', '.join(sorted(missing))}")
+    confidence = number("[stop] confidence", given.get("confidence", 0.95))
+    if not 0.5 <= confidence < 1.0:
+        raise TwinError(f"[stop] confidence {confidence:g}: must be from 0.5 to below 1")
+    watched = statistic(str(given["statistic"]), measures)
+    half = number("[stop] half_width", given["half_width"], positive=True)
+    return Stop(watched, half, confidence)
+
+
+def _digest(part: Mapping[str, Any], fly: Mapping[str, Any], folder: Path) -> str:
+    """Digest of what decides a row: sections, files that they name, versions."""
+    total = hashlib.sha256()
+    deciding = {k: part[k] for k in ("fly", "vary", "design", "measure")}
+    deciding["vary"] = {  # the nominal values only belong to the map
+        name: {k: v for k, v in table.items() if k != "nominal"}
+        for name, table in part["vary"].items()
+    }
+    total.update(json.dumps(deciding, sort_keys=True, default=str).encode())
+    tables = [str(folder / v["file"]) for v in part["vary"].values() if "file" in v]
+    for name in (*(str(fly[k]) for k in FILES if k in fly and k in hints(Fly)), *tables):
+        path = Path(name.partition(":")[0])
+        if path.is_file():
+            total.update(path.read_bytes())
+    total.update(json.dumps(versions(), sort_keys=True).encode())
+    return total.hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions that decide the last bit of a row."""
+    return {name: version(name) for name in VERSIONS}

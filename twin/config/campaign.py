@@ -1,0 +1,49 @@
+"""Settings of `twin campaign`."""
+
+from dataclasses import KW_ONLY, dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from twin.config.options import Output
+from twin.config.types import POSITIONAL, Range, Texts
+from twin.errors import TwinError
+
+
+@dataclass(frozen=True)
+class Campaign(Output):
+    """Fly a study of many flights, and answer its question from their rows."""
+
+    group: ClassVar[str] = "campaign"
+
+    action: Annotated[Literal["run", "resume", "report", "refly"], POSITIONAL]
+    """run: fly the study from the beginning; resume: fly what is missing; report: write the page
+    again from the rows there are; refly: fly one run again with a full recording."""
+    study: Annotated[str, POSITIONAL]
+    """Study file (.toml), or a shipped study: dispersion, mechanism, servos, gains."""
+    run: Annotated[Annotated[int, Range(0, 10**9)] | None, POSITIONAL] = None
+    """Number of the run, for `refly`."""
+    _: KW_ONLY
+    workers: Annotated[int, Range(1, 256)] | None = None
+    """Processes that fly at the same time; one for each processor if omitted."""
+    fail_if: Texts = ()
+    """Condition on a statistic, for example "hit_rate < 0.95": exit code 1 where its interval
+    confirms it, 3 where it is undecided. Added to those of the study. Repeatable."""
+    paths: Annotated[int, Range(0, 1000)] = 0
+    """Runs to fly again for a recording with their paths, worst and median highlighted."""
+    out: Path | None = None
+    """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write."""
+
+    def validate(self) -> None:
+        """Refuse settings without effect.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        super().validate()
+        if (self.run is not None) != (self.action == "refly"):
+            raise TwinError(
+                "twin campaign refly: needs the number of a run, for example refly STUDY 17"
+                if self.run is None
+                else f"twin campaign {self.action}: takes no run number ({self.run})"
+            )

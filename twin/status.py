@@ -1,0 +1,106 @@
+"""What the program is doing, as one line on a terminal; silent where nothing is shown."""
+
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+Text = str | Callable[[], str]
+
+FIRST_S, PERIOD_S = 0.7, 0.25  # until the line appears, and between two of its updates
+_doing: Text = ""
+_about = ""
+_on = False  # whether a thread shows the line
+_lock = threading.Lock()
+_width = 0  # characters of the line that is shown
+
+
+def say(doing: Text) -> None:
+    """Set what is being done: a text, or a function that another thread may call at any time.
+
+    An empty text removes the line, before something else is printed.
+    """
+    global _doing
+    _doing = doing
+    if not doing:
+        with _lock:
+            _erase()
+
+
+@contextmanager
+def stage(about: str) -> Iterator[None]:
+    """Begin every status line of a block with this text."""
+    global _about
+    before, _about = _about, about
+    try:
+        yield
+    finally:
+        _about = before
+
+
+def note(line: str) -> None:
+    """Print a line on standard error that stays, in place of the status line."""
+    with _lock:
+        _erase()
+        print(line, file=sys.stderr, flush=True)
+
+
+def done(line: str) -> None:
+    """Print a line that stays where the status line is shown, and nothing elsewhere."""
+    if _on:
+        note(line)
+
+
+@contextmanager
+def shown() -> Iterator[None]:
+    """Show the status line during a block if standard error is a terminal."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    global _on
+    over = threading.Event()
+    thread = threading.Thread(target=_show, args=(over,), daemon=True, name="status")
+    thread.start()
+    _on = True
+    try:
+        yield
+    finally:
+        _on = False
+        over.set()
+        thread.join()
+        with _lock:
+            _erase()
+
+
+def _show(over: threading.Event) -> None:
+    seconds = FIRST_S
+    while not over.wait(PERIOD_S if seconds > FIRST_S else FIRST_S):
+        _draw(seconds)
+        seconds += PERIOD_S
+
+
+def _draw(seconds: float) -> None:
+    global _width
+    try:
+        text = _doing if isinstance(_doing, str) else _doing()
+    except Exception:  # what it reads may be closed meanwhile
+        return
+    room = shutil.get_terminal_size().columns - 1
+    line = f"{_about}{text} ({seconds:.0f} s)"
+    with _lock:
+        if not _doing:
+            return
+        try:
+            print(f"\r{line[:room]:<{min(_width, room)}}\r", end="", file=sys.stderr, flush=True)
+        except OSError:
+            return
+        _width = len(line)
+
+
+def _erase() -> None:
+    global _width
+    if _width:
+        room = shutil.get_terminal_size().columns - 1
+        print("\r" + " " * min(_width, room) + "\r", end="", file=sys.stderr, flush=True)
+        _width = 0
