@@ -64,11 +64,12 @@ docs-check: env
 	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
 
-# Writes what is generated: the typed signatures, the state diagrams and the tables of messages.
+# Writes what is generated: the typed signatures, the state diagrams, the tables of messages, the licences.
 generated: env
 	$(BIN)/python .ci/stub.py
 	$(BIN)/python .ci/states.py
 	$(BIN)/python .ci/protocol.py
+	$(BIN)/python .ci/licences.py
 
 # Renews the pinned lock; needs uv. The lock carries no registry address.
 lock:

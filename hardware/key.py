@@ -8,6 +8,7 @@ import contextlib
 import hmac
 import os
 import secrets
+import socket
 import stat
 from pathlib import Path
 
@@ -54,6 +55,8 @@ def configured() -> Path | None:
 def create(name: str) -> Path:
     """Write a new key to a file that only the user can read, and return its path.
 
+    Files of servers that were killed are removed.
+
     Parameters
     ----------
     name : of the file, in the first of `folders` that can be written
@@ -68,6 +71,7 @@ def create(name: str) -> Path:
             _make_private(folder)
             path = folder / name
             path.unlink(missing_ok=True)
+            _remove_stale(folder)
             _write(path)
         except OSError as caught:
             error = caught
@@ -137,7 +141,7 @@ def find(host: str, port: int) -> Path | None:
     return max((p for p in paths if p.is_file()), key=lambda p: p.stat().st_mtime, default=None)
 
 
-def file_name(port: int) -> str:
+def file_name(port: int | str) -> str:
     """Return the name of the key file of a server that makes a new key at every start."""
     return f"port-{port}.key"
 
@@ -156,6 +160,15 @@ def _make_private(folder: Path) -> None:
         raise PermissionError(f"{folder} belongs to another user")
     if status.st_mode & 0o077:
         folder.chmod(0o700)
+
+
+def _remove_stale(folder: Path) -> None:
+    """Remove the keys of ports on which no server listens; one that does has bound its port."""
+    for path in folder.glob(file_name("*")):
+        number = path.stem.removeprefix("port-")
+        with contextlib.suppress(OSError, ValueError, OverflowError), socket.socket() as probe:
+            probe.bind(("127.0.0.1", int(number)))
+            path.unlink()
 
 
 def _write(path: Path) -> None:

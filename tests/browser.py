@@ -8,11 +8,11 @@ import subprocess
 import tempfile
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from twin.viewer.opening import LOOPBACK, START_SECONDS, ViewerError
+from twin.viewer.process import LOOPBACK, START_SECONDS, ViewerError
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SETTLE_SECONDS = 180.0  # without a graphics card a frame takes a second or more
@@ -136,6 +136,16 @@ def settled(page: Page) -> bytes:
             return now
         last = now
     raise ViewerError(f"the page does not settle within {SETTLE_SECONDS:.0f} s")
+
+
+def shows(page: Page, wanted: Callable[[bytes], bool]) -> bytes:
+    """Return the page's first picture that shows what is wanted, the last one if none does."""
+    until = time.monotonic() + SETTLE_SECONDS
+    while True:
+        time.sleep(0.3)  # a page that is being opened has no picture
+        now = page.picture()
+        if wanted(now) or time.monotonic() > until:
+            return now
 
 
 def _page_address(process: subprocess.Popen[bytes], ready: Path) -> str:

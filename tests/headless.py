@@ -1,15 +1,20 @@
 """Pictures of a recording without a screen, in the native and in the web viewer."""
 
+import argparse
 import contextlib
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from PIL import Image
+
 from analysis import schema
 from tests import browser
-from twin.viewer.opening import LOOPBACK, START_SECONDS, ViewerError, free_port, running, serve_web
+from twin.viewer.process import LOOPBACK, START_SECONDS, ViewerError, free_port, running
+from twin.viewer.web import serve_web
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -159,3 +164,21 @@ def _steady(client: "ViewerClient") -> bytes:
             return now
         last = now
     return last
+
+
+def main() -> None:
+    """Picture a recording for the documentation, with few colours so that the file is small."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("recording", type=Path)
+    parser.add_argument("time", type=float, help="experiment time [s]")
+    parser.add_argument("picture", type=Path, help="PNG to write")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        look = screenshot(given.recording, [given.time], Path(folder), (1000, 620))
+        image = Image.open(look.pictures[0]).convert("RGB").quantize(128)
+    image.save(given.picture, optimize=True)
+    print(f"{given.picture}: {given.picture.stat().st_size / 1e3:.0f} kB", *look.complaints)
+
+
+if __name__ == "__main__":
+    main()

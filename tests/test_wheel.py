@@ -31,17 +31,42 @@ def unpacked(tmp_path_factory):
     return site
 
 
-def test_models_meshes_and_firmware_are_in_the_wheel(unpacked):
-    for name in ("mjcf/flight.xml", "mjcf/gimbal.json", "meshes/ring.stl", "twin/py.typed"):
+FILES = (
+    "mjcf/flight.xml", "mjcf/gimbal.json", "mjcf/parts/airframe.xml", "meshes/ring.stl",
+    "twin/py.typed", "twin/__init__.pyi", "twin/campaigns/studies/dispersion.toml",
+    "analysis/report/page.js", "hardware/firmware/tvc_gimbal/tvc_gimbal.ino",
+    "hardware/simavr/shim.c",
+)  # fmt: skip
+COMMANDS = (
+    "fly --duration-s 0.1",
+    "step --repeats 1 --hold-s 0.2 --out a.rrd",
+    "compare a.rrd --with linkage",
+    "report a.rrd --out a.html",
+    "parameters wind",
+)
+
+
+def test_models_meshes_firmware_and_studies_are_in_the_wheel(unpacked):
+    for name in FILES:
         assert (unpacked / name).is_file(), name
     tops = {p.name for p in unpacked.iterdir() if not p.name.endswith(".dist-info")}
     assert tops == {"mjcf", "meshes", "twin", "hardware", "analysis"}
 
 
-def test_the_wheel_flies_without_the_checkout(unpacked, tmp_path):
-    program = "import twin, sys; print(twin.__file__); from twin.cli.main import main; main()"
+def test_the_wheel_works_without_the_checkout(unpacked, tmp_path):
+    program = f"""
+import sys, twin
+from twin.cli.main import main
+print(twin.__file__)
+for line in {COMMANDS!r}:
+    try:
+        main(line.split())
+    except SystemExit as end:
+        if end.code:
+            sys.exit(line)
+"""
     done = subprocess.run(
-        [sys.executable, "-c", program, "fly", "--duration-s", "0.1", "--json"],
+        [sys.executable, "-c", program],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(unpacked)},
         capture_output=True,
@@ -51,3 +76,4 @@ def test_the_wheel_flies_without_the_checkout(unpacked, tmp_path):
     assert done.returncode == 0, done.stderr
     assert str(unpacked) in done.stdout.splitlines()[0]
     assert (tmp_path / "runs" / "latest-fly.rrd").is_file()
+    assert (tmp_path / "a.html").is_file()

@@ -10,7 +10,10 @@ from twin.errors import TwinError as TwinError
 from twin.campaigns.result import CampaignResult
 from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
+from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
+from twin.evaluation.export import ExportResult
+from twin.evaluation.history import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
 from twin.evaluation.linkage import PhysicsResult
@@ -49,6 +52,7 @@ def campaign(
     force: bool = ...,
     workers: int | None = ...,
     fail_if: tuple[str, ...] = ...,
+    reweight: str | None = ...,
     paths: int = ...,
 ) -> CampaignResult | FlightResult: ...
 def compare(
@@ -60,7 +64,7 @@ def compare(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,
@@ -70,6 +74,7 @@ def compare(
     ratio: float | None = ...,
     mechanism: str | PathLike[str] | None = ...,
     drift: bool = ...,
+    explain: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
 ) -> CompareResult: ...
@@ -107,6 +112,16 @@ def doctor(
     mechanism: str | PathLike[str] | None = ...,
     compile: bool = ...,
 ) -> DoctorResult: ...
+def export(
+    recording: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    to: Literal['csv', 'parquet', 'mat', 'mcap', 'kml', 'glb', 'usd'] = ...,
+    latitude_deg: float = ...,
+    longitude_deg: float = ...,
+    height_m: float = ...,
+) -> ExportResult: ...
 def fly(
     *,
     gimbal: str = ...,
@@ -148,6 +163,14 @@ def fly(
     duration_s: float = ...,
     repeat: int = ...,
 ) -> FlightResult | RepeatResult: ...
+def history(
+    folder: str | PathLike[str],
+    *,
+    out: str | PathLike[str] | None = ...,
+    force: bool = ...,
+    board: str | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> HistoryResult: ...
 def identify(
     *sources: str | PathLike[str],
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -157,7 +180,7 @@ def identify(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,
@@ -228,6 +251,14 @@ def mirror(
     serve: int | None = ...,
     control_hz: float = ...,
 ) -> MirrorResult: ...
+def parameters(
+    *words: str | PathLike[str],
+    set: dict[str, float] | tuple[str, ...] = ...,
+    set_from: str | PathLike[str] | None = ...,
+    scene: str = ...,
+    vehicle: str | PathLike[str] | None = ...,
+    mechanism: str | PathLike[str] | None = ...,
+) -> ParametersResult: ...
 def replay(
     recording: str | PathLike[str],
     *,
@@ -249,7 +280,7 @@ def report(
     time: str | None = ...,
     input: str | None = ...,
     angle: str | None = ...,
-    unit: str | None = ...,
+    angle_unit: str | None = ...,
     input_unit: str | None = ...,
     time_scale: float | None = ...,
     commands: str | PathLike[str] | None = ...,
@@ -321,8 +352,7 @@ def vehicle(
     mechanism: str | PathLike[str] | None = ...,
 ) -> VehicleResult | BuildResult | ImportResult: ...
 def view(
-    recording: str | PathLike[str],
-    *,
+    *recordings: str | PathLike[str],
     web: bool = ...,
     port: int = ...,
 ) -> int: ...

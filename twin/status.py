@@ -1,5 +1,6 @@
 """What the program is doing, as one line on a terminal; silent where nothing is shown."""
 
+import os
 import shutil
 import sys
 import threading
@@ -98,9 +99,24 @@ def _draw(seconds: float) -> None:
         _width = len(line)
 
 
+def _forget() -> None:
+    """In a forked process, which has no thread for the line, begin without one."""
+    global _lock, _on, _width
+    _lock, _on, _width = threading.Lock(), False, 0
+
+
 def _erase() -> None:
     global _width
     if _width:
         room = shutil.get_terminal_size().columns - 1
         print("\r" + " " * min(_width, room) + "\r", end="", file=sys.stderr, flush=True)
         _width = 0
+
+
+if hasattr(os, "register_at_fork"):
+    # no fork while the line is drawn: the child would inherit a lock that nobody releases
+    os.register_at_fork(
+        before=lambda: _lock.acquire(),
+        after_in_parent=lambda: _lock.release(),
+        after_in_child=_forget,
+    )

@@ -56,12 +56,14 @@ class Information:
     normal : JᵀJ (b, k, k)
     right : Jᵀr (b, k)
     noise : standard deviation of the angle's noise [rad]
+    count : of readings
     """
 
     time: Array
     normal: Array
     right: Array
     noise: float
+    count: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +110,7 @@ def information(time: Array, residual: Array, sensitivity: Array) -> Information
     variance = max(float(np.nanmedian(rest)), 1e-18)
     noise = float(np.sqrt(variance / (1.0 - memory**2)))
     return Information(time[0] + BLOCK * (np.arange(count) + 1.0), normal / variance,
-                       right / variance, noise)  # fmt: skip
+                       right / variance, noise, int(np.count_nonzero(valid)))  # fmt: skip
 
 
 def track(info: Information, prior: Array) -> Track:

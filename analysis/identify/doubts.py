@@ -21,16 +21,17 @@ _FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
 
 
 def stamp_warnings(records: Sequence[Measurement]) -> list[str]:
-    """One line if commands were only sampled, since delays are uncertain by that period."""
+    """What was left out of files, and whether commands were only sampled: then delays are open."""
+    left = [f"{r.name}: {r.note}" for r in records if r.note]
     late = max((r for r in records if r.doubt), key=lambda r: r.slack, default=None)
     if late is None:
-        return []
+        return left
     way = "too short" if late.stamps == "shown" else "too short or too long"
     text = f"{late.name}: commands have no stamps of their own: delays may be "
     text += (
         f"{1e3 * late.slack:.3g} ms {way}, which their intervals cover; give stamps (--commands)"
     )
-    return [text]
+    return [*left, text]
 
 
 def commanded(part: Part, own: int) -> bool:

@@ -147,7 +147,7 @@ def _linear(
             whole_jacobian(fit.solution),
             fit.solution.weighted,
             fit.problem.layout.size + fit.problem.layout.numerators,
-            _delay_place(fit.problem),
+            _delay_places(fit.problem),
         )
         found = channels.linear(
             fit, known, output, tuple(first.inputs[j] for j in choice.columns), longest
@@ -192,7 +192,7 @@ def _bounded(
         own = len(fit.theta) + 1
         known, stamps = _known(
             fit, fit.jacobian, fit.residual * fit.problem.weight, own,
-            fit.poles if alone.layout.free_delays else None,
+            [fit.poles] if alone.layout.free_delays else [],
         )  # fmt: skip
         channel, limits = channels.bounded(fit, known, first.outputs[i], first.inputs[i], longest)
         rows.append(
@@ -209,21 +209,21 @@ def _bounded(
     )
 
 
-def _delay_place(problem: Problem) -> int | None:
-    layout = problem.layout
-    return layout.delay_place(layout.free_delays[0]) if layout.free_delays else None
+def _delay_places(problem: Problem) -> list[int]:
+    return [problem.layout.delay_place(j) for j in problem.layout.free_delays]
 
 
 def _known(
-    fit: AxisFit | ServoFit, jacobian: Array, weighted: Array, own: int, delay: int | None
+    fit: AxisFit | ServoFit, jacobian: Array, weighted: Array, own: int, delays: Sequence[int]
 ) -> tuple[Uncertainty, float]:
     """Uncertainty of all parameters, of which `own` are no offsets; error of the stamps."""
     problem = fit.problem
     steps = step_of_row(problem)
     known = uncertainty(
-        jacobian, weighted, series_of(problem), steps, range(own), level_errors(problem, fit.noise)
-    )
+        jacobian, weighted, series_of(problem), steps, range(own),
+        level_errors(problem, fit.noise), delays,
+    )  # fmt: skip
     late = float("nan")
-    if delay is not None and known.disagree:
-        late = stamp_error(jacobian[:, delay], weighted, steps)
+    if delays and known.disagree:
+        late = stamp_error(jacobian[:, delays[0]], weighted, steps)
     return known, late

@@ -30,6 +30,7 @@ class Uncertainty:
     white : under white noise and the rounding of sensors quieter than their step
     colour : under noise as coloured as the residual, or None where that is white
     steps : over whole steps, or None with too few
+    late : what the error of each step's time does to the parameters (steps, all), or None
     freedom : degrees of freedom of `colour` and of `steps`
     spread : deviation over whole steps, over that under white noise: median of the channels'
         parameters, NaN if unknown
@@ -38,6 +39,7 @@ class Uncertainty:
     white: Array
     colour: Array | None
     steps: Array | None
+    late: Array | None
     freedom: tuple[float, float]
     spread: float
 
@@ -68,13 +70,21 @@ class Uncertainty:
             own = cov[np.ix_(places, places)] + np.diag(doubt**2)
             return np.sqrt(np.clip(np.diag(propagated(function, at, own)), 0.0, None))
 
+        def freedom(std: Array) -> Array:
+            if self.late is None:
+                return np.full(len(std), self.freedom[1])
+            spread = np.sqrt(np.diag(self.white)[places] + doubt**2)
+            late = self.late[:, places] @ slope_of(function, at, spread).T
+            return freedom_of(late, std**2, self.freedom[1])
+
         std = white = of(self.white)
         if self.colour is not None:
             std = np.maximum(std, of(self.colour) * few(self.freedom[0]))
         if self.steps is not None:
             steps = of(self.steps)
-            far = steps > self.limit * white
-            std = np.where(far, np.maximum(std, steps * few(self.freedom[1])), std)
+            far = self.disagree | (steps > self.limit * white)
+            wide = steps * np.array([few(f) for f in freedom(steps).tolist()])
+            std = np.where(far, np.maximum(std, wide), std)
         return np.asarray(std)
 
     @property
@@ -98,6 +108,7 @@ def uncertainty(
     steps: NDArray[np.intp],
     own: Sequence[int],
     levels: tuple[NDArray[np.intp], Array],
+    delays: Sequence[int],
 ) -> Uncertainty:
     """All covariances of a weighted fit.
 
@@ -109,6 +120,7 @@ def uncertainty(
     steps : number of the step of each row (rows,)
     own : parameters that are no sensor's offset
     levels : group of each row that shares a rounding, and that error over sigma (rows,)
+    delays : parameters that are delays
     """
     white = covariance(jacobian)
     white = white + of_levels(jacobian, white, *levels)
@@ -119,7 +131,11 @@ def uncertainty(
     if found is not None:
         ratio = np.sqrt(np.diag(found)[own] / np.maximum(np.diag(white)[own], 1e-300))
         spread = float(np.median(ratio))
-    return Uncertainty(white, colour, found, (freedom, float(count)), spread)
+    late = None
+    if found is not None and delays:
+        error = stamp_error(jacobian[:, delays[0]], weighted, steps)
+        late = np.nan_to_num(error) * late_steps(jacobian, white, steps, delays)
+    return Uncertainty(white, colour, found, late, (freedom, float(count)), spread)
 
 
 def whole_jacobian(solution: Solution) -> Array:
@@ -181,6 +197,32 @@ def of_steps(jacobian: Array, weighted: Array, steps: NDArray[np.intp]) -> Array
     moves = np.linalg.solve(whole - normal + anchor, -pull[:, :, None])[:, :, 0] / scale
     spread = np.cov(moves, rowvar=False, bias=True) * (count - 1)
     return np.asarray(np.atleast_2d(spread))
+
+
+def late_steps(
+    jacobian: Array, cov: Array, steps: NDArray[np.intp], delays: Sequence[int]
+) -> Array:
+    """What commands of one step that are dated a second late do to the parameters (steps, all)."""
+    shift = jacobian[:, list(delays)].sum(axis=1)
+    _, steps = np.unique(steps, return_inverse=True)
+    pull = np.zeros((int(steps.max()) + 1, jacobian.shape[1]))
+    np.add.at(pull, steps, jacobian * shift[:, None])
+    return np.asarray(pull @ cov)
+
+
+def freedom_of(late: Array, variance: Array, most: float) -> Array:
+    """Degrees of freedom of the variances over steps (m,), of which late stamps are a part.
+
+    `late` (steps, m) is what each step's error does to each figure, `most` what equal steps have.
+    By design, not from the residual: with a fast gimbal the delay rests on the few steps of which a
+    reading falls on the flank, and where these err alike by chance their scatter does not show it
+    (Bell and McCaffrey, Survey Methodology 28, 2002).
+    """
+    square = late**2
+    own = square.sum(axis=0) ** 2 / np.maximum((square**2).sum(axis=0), 1e-300) - 1.0
+    part = np.minimum(square.sum(axis=0), variance)
+    spread = part**2 / np.maximum(own, 1.0) + (variance - part) ** 2 / most
+    return np.asarray(variance**2 / np.maximum(spread, 1e-300))
 
 
 def of_colour(
@@ -263,12 +305,16 @@ def stamp_error(slope: Array, weighted: Array, steps: NDArray[np.intp]) -> float
 
 
 def propagated(function: Callable[[Array], Array], at: Array, cov: Array) -> Array:
-    """Covariance of a function of the parameters (m, m), by central differences."""
-    spread = np.sqrt(np.clip(np.diag(cov), 0.0, None))
+    """Covariance of a function of the parameters (m, m)."""
+    slope = slope_of(function, at, np.sqrt(np.clip(np.diag(cov), 0.0, None)))
+    return np.asarray(slope @ cov @ slope.T)
+
+
+def slope_of(function: Callable[[Array], Array], at: Array, spread: Array) -> Array:
+    """Derivative of a function of the parameters (m, n), by central differences."""
     columns = []
     for i, step in enumerate(spread):
         shift = np.zeros(len(at))
         shift[i] = max(1e-3 * step, 1e-9 * abs(at[i]), 1e-12)
         columns.append((function(at + shift) - function(at - shift)) / (2.0 * shift[i]))
-    slope = np.stack(columns, axis=1)
-    return np.asarray(slope @ cov @ slope.T)
+    return np.stack(columns, axis=1)

@@ -109,7 +109,8 @@ def measurement_of_table(
     # reports name a run by the gimbal seat of its recording; a table has only its file name
     named = Recording({"configuration": {"gimbal": table.source}}, {})
     both = columns.unit is not None and columns.input_unit is not None
-    return replace(run, recording=named, units="given" if both else "assumed")
+    note = table.note or (given or table).note
+    return replace(run, recording=named, units="given" if both else "assumed", note=note)
 
 
 def commands_of_table(

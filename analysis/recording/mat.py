@@ -1,4 +1,4 @@
-"""The reader of MATLAB files: `python -m analysis.recording.mat`, a process with limits.
+"""Reader of MATLAB and Parquet files: `python -m analysis.recording.mat`, a process with limits.
 
 SciPy's reader crashes on some files with a few changed bytes. Standard input has the file;
 standard output a line of JSON, the names and lengths of the columns, then their values as float64.
@@ -18,6 +18,8 @@ from analysis.array import Array
 
 MOST_COLUMNS = 512
 MOST_VALUES = 20_000_000
+PARQUET = b"PAR1"
+NUMERIC = frozenset(["double", "float", "int8", "int16", "int32", "int64", "uint8", "uint16"])
 DEEPEST = 3  # levels of structs
 
 
@@ -28,6 +30,8 @@ def columns(content: bytes) -> dict[str, Array]:
     ------
     ValueError : too many variables or values, or no columns
     """
+    if content.startswith(PARQUET):
+        return _of_parquet(content)
     listing = whosmat(io.BytesIO(content))  # type: ignore[arg-type]
     total = sum(math.prod(shape) for _, shape, _ in listing)
     if len(listing) > MOST_COLUMNS or total > MOST_VALUES:
@@ -45,6 +49,23 @@ def columns(content: bytes) -> dict[str, Array]:
     if not found:
         raise ValueError("holds no numeric columns")
     return found
+
+
+def _of_parquet(content: bytes) -> dict[str, Array]:
+    from pyarrow import parquet
+
+    file = parquet.ParquetFile(io.BytesIO(content))
+    about = file.metadata
+    if about.num_columns > MOST_COLUMNS or about.num_columns * about.num_rows > MOST_VALUES:
+        raise ValueError(f"holds {about.num_columns} columns with {about.num_rows} rows; too many")
+    table = file.read(use_threads=False)
+    numeric = [n for n in table.column_names if str(table.schema.field(n).type) in NUMERIC]
+    if not numeric:
+        raise ValueError("holds no numeric columns")
+    return {
+        name: np.array(table[name].cast("float64").to_numpy(zero_copy_only=False), np.float64)
+        for name in numeric
+    }
 
 
 def _collect(found: dict[str, Array], name: str, value: object, depth: int) -> None:
@@ -81,7 +102,8 @@ def main() -> None:
     except (MatReadError, Exception) as error:  # hostile bytes fail anywhere in the reader
         plain = type(error) is ValueError and str(error).startswith("holds ")
         kind = type(error).__name__
-        limited.refuse(str(error) if plain else f"is not a readable MATLAB file ({kind})")
+        what = "Parquet" if content.startswith(PARQUET) else "MATLAB"
+        limited.refuse(str(error) if plain else f"is not a readable {what} file ({kind})")
     else:
         sys.stdout.buffer.write(json.dumps({k: len(v) for k, v in found.items()}).encode() + b"\n")
         for values in found.values():

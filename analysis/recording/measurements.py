@@ -40,6 +40,7 @@ class Measurement:
     units : whether the units of readings and commands were both given, or one was assumed
     name : used in messages and reports
     recording : the recording it was taken from; empty for a table
+    note : what of its file was left out, in one line; "" where nothing was
     shift : added to the recording's stamps to align it with another [s]
 
     Raises
@@ -57,6 +58,7 @@ class Measurement:
     units: Literal["given", "assumed"] = "assumed"
     name: str = "record"
     recording: Recording = field(default_factory=lambda: Recording({}, {}), repr=False)
+    note: str = ""
     shift: float = 0.0
 
     def __post_init__(self) -> None:

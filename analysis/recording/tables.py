@@ -1,4 +1,4 @@
-"""Measurements as tables: CSV and MATLAB files with named columns, from anybody's rig."""
+"""Measurements as tables: CSV, MATLAB and Parquet files with named columns, from anybody's rig."""
 
 import csv
 import io
@@ -24,7 +24,8 @@ MOST_COLUMNS = 512
 MOST_ROWS = 20_000_000
 LONGEST_FIELD = 256  # characters
 
-KINDS = frozenset({".csv", ".tsv", ".txt", ".mat"})
+BINARY = frozenset({".mat", ".parquet"})
+KINDS = frozenset({".csv", ".tsv", ".txt"}) | BINARY
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +37,13 @@ class Table:
     columns : name → values (n,), NaN where a field is empty; lengths may differ (MATLAB files)
     source : the file's name
     unusable : name → what is wrong with a column of text or infinities
+    note : what of the file was left out, in one line; "" where nothing was
     """
 
     columns: Mapping[str, Array]
     source: str
     unusable: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
 
     def column(self, name: str) -> Array:
         """One column (n,).
@@ -71,7 +74,7 @@ class Table:
 
 
 def read(path: Path | str) -> Table:
-    """Read a .csv (or .tsv, .txt) or .mat file.
+    """Read a .csv (or .tsv, .txt), .mat or .parquet file.
 
     Raises
     ------
@@ -80,8 +83,8 @@ def read(path: Path | str) -> Table:
     path = Path(path)
     kind = path.suffix.lower()
     if kind not in KINDS:
-        raise AnalysisError(f"{path}: '{kind}' is no table; .csv, .tsv, .txt and .mat are")
-    return _read_mat(path) if kind == ".mat" else _read_csv(path)
+        raise AnalysisError(f"{path}: '{kind}' is no table; {', '.join(sorted(KINDS))} are")
+    return _read_mat(path) if kind in BINARY else _read_csv(path)
 
 
 def _read_csv(path: Path) -> Table:
@@ -107,12 +110,14 @@ class _Lines:
     def __init__(self, file: Iterable[str]) -> None:
         self._file = iter(file)
         self.comment = ""  # the last one
+        self.ended = True  # the last line that was given has its end
 
     def __iter__(self) -> Iterator[str]:
         return self
 
     def __next__(self) -> str:
         line = next(self._file)
+        self.ended = line.endswith(("\n", "\r"))
         if not line.startswith("#"):
             return line
         self.comment = line.lstrip("# ").rstrip()
@@ -145,11 +150,15 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     _check_names(path, names)
     values: list[list[float]] = []
     unusable: dict[str, str] = {}
+    note = ""
     for row in islice(rows, MOST_ROWS + 1):
         if not any(f.strip() for f in row):
             continue
         if len(row) == len(names) + 1 and not row[-1].strip():
             row.pop()
+        if len(row) < len(names) and values and not lines.ended:
+            note = f"row {reader.line_num}, the last, is cut off and was left out"
+            break
         if len(row) != len(names):
             raise AnalysisError(
                 f"{path}: row {reader.line_num} has {len(row)} fields, the header {len(names)}"
@@ -167,7 +176,7 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     if not values:
         raise AnalysisError(f"{path}: a header but no rows")
     table = np.array(values)
-    return _frozen(path, {name: table[:, i] for i, name in enumerate(names)}, unusable)
+    return _frozen(path, {name: table[:, i] for i, name in enumerate(names)}, unusable, note)
 
 
 def _check_names(path: Path, names: Sequence[str]) -> None:
@@ -223,7 +232,9 @@ def _read_mat(path: Path) -> Table:
     return _frozen(path, columns, unusable)
 
 
-def _frozen(path: Path, columns: dict[str, Array], unusable: dict[str, str]) -> Table:
+def _frozen(
+    path: Path, columns: dict[str, Array], unusable: dict[str, str], note: str = ""
+) -> Table:
     for values in columns.values():
         values.setflags(write=False)
-    return Table(MappingProxyType(columns), path.name, MappingProxyType(unusable))
+    return Table(MappingProxyType(columns), path.name, MappingProxyType(unusable), note)

@@ -30,7 +30,7 @@ def main(folder):
     csv = folder / "measured.csv"
     log(csv)
     identified = twin.identify(
-        csv, time="t", input="u_x,u_y", angle="x,y", unit="deg", input_stamps="sampled",
+        csv, time="t", input="u_x,u_y", angle="x,y", angle_unit="deg", input_stamps="sampled",
         out=folder / "model.json",
     )  # fmt: skip
     for e in identified.model.estimates:

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 NEUTRAL = constants.PULSE_NEUTRAL * constants.TICK  # s
 SHAFT_PER_GIMBAL = 2.25  # of the designed linkage, about zero
-LARGEST_DEVIATION = radians(0.25)  # play and waviness of the potentiometers stay below
+LARGEST_DEVIATION = radians(0.4)  # sound rigs stay below: 0.10 to 0.32° in 16 units
 EXACT: Covariance = ((0.0,) * 6,) * 6
 
 

@@ -19,11 +19,13 @@ CONFIRM = 0.03  # s outside of the limits until an axis is at fault
 NAMING = 0.3  # s from then on until its kind is named
 AGREED = 0.05  # s; a servo that has agreed for a shorter time was away from its command all along
 FIRST = radians(1.0)  # commanded before such a servo is at fault,
-WAIT, AT_REST = 0.2, 2.5  # and the time since then; or time outside without a command [s]
+WAIT, WAIT_FOR_OTHER = 0.2, 0.27  # s since then, and since the other axis was
+AT_REST = 2.5  # s outside without a command
 FAR = radians(2.0)  # outside, that needs no wait
+TAKEN = radians(0.7)  # moved along with the other axis
 AT_STOP = 0.85  # of the stop; a servo that is there without command has run away
 MOVED = radians(1.2)  # expected motion that tells a constant offset from standing still
-JUMP = radians(40.0)  # rad/s faster than expected; a servo that jams or loses power is not
+JUMP = radians(80.0)  # rad/s faster than expected; a servo that jams or loses power is not
 MARGIN = radians(0.6)  # of the gyro's integral from the measured angle
 LATE = 0.012  # s; delays of gyro and command
 COUPLED = 0.1  # of the other axis's error, moved by linkage and play
@@ -116,14 +118,15 @@ class Actuation:
             else:
                 servo.outside = max(0.0, servo.outside - dt)
                 servo.narrow(angle[k], tolerance, dt, self.tolerance[k])
-            if servo.displaced or (servo.agreed < AGREED and servo.outside > CONFIRM):
-                servo.displaced += dt
+            if servo.agreed < AGREED:
+                if servo.displaced or servo.outside > CONFIRM:
+                    servo.displaced += dt
                 if servo.moving or servo.moved > FIRST:
                     servo.moving += dt
             self._follow(k, angle, rate[k], turned, tolerance, dt)
             if self.kinds[k]:
                 self._name(k, angle, rate[k], turned, dt)
-            elif self._due(k, excess):
+            elif self._due(k, excess, angle[k]):
                 self.kinds[k], self.naming[k] = UNNAMED, NAMING
                 self._anchor(self.after[k], k, angle)
                 if turned is not None and self._misread(k, angle[k], rate[k]):
@@ -139,7 +142,8 @@ class Actuation:
         near = away < NEAR * tolerance
         if near and not servo.displaced and abs(servo.command - servo.first) > FIRST:
             servo.agreed += dt
-        resting = servo.agreed < AGREED and not servo.outside and servo.rests and other.rests
+        began = servo.moving or other.moving or servo.outside
+        resting = servo.agreed < AGREED and not began and servo.rests and other.rests
         if not self.kinds[k] and (near or resting):
             self._anchor(self.before[k], k, angle)
             return
@@ -149,13 +153,15 @@ class Actuation:
             if turned is not None:
                 motion.gyro += turned[k]
 
-    def _due(self, k: int, excess: float) -> bool:
+    def _due(self, k: int, excess: float, angle: float) -> bool:
         """Return whether an axis is at fault now."""
         servo = self.axes[k]
-        if servo.displaced:
-            far = servo.moving > CONFIRM and abs(excess) > FAR
-            return far or servo.moving > WAIT or servo.displaced > AT_REST
-        return excess != 0.0 and servo.outside > CONFIRM
+        if not servo.displaced:
+            return excess != 0.0 and servo.outside > CONFIRM
+        far = servo.moving > CONFIRM and abs(excess) > FAR
+        taken = abs(angle - self.before[k].start[0]) > TAKEN
+        by_other = taken and self.axes[1 - k].moving > WAIT_FOR_OTHER
+        return far or by_other or servo.moving > WAIT or servo.displaced > AT_REST
 
     def _misread(self, k: int, angle: float, rate: float) -> bool:
         """Return whether the gyro moved with the command and against the measured angle."""

@@ -16,6 +16,7 @@ QUICK = 0.016  # s; each of two lags of the expected motion
 SWING = 0.12  # s; a servo that overshoots comes back with it
 NARROWING = 0.03  # s; with which a frame narrows the interval of the offset
 RELAXING = radians(0.05)  # rad/s; with which the interval widens again
+BEGINNING = 0.15  # s; servos go from neutral to their first command
 STEADY = radians(0.02)  # of a command that does not move
 NARROWEST = radians(0.3)  # of the interval: noise of the angle, and waviness of the potentiometers
 
@@ -68,12 +69,13 @@ class ServoAxis:
     low, high : angles a healthy servo is between, offset and tolerance aside [rad]
     swing : overshoot that may still be under way [rad]
     stood, first : command at rest, before the present motion, and when first driven [rad]
+    age : time since then [s]
     least, greatest, window : commands of the latest time windows [rad], and the age of the last [s]
     lowest, highest : between which the offset of the angle is [rad]
     outside : time for which no offset has explained the angle [s]
     agreed : time for which command and angle have agreed away from the first command [s]
-    displaced, moving : time since it was seen outside without having agreed, and since its command
-        then moved by a degree [s]
+    displaced, moving : without having agreed, time since it was outside, and since its command has
+        moved by a degree [s]
     """
 
     command: float = 0.0
@@ -84,6 +86,7 @@ class ServoAxis:
     swing: float = 0.0
     stood: float = 0.0
     first: float = 0.0
+    age: float = 0.0
     least: list[float] = field(default_factory=lambda: [0.0] * WINDOWS)
     greatest: list[float] = field(default_factory=lambda: [0.0] * WINDOWS)
     window: float = 0.0
@@ -122,14 +125,15 @@ class ServoAxis:
         self.least[:] = [self.low] * WINDOWS
         self.greatest[:] = [self.high] * WINDOWS
         self.lowest, self.highest = -given.offset, given.offset
-        self.swing = self.window = self.outside = 0.0
+        self.swing = self.window = self.outside = self.age = 0.0
         self.agreed = self.displaced = self.moving = 0.0
 
     def advance(self, command: float, dt: float, limits: ServoLimits) -> None:
         """Move the limits by dt [s] under a command [rad]."""
         command = min(max(command, -GIMBAL_STOP), GIMBAL_STOP)
-        if self.rests:
-            self.stood = command
+        self.age += dt
+        if self.age < BEGINNING:
+            self.first = command
         if command != self.command:
             self.swing += limits.overshoot * abs(command - self.command)
             self.command = command
@@ -142,6 +146,8 @@ class ServoAxis:
             self.greatest[:] = (*self.greatest[1:], command)
         self.least[-1] = min(self.least[-1], command)
         self.greatest[-1] = max(self.greatest[-1], command)
+        if self.rests or self.age < BEGINNING:
+            self.stood = command
         low, high = min(self.least), max(self.greatest)
         slow = limits.speed * dt
         share = min(1.0, dt / limits.lag)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.identify import expectations, fit_to, identify
+from analysis.identify.uncertainty import freedom_of
 from analysis.recording import measurement
 from tests.benchmarks import coverage
 from tests.benchmarks.identification import Gimbal, moved, random_steps
@@ -75,3 +76,12 @@ def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
         assert error < 2.0 * expected[e.name].half
     assert expected["x rate limit"].enough == (kind == "exact")
     assert np.isinf(expected["x backlash"].half) == (kind == "single")
+
+
+def test_the_freedom_of_a_variance_is_that_of_the_steps_which_carry_the_figure():
+    """Of n equal errors n − 1, as in Student's t; of two that outweigh all others one."""
+    equal, two = np.full((11, 1), 0.3), np.array([[1.0], [1.0], *[[1e-3]] * 9])
+    assert freedom_of(equal, (equal**2).sum(axis=0), 11.0) == pytest.approx([10.0])
+    assert freedom_of(two, (two**2).sum(axis=0), 11.0) == pytest.approx([1.0], abs=1e-3)
+    # where late stamps explain nothing of the variance, its steps count alike
+    assert freedom_of(two, np.array([1e6]), 11.0) == pytest.approx([11.0], rel=1e-4)

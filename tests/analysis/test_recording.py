@@ -19,7 +19,7 @@ from analysis.recording import reader as recording
 from tests.twin import runs
 from twin import viewer
 from twin.recorder import Recorder
-from twin.viewer import opening
+from twin.viewer import process
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_long_properties_survive_optimising_and_repair(tmp_path, cut):
         mended = viewer.repaired(whole)
     else:
         options = ["rrd", "optimize", whole, "-o", mended]
-        subprocess.run([opening.binary(), *options], check=True, capture_output=True)
+        subprocess.run([process.binary(), *options], check=True, capture_output=True)
     found = [b for _, b in rrd.batches(mended, {recording.PROPERTIES})]
     assert len(found) == 2, "the file is not of the kind this test is about"
     run = recording.read(mended)

@@ -212,3 +212,16 @@ def test_numbers_survive_a_csv(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("round") / "x.csv"
     path.write_text("v,w\n" + "".join(f"{v!r},0\n" for v in values), encoding="utf-8")
     assert read(path).column("v").tolist() == values
+
+
+@pytest.mark.parametrize("end", ["3.0,0.1", "3.0", "3.0,"])
+def test_a_last_line_that_was_cut_off_is_left_out_and_said_so(tmp_path, end):
+    """As a logger leaves it whose power is switched off; elsewhere a short line is refused."""
+    file = tmp_path / "log.csv"
+    file.write_text(f"t,u,y\n1.0,0.1,0.2\n2.0,0.1,0.3\n{end}")
+    table = read(file)
+    assert table.column("t").tolist() == [1.0, 2.0]
+    assert table.note == "row 4, the last, is cut off and was left out"
+    file.write_text(f"t,u,y\n1.0,0.1,0.2\n{end}\n3.0,0.1,0.4\n")
+    with pytest.raises(AnalysisError, match="row 3 has"):
+        read(file)

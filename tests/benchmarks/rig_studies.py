@@ -8,6 +8,8 @@ python -m tests.benchmarks.rig_studies alarms [SECONDS PER RIG] [RIGS]
 python -m tests.benchmarks.rig_studies servos [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies table [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies quiet [SECONDS PER RUN] [RIGS] [FIRST SEED]
+python -m tests.benchmarks.rig_studies plant [RIGS] [FIRST SEED]
+python -m tests.benchmarks.rig_studies plant_quiet [SECONDS PER RUN] [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies cost
 """
 
@@ -21,6 +23,7 @@ from scipy import stats
 
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
+from tests.benchmarks.rig_studies_plant import plant, plant_quiet
 from tests.benchmarks.rig_studies_servos import quiet, servos, table
 from tests.hardware.trial import calibrate, random_steps, run
 
@@ -180,7 +183,11 @@ def cost():
 
 
 STUDIES = {
-    f.__name__: f for f in (calibration, fusion, nees, faults, alarms, servos, table, quiet, cost)
+    f.__name__: f
+    for f in (
+        *(calibration, fusion, nees, faults, alarms),
+        *(servos, table, quiet, plant, plant_quiet, cost),
+    )
 }
 
 

@@ -8,12 +8,14 @@ import numpy as np
 from hardware.calibration import nominal
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
+from hardware.faults.states import UNNAMED
 from tests.hardware.trial import random_steps, run
 
 LIMIT = 0.3  # s; for the safe state
 NAMING = 0.35  # s after the safe state, within which a servo's fault has its name
 
 REST, DEGREE = 1.6, radians(1.0)  # s until motion begins; from it a servo's delay is counted
+ONSET, LENGTH = 3.1, 2.0  # s; of a fault while moving, and for which it is watched
 SERVOS = {  # fault → (names that are right, whether it begins while moving)
     "reversed": (("reversed",), False),
     "jammed": (("stuck",), True),
@@ -49,57 +51,63 @@ def measured(parameters):
     return replace(exact_calibration(parameters), hysteresis=(play[0], play[1]))
 
 
-def _named(fault, axis, seed, onset, length, motion=None):
-    """When a fault's command has moved by a degree, and what was named when."""
-    command = flown(seed if motion is None else motion)
-    begin = REST if onset is None else onset
-    fault = fault if onset is None else f"{fault}@{onset}"
+def _first_degree(command, axis, begin, length):
+    """Time at which a command has moved by a degree; of either axis if `axis` is None."""
+    times = np.arange(begin, begin + length, 2e-3)
+    moved = np.abs(np.array([command(t) for t in times]) - command(begin))
+    moved = moved.max(axis=1) if axis is None else moved[:, axis]
+    return times[np.argmax(moved > DEGREE)] if (moved > DEGREE).any() else np.inf
+
+
+def _trial(seed, command, duration, fault):
     unit = sample_rig(seed)
-    calibration, faults = measured(unit), (parse(fault),)
-    trial = run(
+    return run(
         unit,
         command,
-        begin + length,
-        injections=faults,
+        duration,
+        injections=(parse(fault),),
         seed=seed,
-        calibration=calibration,
+        calibration=measured(unit),
         safe=NAMING,
     )
-    times = np.arange(begin, begin + length, 2e-3)
-    angles = np.array([command(t) for t in times])
-    moved = np.abs(angles - angles[0])
-    moved = moved.max(axis=1) if axis is None else moved[:, axis]
-    first = times[np.argmax(moved > DEGREE)] if (moved > DEGREE).any() else np.inf
-    named = [(c.time, c.sensor, c.kind) for c in trial.changes if c.new == "faulty"]
-    return first, named, trial
+
+
+def _named(trial):
+    return [(c.time, c.sensor, c.kind) for c in trial.changes if c.new == "faulty"]
 
 
 def servos(rigs=20, first=0):
     """Servo faults by the name after the safe state, in flight-like motion on the bench."""
+    report(lambda *arguments: _named(_trial(*arguments)), rigs, first)
+
+
+def report(fly, rigs, first):
+    """Print names and delays; `fly(seed, command, duration, fault)` gives times and names."""
     print(f"faults of servos, {rigs} rigs and both axes; delay from the first commanded degree")
     for fault, (kinds, moving) in SERVOS.items():
-        delays, right = [], 0
+        delays, right, swapped = [], 0, fault == "swapped"
+        begin = ONSET if moving else REST
         for seed in range(first, first + rigs):
-            for axis in (0, 1):
-                swapped = fault == "swapped"  # once per motion, twice per rig
+            for axis in (0, 1):  # plugs are swapped in two motions
+                command = flown(seed + 1000 * (swapped and axis))
                 name = "servos:swapped" if swapped else f"servo_{'xy'[axis]}:{fault}"
-                degree, named, _ = _named(
-                    name,
-                    None if swapped else axis,
-                    seed,
-                    3.1 if moving else None,
-                    2.0,
-                    seed + 1000 * (swapped and axis),
-                )
-                last = [kind for _, sensor, kind in named if sensor == named[0][1]][-1:]
-                sensors = ("servo_x", "servo_y") if swapped else (f"servo_{'xy'[axis]}",)
-                good = bool(named) and named[0][1] in sensors and last[0].startswith(kinds)
+                onset = f"{name}@{begin}" if moving else name
+                named = fly(seed, command, begin + LENGTH, onset)
+                last = [kind for _, sensor, kind in named if sensor == named[0][1]]
+                good = bool(named) and (swapped or named[0][1] == f"servo_{'xy'[axis]}")
+                good = good and named[0][1].startswith("servo") and _best(last).startswith(kinds)
+                at_once = fault.startswith(("hard", "slip"))
+                degree = _first_degree(command, None if swapped else axis, begin, LENGTH)
+                delays.append(named[0][0] - (begin if at_once else degree) if named else np.inf)
                 right += good
-                start = 3.1 if fault.startswith(("hard", "slip")) else degree
-                delays.append(named[0][0] - start if named else np.inf)
                 if not good or delays[-1] > LIMIT:
                     print(f"    rig {seed} {name}: {delays[-1]:.2f} s, {named}", flush=True)
         _print_delays(fault, np.array(delays), right)
+
+
+def _best(kinds):
+    """The first of the names of a servo that says more than that it does not follow."""
+    return next((k for k in kinds if k != UNNAMED), UNNAMED)
 
 
 def _print_delays(name, delays, right):
@@ -135,7 +143,8 @@ def table(rigs=20, first=0):
     for fault, (sensor, length) in SLOW.items():
         delays, off, right = [], [], 0
         for seed in range(first, first + rigs):
-            _, named, trial = _named(fault, None, seed, 4.0, length)
+            trial = _trial(seed, flown(seed), 4.0 + length, f"{fault}@4")
+            named = _named(trial)
             right += bool(named) and named[0][1] == sensor
             delays.append(named[0][0] - 4.0 if named else np.inf)
             until = trial.time <= (named[0][0] if named else np.inf)

@@ -185,6 +185,21 @@ class TestKeyFile:
         port.close()
         assert not port.key_file.exists()
 
+    def test_the_next_server_removes_the_key_of_one_that_was_killed(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        port = tcp_module.TcpPort()
+        with socket.socket() as probe:  # a free number
+            probe.bind(("127.0.0.1", 0))
+            killed = port.key_file.with_name(session.file_name(probe.getsockname()[1]))
+        killed.write_bytes(port.key_file.read_bytes())
+        other = killed.with_name("port-x.key")  # not of a server
+        other.touch()
+        second = tcp_module.TcpPort()
+        left = set(killed.parent.iterdir())
+        port.close()
+        second.close()
+        assert left == {port.key_file, second.key_file, other}
+
     def test_without_a_run_time_folder_it_is_in_the_users_state(self, monkeypatch, tmp_path):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "missing"))
         monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

@@ -44,7 +44,7 @@ def main() -> int:
     """Run the mutants; exit code 1 if fewer than 95 % are killed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--sample", type=int, default=0, help="only that many planted ones")
-    parser.add_argument("--each", type=int, default=5, help="mutants by rule for each file")
+    parser.add_argument("--each", type=int, default=3, help="mutants by rule for each file")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="", help="mutants whose name contains this")
     parser.add_argument("--list", action="store_true", help="print the mutants, run nothing")

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from scipy import integrate, optimize
 from scipy.special import ndtri
@@ -13,9 +14,11 @@ from twin.campaigns.boundary import region
 from twin.campaigns.campaign import result
 from twin.campaigns.design import Streams
 from twin.campaigns.dispersion import ellipse
+from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import rank_influences, sobol_influences
 from twin.campaigns.statistic import cep, condition, mean, quantile, statistic, wilson
+from twin.errors import TwinError
 
 EAST, NORTH = 3.0, 2.0  # deviations of a linear case
 
@@ -45,9 +48,9 @@ def coverage(repeats: int, n: int, stops: bool) -> dict[str, float]:
         every = np.arange(n)
         places = np.stack([EAST * ndtri(streams.uniform("east", every)),
                            NORTH * ndtri(streams.uniform("north", every))], axis=1)  # fmt: skip
-        if stops:  # as the engine looks: every eight runs, from the 30th on
-            for k in range(32, n + 1, 8):
-                if mean(places[:k, 0], 0.95).half_width <= 0.9:
+        if stops:  # as the engine looks: every eight runs, from the 50th on
+            for k in range(56, n + 1, 8):
+                if mean(places[:k, 0], 0.95).half_width <= 0.5:  # near 138 runs
                     places = places[:k]
                     break
         hits = (places[:, 0] <= 1.0).astype(float)
@@ -175,6 +178,20 @@ def test_the_page_of_a_named_choice_lists_every_value(tmp_path):
     a = answers(s, runs, table)
     assert {c.value: c.rate.value for c in a.cells} == {"slow": 1.0, "fast": 0.0}
     assert "with 0 of 2 servos" in a.text  # 20 of 20 is 84 % at least
+
+
+def test_reweighted_rates_are_those_of_the_other_distribution(tmp_path):
+    s = study(tmp_path, linear(1500, HIT))
+    work = place(s, Runs(s))
+    table = pa.Table.from_pylist([work(run) for run in range(1500)])
+    other = study(tmp_path, linear(1500, HIT).replace("mean = 10", "mean = 11"), "other")
+    e = reweighted(s, other, table)["hit_rate"]
+    exact = 0.5  # P(east ≤ 1) with the mean at 1
+    assert e.low < exact < e.high
+    assert 500 < e.n < 1500
+    far = study(tmp_path, linear(1500, HIT).replace("mean = 10", "mean = 40"), "far")
+    with pytest.raises(TwinError, match="runs are effective"):
+        reweighted(s, far, table)
 
 
 def test_statistics_by_name():

@@ -168,8 +168,11 @@ def test_a_campaign_killed_and_resumed_equals_an_uninterrupted_one(tmp_path, kil
         killed(s, tmp_path / "out", rng.uniform(0.02, 0.2))
     resumed = flown(s, tmp_path / "out")
     assert resumed.table().equals(whole)
-    time.sleep(0.05)  # children of the killed ones end at their next run
-    assert not list((tmp_path / "out" / "rows").glob("*.partial"))
+    for _ in range(100):  # children of the killed ones end at their next run
+        if not (left := list((tmp_path / "out" / "rows").glob("*.partial"))):
+            break
+        time.sleep(0.05)
+    assert not left
 
 
 def test_a_full_disk_ends_in_one_line_and_is_resumed(tmp_path, monkeypatch):
@@ -189,13 +192,13 @@ def test_a_full_disk_ends_in_one_line_and_is_resumed(tmp_path, monkeypatch):
 
 
 def test_a_stop_leaves_the_same_runs_however_many_fly_at_a_time(tmp_path):
-    stop = '[stop]\nstatistic = "end_east_m_mean"\nhalf_width = 0.9\n'
+    stop = '[stop]\nstatistic = "end_east_m_mean"\nhalf_width = 0.75\n'
     s = study(tmp_path, linear(96, stop))
     one = flown(s, tmp_path / "one", workers=1).table()
     three = flown(s, tmp_path / "three", workers=3).table()
     assert one.equals(three)
-    # (1.96 · 3 / 0.9)² = 43 runs
-    assert 32 <= one.num_rows <= 64
+    # (1.96 · 3 / 0.75)² = 61 runs
+    assert 50 <= one.num_rows <= 88
 
 
 def test_results_of_another_study_or_version_are_refused(tmp_path, monkeypatch):

@@ -92,6 +92,16 @@ def test_a_sensitivity_design_changes_one_column_at_a_time(tmp_path):
     assert (other["wind_speed"], other["wind_azimuth"]) == (a["wind_speed"], b["wind_azimuth"])
 
 
+def test_a_star_varies_one_parameter_at_a_time(tmp_path):
+    text = linear(8, kind="star").replace("mean = 10", "mean = 10\nnominal = 5")
+    runs = Runs(study(tmp_path, text.replace("mean = 0", "mean = 0\nnominal = 1")))
+    first, second = runs.values(range(2))
+    assert runs.count == 16
+    assert (first["wind_azimuth"], second["wind_speed"]) == (1, 5)
+    assert first["wind_speed"] != 5
+    assert second["wind_azimuth"] != 1
+
+
 def test_the_response_has_the_bandwidth_asked_for():
     model = response_model({"model.bandwidth_hz": 7.0, "model.damping": 0.4, "model.gain": 1.1})
     channel = model.channel("x", "x")

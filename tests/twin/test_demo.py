@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -9,9 +10,16 @@ import twin
 from analysis.recording import read
 from hardware.calibration import write
 from twin.cli.demo import demo
+from twin.cli.python import function
 from twin.config import Demo, Step
 from twin.experiments.assembly import rig_calibration
 
+# twenty flights on two processes; what a campaign answers is tested with it
+STUBS = {
+    "campaign": lambda *_, **__: SimpleNamespace(
+        answers=SimpleNamespace(text="hit holds in 95.0% of 20 runs"), passed=True, as_dict=dict
+    )
+}
 SHORT = {"REPEATS": 1, "HOLD_S": 0.3, "LONGEST_FLIGHT_S": 0.6}
 
 
@@ -24,6 +32,7 @@ def shown(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         for name, value in SHORT.items():
             patch.setattr(f"twin.cli.demo.stages.{name}", value)
+        patch.setattr("twin.cli.demo.stages.function", lambda name: STUBS.get(name, function(name)))
         patch.setattr("twin.hil.connect.check_motion", lambda seat: None)
         return twin.demo(calibration=given, out=folder / "out")
 

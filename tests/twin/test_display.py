@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis import recording
 from tests.twin import runs
-from twin.recorder import Recorder, plots, profile, states
+from twin.recorder import Recorder, plots, profile, states, together
 from twin.recorder.ghost import Ghost
 from twin.recorder.scene import bodies
 
@@ -146,3 +146,14 @@ def test_a_plot_shows_the_stops_where_the_motion_comes_near_them():
     small, large = (plots.overlay("Gimbal", ["gimbal/command"], k, far) for k in (0, 1))
     assert plots.STOPS not in small.contents
     assert plots.STOPS in large.contents
+
+
+def test_recordings_in_one_view_keep_their_values_and_their_time_from_zero(beside, tmp_path):
+    flown, out = tmp_path / "flown.rrd", tmp_path / "both.rrd"
+    runs.fly(flown, 1.0)
+    together.write([beside, flown, beside], out)
+    for label, path in (("run\\ 1", beside), ("flown", flown), ("run\\ 3", beside)):
+        shown = rows_of(out, f"/{label}/gimbal/simulated", "Scalars:scalars")
+        series = recording.read(path)["gimbal/simulated"]
+        np.testing.assert_allclose([t for t, _ in shown], series.time, atol=1e-9)
+        np.testing.assert_allclose([v for _, v in shown], np.degrees(series.values), rtol=1e-12)

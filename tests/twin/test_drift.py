@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.benchmarks.drift import BEFORE, CHANGES, PERIOD, commands, drifted, made
+from tests.benchmarks.explain import explained
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
 
@@ -28,3 +29,13 @@ def test_a_servo_with_more_backlash_is_named_and_nothing_else(moved):
     signals = seen.signals(made(angles)["gimbal/measured"])
     assert signals["shadow/estimate/backlash"][1].shape[1] == 4
     assert any(label == "CHANGED" for label, _ in seen.rows())
+
+
+@pytest.mark.slow
+def test_the_difference_of_a_rig_with_more_backlash_is_given_to_the_backlash(moved):
+    angles, (_, worn) = moved
+    for axis in explained(angles, worn, 9).axes:
+        assert axis.shares[0].effect == "backlash"
+        assert axis.shares[0].share > 0.8
+        assert axis.explained > 0.8
+        assert axis.rest < 1.5 * np.radians(0.02)  # the noise of the estimated angle

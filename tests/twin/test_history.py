@@ -105,7 +105,7 @@ def logged(tmp_path, scale=1.0):
 
 def test_one_line_compares_a_log_with_the_linkage_or_a_model(capsys, tmp_path):
     file = logged(tmp_path, scale=2.0)
-    asked = {"time": "t", "input": "u", "angle": "y", "unit": "deg", "ratio": 0.5}
+    asked = {"time": "t", "input": "u", "angle": "y", "angle_unit": "deg", "ratio": 0.5}
     found = compare(Compare((file,), with_="linkage", **asked, out=tmp_path / "c.rrd"))
     assert found.comparison.fit > 99.0
     merged = read(tmp_path / "c.rrd")
@@ -113,7 +113,7 @@ def test_one_line_compares_a_log_with_the_linkage_or_a_model(capsys, tmp_path):
     slow = {**asked, "set": {"gimbal_servo_slew": 5.0}}
     other = compare(Compare((file,), with_="linkage", **slow, out=tmp_path / "d.rrd"))
     assert other.comparison.fit < found.comparison.fit - 3.0
-    line = f"compare {file} --with mjcf/gimbal.json --time t --input u --angle y --unit deg"
+    line = f"compare {file} --with mjcf/gimbal.json --time t --input u --angle y --angle-unit deg"
     code, text, _ = command(capsys, *line.split(), "--ratio", "0.5", "--out", f"{tmp_path}/e.rrd")
     assert code == 0
     assert "mjcf/gimbal.json (simulated)" in text

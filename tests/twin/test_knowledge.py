@@ -156,7 +156,7 @@ def test_anybodys_table_gives_the_model_that_made_it(capsys, table, tmp_path):
     out = tmp_path / "m.json"
     found = told(
         capsys, "identify", str(table), "--time", "t", "--input", "u", "--angle", "pot",
-        "--unit", "deg", "--out", str(out),
+        "--angle-unit", "deg", "--out", str(out),
     )  # fmt: skip
     values = {e["name"]: e["value"] for e in found["estimates"]}
     assert values["x/x natural frequency"] == pytest.approx(20.0, rel=0.01)
@@ -166,7 +166,7 @@ def test_anybodys_table_gives_the_model_that_made_it(capsys, table, tmp_path):
     assert found["fit"] > 95.0
 
 
-COLUMNS = ("--time", "t", "--input", "u", "--angle", "pot", "--unit", "deg")
+COLUMNS = ("--time", "t", "--input", "u", "--angle", "pot", "--angle-unit", "deg")
 
 
 def test_whose_loop_logs_its_own_commands_says_so_and_gets_the_narrow_interval(
@@ -288,7 +288,7 @@ MISTAKES = [
     ("identify text.rrd", "not a Rerun recording"),
     ("identify run.csv", "--time t"),
     ("identify run.csv --time t --input u --angle pt", "did you mean 'pot'"),
-    ("identify run.csv --time t --input u --angle pot --unit grad", "no unit 'grad'"),
+    ("identify run.csv --time t --input u --angle pot --angle-unit grad", "no unit 'grad'"),
     (
         "identify run.csv --time t --input u --angle pot --input-unit deg",
         "axis in degrees and command in radians",
@@ -300,7 +300,7 @@ MISTAKES = [
     ("identify run.csv --time t --input u --angle pot --out /proc/a/m.json", "cannot write"),
     ("identify constant.csv --time t --input u --angle pot", "never changes"),
     ("identify back.csv --time t --input u --angle pot", "stamps must increase"),
-    ("identify steps.rrd --unit deg", "--unit is only for tables"),
+    ("identify steps.rrd --angle-unit deg", "--angle-unit is only for tables"),
     ("identify steps.rrd --angle gimbal/measured", "gimbal/measured"),
     ("identify steps.rrd --from-pulses", "no sensors/pulse"),
     ("identify run.csv --time t --input u --angle pot --max-delay-ms -5", "--max-delay-ms -5"),
@@ -324,7 +324,7 @@ MISTAKES = [
     ("report", "name one or more"),
     ("report run.csv", "--time t"),
     ("report run.csv --time t --input u", "angle"),
-    ("report steps.rrd --unit deg", "--unit is only for tables"),
+    ("report steps.rrd --angle-unit deg", "--angle-unit is only for tables"),
     ("report steps.rrd --out page.txt", ".html"),
     ("report steps.rrd --model missing.json", "missing.json"),
     ("compare", "0 recordings"),

@@ -1,6 +1,7 @@
 """The motion check before a run with a rig."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +77,7 @@ def refused(**options):
         ("servo_y:dead", "servo_y not following"),
         ("servo_x:hard_over", "servo_x not following"),
         ("servo_y:slipped:12", "servo_y offset by 5."),
+        ("potentiometer_x_a:glitch:0.2", "motion check: potentiometer_x_a deviating"),
     ],
 )
 def test_each_fault_of_a_servo_is_refused(fault, name):
@@ -113,6 +115,14 @@ def test_a_healthy_run_records_its_check_and_fault_times_do_not_count_it(capsys,
     assert status == 0
 
 
+def test_a_rig_that_fails_at_the_start_is_named_although_nothing_was_measured(capsys, tmp_path):
+    fault = "potentiometer_x_a:glitch:0.2"
+    line = f"{STEP} --no-check --fault {fault} --out {tmp_path / 'a.rrd'}"
+    status, out, _ = command(capsys, *line.split())
+    assert status == 1
+    assert re.search(r"^FAULT +potentiometer", out, re.MULTILINE)
+
+
 def test_a_skipped_check_is_recorded(capsys, tmp_path):
     out = tmp_path / "a.rrd"
     line = f"{STEP} --no-check --fault servo_x:reversed --out {out}"
@@ -120,7 +130,10 @@ def test_a_skipped_check_is_recorded(capsys, tmp_path):
     assert status == 1
     texts = [e.text for e in read(out).events]
     assert any("motion check skipped as requested" in t for t in texts)
-    assert "servo fault: servo_x reversed" in texts[texts.index("servo_x not following") :]
+    assert (
+        "servo fault: servo_x reversed"
+        in texts[texts.index("servo fault: servo_x not following") :]
+    )
     assert any(t.startswith("fault: servo_x") and "the run ends" in t for t in texts)
 
 

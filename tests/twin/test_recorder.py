@@ -22,12 +22,12 @@ from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer
 from twin.recorder import DetachedRecorder, Recorder, RecorderError, ring, scene, shapes
-from twin.viewer import opening
+from twin.viewer import process
 
 
 def compare(a, b):
     options = ["rrd", "compare", "--unordered", "--ignore-timeline", schema.WALL_TIME]
-    done = subprocess.run([opening.binary(), *options, a, b], capture_output=True, text=True)
+    done = subprocess.run([process.binary(), *options, a, b], capture_output=True, text=True)
     print(done.stderr[:2000])
     return done.returncode
 
@@ -352,7 +352,7 @@ def test_a_taken_port_is_refused(tmp_path):
 def test_the_viewers_server_listens_on_loopback_alone(tmp_path):
     import psutil
 
-    port = opening.free_port()
+    port = process.free_port()
     with Recorder(tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}, serve=port):
         listening = [
             connection.laddr.ip

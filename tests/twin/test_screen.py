@@ -1,11 +1,14 @@
 """What a terminal shows while a verb works, and what is refused before it computes."""
 
 import io
+import os
+import threading
 import time
 
 import pytest
 
 from twin import status
+from twin.cli import doctor
 from twin.cli.main import main
 from twin.config.verbs import Verb
 
@@ -46,6 +49,16 @@ def test_a_pipe_shows_no_status(quick, monkeypatch):
     assert pipe.getvalue() == ""
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
+def test_a_forked_process_can_print_although_the_line_was_being_drawn():
+    status._lock.acquire()  # as the thread that draws does, which the child does not have
+    threading.Timer(0.05, status._lock.release).start()
+    if (child := os.fork()) == 0:
+        free = status._lock.acquire(blocking=False)
+        os._exit(0 if free else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
 def refused(capsys, *arguments: str) -> str:
     with pytest.raises(SystemExit) as end:
         main(arguments)
@@ -82,3 +95,19 @@ def test_a_missing_extra_is_reported_before_anything_is_computed(
     monkeypatch.setattr("twin.cli.ready.find_spec", lambda _: None)
     extra = "sysid" if "--linkage" in command else "report"
     assert f"pip install 'tvc-twin[{extra}]'" in refused(capsys, *command.split())
+
+
+def test_the_doctor_names_missing_extras_a_missing_display_and_services_that_take_ports(
+    monkeypatch,
+):
+    monkeypatch.setattr(doctor.shutil, "which", lambda name: name if name == "brltty" else None)
+    monkeypatch.setattr("twin.cli.ready.find_spec", lambda _: None)
+    monkeypatch.setattr(doctor.sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    looks = (doctor._extras, doctor._viewer, doctor._grabbers)
+    found = {f.topic: f for look in looks for f in look()}
+    assert "pip install 'tvc-twin[report]'" in found["extra report"].remedy
+    assert "twin view --web" in found["display"].remedy
+    assert found["browser"].level == "note"
+    assert "apt remove brltty" in found["brltty"].remedy

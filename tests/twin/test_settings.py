@@ -18,7 +18,12 @@ from twin.config.verbs import VERBS
 from twin.errors import TwinError
 
 NONSENSE = (math.nan, math.inf, -math.inf, 1e300, -1e300, 1e-300, -1e-300, 10**400, "", "x", True)
-REQUIRED = {"sources": ("a.rrd",), "recordings": ("a.rrd",), "recording": "a.rrd", "action": "show"}
+REQUIRED = {
+    "sources": ("a.rrd",),
+    "recordings": ("a.rrd",),
+    "recording": "a.rrd",
+    "study": "dispersion",
+}
 
 
 def numeric_settings():
@@ -31,7 +36,8 @@ def numeric_settings():
 
 
 def settings_with(kind, name, value):
-    needed = {f.name: REQUIRED[f.name] for f in fields(kind) if f.default is MISSING}
+    required = [f.name for f in fields(kind) if f.default is MISSING]
+    needed = {n: REQUIRED.get(n) or get_args(without_markers(hints(kind)[n]))[0] for n in required}
     extra = {"gimbal": "emulator"} if name == "unit" and kind in (Fly, Step) else {}
     return kind.of({**needed, **extra, name: value})
 
@@ -68,7 +74,15 @@ def assert_meaningful(made, f):
     accepted = value if isinstance(value, tuple) else (value,)
     # only a setting without a natural smallest size may be given a tiny one
     tiny_is_zero = {"at_s", "gyro_delay_ms", "off_axis_deg", "target", "longest_delay_ms"}
-    tiny_is_zero |= {"switch_deg", "fail_below", "load_g", "gap_mm"}
+    tiny_is_zero |= {
+        "switch_deg",
+        "fail_below",
+        "load_g",
+        "gap_mm",
+        "latitude_deg",
+        "longitude_deg",
+        "height_m",
+    }
     for v in accepted:
         assert math.isfinite(v)
         assert abs(v) <= 1e-200
@@ -83,6 +97,12 @@ def test_overrides_from_texts_a_mapping_and_a_file_are_the_same_and_parsed_once(
     assert of_file.set_from is None  # merged; nothing reads the file again
     assert Fly(set={"a": 1, "b": 3}) == of_file
     assert with_model(of_file, "linkage").overrides == of_file.overrides
+
+
+def test_a_model_takes_the_place_of_a_rig_without_its_settings():
+    run = Fly(gimbal="emulator", unit=3, no_check=True, on_fault="end", clock="wall")
+    model = with_model(run, "linkage", about=run.about)
+    assert model == Fly(gimbal="linkage", clock="lockstep", about=run.about)
 
 
 @given(st.dictionaries(st.from_regex(r"[a-z_]{1,9}", fullmatch=True), st.floats(-1e9, 1e9)))

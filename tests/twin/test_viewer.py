@@ -4,6 +4,8 @@ import io
 import os
 import shutil
 import socket
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import mujoco
@@ -17,8 +19,8 @@ from tests import browser, headless
 from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer
-from twin.recorder import Recorder
-from twin.viewer import opening
+from twin.recorder import Recorder, style
+from twin.viewer import opening, process
 
 SIZE = (1000, 620)  # a small window
 
@@ -128,6 +130,29 @@ def test_every_signal_has_a_view_that_reports_nothing(tmp_path, vulkan):
     assert look.complaints == ()
 
 
+def test_the_web_viewer_shows_the_recorded_lines(tmp_path, chromium):
+    """At the address that a person types; without a 3D scene, whose first picture takes long."""
+    path = tmp_path / "lines.rrd"
+    with Recorder(path, signals=["gimbal/measured"], properties={}) as recorder:
+        for tick in range(500):
+            recorder.row[:] = np.radians(5.0) * np.sin(tick * 0.02)
+            recorder.commit(tick * runs.PERIOD_NS, tick)
+
+    def line(picture: bytes) -> np.ndarray:
+        pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=float)
+        return np.abs(pixels - style.MEASURED).max(axis=2) < 25.0
+
+    def across(picture: bytes) -> bool:
+        return np.count_nonzero(line(picture).any(axis=0)) > 60
+
+    with viewer.serve_web(path) as url, browser.opened(url, (320, 240)) as page:
+        picture = browser.shows(page, across)
+    assert across(picture)
+    assert not line(picture)[:, :140].any()  # the events, on the left
+    assert [c for c in page.complaints if not any(h in c for h in headless.HARMLESS)] == []
+
+
+@pytest.mark.slow
 def test_the_web_viewer_shows_the_vehicle(flight, tmp_path, chromium):
     look = headless.web_screenshot(flight, [0.5], tmp_path, (640, 400))
     assert look.complaints == ()
@@ -182,24 +207,38 @@ def test_a_flown_flight_is_in_frame_and_reports_nothing(tmp_path, vulkan):
         assert 0 < columns.min() < columns.max() < width - 1
 
 
-def test_a_recording_is_served_on_loopback_alone(flight):
+def listening() -> set[tuple[str, int]]:
+    """Addresses on which this process and its children listen."""
+    me = psutil.Process()
+    found = [c for p in (me, *me.children(recursive=True)) for c in p.net_connections("inet")]
+    return {(c.laddr.ip, c.laddr.port) for c in found if c.status == psutil.CONN_LISTEN}
+
+
+def test_a_recording_is_served_on_one_port_of_loopback_alone(flight):
+    before = listening()
     with viewer.serve_web(flight) as url:
-        port = int(url.split(":")[2].split("?")[0])
-        mine = [
-            child
-            for child in psutil.Process().children()
-            if child.is_running() and "--serve-web" in child.cmdline()
-        ]
-        listening = [
-            connection.laddr
-            for child in mine
-            for connection in child.net_connections("inet")
-            if connection.status == psutil.CONN_LISTEN
-        ]
-        assert port in {address.port for address in listening}
-        assert {address.ip for address in listening} == {"127.0.0.1"}
+        port = int(url.rstrip("/").rsplit(":", 1)[1])
+        assert listening() - before == {("127.0.0.1", port)}
+        with urllib.request.urlopen(f"{url}recording.rrd") as answer:
+            assert answer.read() == flight.read_bytes()
+        with urllib.request.urlopen(url) as answer:  # what a person types
+            page = answer.read().decode()
+            policy = answer.headers["Content-Security-Policy"]
+        assert "recording.rrd" in page[: page.index("<link")]
+        assert "'self'" in policy
+        assert "http" not in policy
+        for missing in ("../../etc/passwd", "%2e%2e/flight.rrd", "signed-in"):
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(url + missing)
     with socket.socket() as probe:
         assert probe.connect_ex(("127.0.0.1", port)) != 0, "the server outlives its block"
+
+
+def test_without_a_display_the_browser_is_named(flight, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(viewer.ViewerError, match=r"no display: give --web"):
+        viewer.view(flight)
 
 
 @pytest.mark.parametrize("name", ["cut.rrd", "cut.rrd.partial"])
@@ -216,6 +255,13 @@ def test_a_file_cut_off_is_repaired_beside_the_original(flight, tmp_path, name):
     assert np.array_equal(kept["gimbal/command"].values, whole.values[:n])
     assert broken.read_bytes() == content[: int(0.6 * len(content))]
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, "cut.repaired.rrd"])
+
+
+def test_the_empty_file_of_a_run_killed_at_its_start_is_named_so(tmp_path):
+    path = tmp_path / "a.rrd.partial"
+    path.touch()
+    with pytest.raises(viewer.ViewerError, match="empty; its run was killed before"):
+        viewer.repaired(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"RRF2", b"RRF2" + bytes(100)])
@@ -262,6 +308,7 @@ def test_the_viewers_exit_status_is_passed_on(flight, tmp_path, monkeypatch):
     program = tmp_path / "rerun"
     program.write_text('#!/bin/sh\n[ "$1" = rrd ] && exit 0\nexit 7\n')
     program.chmod(0o755)
+    monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.setattr(opening, "binary", lambda: program)
     assert viewer.view(flight) == 7
 
@@ -269,4 +316,4 @@ def test_the_viewers_exit_status_is_passed_on(flight, tmp_path, monkeypatch):
 def test_a_missing_recording_is_refused_in_one_line(tmp_path):
     with pytest.raises(viewer.ViewerError, match="No such file"):
         viewer.view(tmp_path / "nothing.rrd")
-    assert opening.binary().is_file()
+    assert process.binary().is_file()

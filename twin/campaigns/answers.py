@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from twin.campaigns.boundary import SHARE, Frontier, Property, region
+from twin.campaigns.boundary import SHARE, Frontier, Property, Region, region
 from twin.campaigns.dispersion import Ellipse, ellipse
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import Influence, rank_influences, sobol_influences
@@ -76,7 +76,7 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
     numbers = {
         c: column(kept, c) for c in runs.columns if str(kept.schema.field(c).type) == "double"
     }
-    figure = next((f for f in FIGURES if np.isfinite(column(kept, f)).any()), FIGURES[-1])
+    figure = _figure(kept)
     values = column(kept, figure)
     influences = rank_influences(numbers, values, p)
     if study.kind == "sensitivity":
@@ -85,20 +85,41 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
             name: Influence(i.rank, *of_all.get(name, ())) for name, i in influences.items()
         }
     hits = column(kept, study.measures[0].name) if study.measures else None
-    found = None if hits is None else region(numbers, hits, study.nominal, p)
-    properties = () if found is None else found.properties
+    inside = np.ones(kept.num_rows, bool)
+    for name, names in study.about.items():
+        inside &= np.isin(np.array(kept[name].to_pylist()), names)
+    of_map = {n: v[inside] for n, v in numbers.items()}
+    found, properties = _region(study, of_map, None if hits is None else hits[inside])
     first = limiting(properties)
     pair = None
     if found is not None and len(first) > 1:
         pair = found.frontier(first[1].name, first[0].name)
     places = np.stack([column(kept, c) for c in PLACE], axis=1)
     estimates = _estimates(study, kept)
-    cells = _cells(kept, runs, hits, values, p)
+    cells = _cells(study, kept, runs, inside, p)
     return Answers(
         dict(Counter(table["outcome"].to_pylist()).most_common()), estimates, figure, influences,
         cells, ellipse(places, p), properties, pair,
         _sentence(study, estimates, cells, first),
     )  # fmt: skip
+
+
+def _region(
+    study: Study, numbers: Mapping[str, Array], hits: Array | None
+) -> tuple[Region | None, tuple[Property, ...]]:
+    """Region of the first measure; of a star each ray alone."""
+    if hits is None:
+        return None, ()
+    if study.kind != "star":
+        found = region(numbers, hits, study.nominal, study.confidence)
+        return found, () if found is None else found.properties
+    rays: list[Property] = []
+    for name, fixed in study.nominal.items():
+        here = numbers[name] != fixed
+        alone = {name: numbers[name][here]}
+        if (ray := region(alone, hits[here], {name: fixed}, study.confidence)) is not None:
+            rays += ray.properties
+    return None, tuple(rays)
 
 
 def limiting(properties: tuple[Property, ...]) -> list[Property]:
@@ -122,17 +143,27 @@ def _estimates(study: Study, kept: Rows) -> dict[str, Estimate]:
 
 
 def _cells(
-    kept: Rows, runs: Runs, hits: Array | None, values: Array, confidence: float
+    study: Study, kept: Rows, runs: Runs, inside: NDArray[np.bool_], confidence: float
 ) -> tuple[Cell, ...]:
+    """Runs by named value; of a grid only those that the map is about."""
+    grids = {v.name for v in study.vary if v.kind == "grid"}
+    figure = column(kept, _figure(kept))
+    hits = column(kept, study.measures[0].name) if study.measures else None
     made = []
     for name in runs.columns:
         if str(kept.schema.field(name).type) not in CELL_KINDS:
             continue
         for value in pc.unique(kept[name]).to_pylist():
             here = pc.equal(kept[name], value).to_numpy(zero_copy_only=False)
+            if name in grids:
+                here = here & inside
             rate = None if hits is None else wilson(hits[here], confidence)
-            made.append(Cell(name, value, rate, mean(values[here], confidence)))
+            made.append(Cell(name, value, rate, mean(figure[here], confidence)))
     return tuple(made)
+
+
+def _figure(kept: Rows) -> str:
+    return next((f for f in FIGURES if np.isfinite(column(kept, f)).any()), FIGURES[-1])
 
 
 def _sentence(
@@ -143,7 +174,9 @@ def _sentence(
 ) -> str:
     if not study.measures:
         e = estimates.get("cep_m")
-        return "" if e is None else f"Half of all flights end within {e.text(' m')} of their mean."
+        if e is None or not np.isfinite(e.low):
+            return "Too few runs for an interval."
+        return f"Half of all flights end within {e.text(' m')} of their mean."
     name = study.measures[0].name
     e = estimates.get(f"{name}_rate")
     if e is None:

@@ -11,11 +11,11 @@ from twin.campaigns.statistic import Estimate
 
 Array = NDArray[np.float64]
 SHARE = 0.9  # of flights that succeed, on the boundary
-FEWEST = 20  # successes and failures without which there is no boundary
+FEWEST = 10  # successes and failures without which there is no boundary
 RESAMPLES, STEPS, STEPS_AGAIN = 60, 25, 4
 RIDGE = 1e-2  # on the coefficients of scaled parameters, so that a clean separation stays finite
 GRID = np.linspace(-1.0, 1.0, 81)  # scaled values along a parameter
-FACTOR = 4.0  # a range of more than this is seen in logarithms
+FACTORS = 4.0, 100.0  # high over low of a range that is seen in logarithms
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,16 @@ class Property:
     high: Array
     threshold: Estimate | None
     better: int
+
+    @property
+    def limit(self) -> str:
+        """The threshold in words."""
+        if (t := self.threshold) is not None:
+            word = "at least" if self.better > 0 else "at most"
+            return f"{word} {t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
+        order = np.argsort(self.values)
+        here = np.interp(self.nominal, self.values[order], self.share[order])
+        return "no limit in its range" if here >= SHARE else f"only {here:.0%} at the nominal value"
 
     @property
     def margin(self) -> float | None:
@@ -72,12 +82,13 @@ class Frontier:
 class Region:
     """Region of parameters in which a measure holds, by logistic regression over all runs.
 
-    The regression is quadratic with all products, on scaled parameters (logarithms of those with a
-    wide range). Bands come from resampled runs.
+    The regression is quadratic with all products, or linear for a single parameter, on scaled
+    parameters (logarithms of those with a wide range). Bands come from resampled runs.
 
     Attributes
     ----------
-    properties : success over each parameter with the others nominal
+    properties : success over each parameter with a nominal value, or over all where none has one;
+        the others are at their nominal value or median
     """
 
     def __init__(
@@ -106,7 +117,8 @@ class Region:
             for n, s in zip(self._names, self._scales, strict=True)
         ]
         self._centre = np.clip(middle, -1.0, 1.0)
-        self.properties = tuple(self._property(k) for k in range(len(self._names)))
+        shown = [n for n in self._names if n in nominal] or self._names
+        self.properties = tuple(self._property(self._names.index(n)) for n in shown)
 
     def _property(self, k: int) -> Property:
         scale, (share, curves) = self._scales[k], self._along(k, self._centre)
@@ -169,7 +181,7 @@ class _Scale:
 
     def __init__(self, values: Array) -> None:
         low, high = float(values.min()), float(values.max())
-        self._log = low > 0.0 and high > FACTOR * low
+        self._log = low > 0.0 and FACTORS[0] < high / low < FACTORS[1]
         self.middle = float(np.median(values))
         if self._log:
             low, high = np.log(low), np.log(high)
@@ -185,7 +197,9 @@ class _Scale:
 
 
 def _features(z: Array) -> Array:
-    """One, all parameters, all their products of two (n, features)."""
+    """One, all parameters, and of several all their products of two (n, features)."""
+    if z.shape[1] == 1:  # monotone
+        return np.concatenate([np.ones((len(z), 1)), z], axis=1)
     i, j = np.triu_indices(z.shape[1])
     return np.concatenate([np.ones((len(z), 1)), z, z[:, i] * z[:, j]], axis=1)
 

@@ -18,6 +18,7 @@ from twin.campaigns.page import sections
 from twin.campaigns.parameters import Binding, binding
 from twin.campaigns.progress import Progress
 from twin.campaigns.result import CampaignResult, Verdict
+from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs, flown, shown
 from twin.campaigns.statistic import FEWEST, Condition, Estimate, condition
 from twin.campaigns.store import Store, column, counted
@@ -58,6 +59,11 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
             _warm_up(bound)
             new = flying(study, runs, store, work, config.workers)
     made = result(study, runs, store, conditions, new, time.perf_counter() - began)
+    if config.reweight is not None:
+        more = reweighted(study, read(config.reweight), store.table())
+        named = {f"{name}, reweighted": e for name, e in more.items()}
+        estimates = {**made.answers.estimates, **named}
+        made = replace(made, answers=replace(made.answers, estimates=estimates))
     return made if not config.paths else _with_paths(config.paths, study, runs, store, made)
 
 
@@ -88,7 +94,6 @@ def flying(study: Study, runs: Runs, store: Store, work: Work, workers: int | No
     finally:
         fragments.close()  # ends the processes
         store.tidy()
-        progress.close()
     store.discard(last + 1)
     return sum(len(store.runs_of(p)) for p in store.present()) - done
 

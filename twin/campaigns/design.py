@@ -12,7 +12,7 @@ from twin.errors import TwinError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-KINDS = ("grid", "random", "lhs", "sobol", "sensitivity")
+KINDS = ("grid", "random", "lhs", "sobol", "sensitivity", "star")
 BLOCK = 1024  # numbers made together; a run's numbers do not depend on the size of the campaign
 MOST_DIMENSIONS = qmc.Sobol.MAXDIM
 BITS = 52

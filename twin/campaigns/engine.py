@@ -3,6 +3,7 @@
 import os
 import selectors
 import signal
+import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -59,7 +60,12 @@ class Engine:
         ------
         TwinError : rows cannot be written, or a process cannot fly at all
         """
-        self.store.prepare()
+        if not hasattr(os, "fork"):
+            raise TwinError("twin campaign: needs a system with fork (Linux, macOS)")
+        try:
+            self.store.prepare()
+        except OSError as error:
+            raise TwinError(f"cannot write {self.store.folder}: {error.strerror}") from None
         present = set(self.store.present())
         waiting = [p for p in range(self.store.parts) if p not in present]
         waiting.reverse()
@@ -76,7 +82,9 @@ class Engine:
 
     def _begin(self, part: int, pipes: selectors.BaseSelector) -> None:
         read, write = os.pipe()
-        pid = os.fork()
+        with warnings.catch_warnings():  # the child uses no thread of its parent
+            warnings.simplefilter("ignore", DeprecationWarning)
+            pid = os.fork()
         if pid == 0:
             os.close(read)
             self._fly(part, write)  # never returns

@@ -57,23 +57,20 @@ def _map(a: Answers) -> Section:
     panels, lines, rows = [], [], []
     for k, p in enumerate(a.map):
         panels.append(
-            Panel(p.name, "share of hits" if k % 2 == 0 else "", k // 2, k % 2, x_label=p.name)
+            Panel("", "share of hits" if k % 2 == 0 else "", k // 2, k % 2, x_label=p.name)
         )
         lines.append(Line("probability", p.values, p.share, "run0", k, low=p.low, high=p.high))
         ends = np.array([p.values.min(), p.values.max()])
         lines.append(Line(f"{SHARE:.0%}", ends, np.full(2, SHARE), "run1", k, "dash"))
-        t = p.threshold
-        limit = "none in its range" if t is None else f"{t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
         margin = "–" if p.margin is None else f"{p.margin:.2g}"
-        word = "at least" if p.better > 0 else "at most"
-        rows.append((p.name, Cell(f"{p.nominal:.3g}", "number"), word, limit, margin))
+        rows.append((p.name, Cell(f"{p.nominal:.3g}", "number"), p.limit, margin))
     caption = (
         "Probability that the measure holds over each parameter with all others at their nominal"
         " values, from a quadratic logistic regression over all runs; the band is the interval of"
         " resampled runs."
     )
     plot = Plot("map", caption, "", tuple(panels), tuple(lines), panel_height=200)
-    head = ("parameter", "nominal", "needed", f"limit for {SHARE:.0%}", "margin")
+    head = ("parameter", "nominal", f"limit for {SHARE:.0%}", "margin")
     about = "Margin: how many times better than its limit the nominal value is."
     return Section(
         "map", "Map: what the mission needs", (), (plot, Table(head, tuple(rows), about))
@@ -102,7 +99,7 @@ def _influences(a: Answers, kept: Any, study: Study) -> Section:  # noqa: ANN401
     head = ("parameter", "partial rank correlation", "Sobol index, first order", "total")
     names = [name for name, _ in order[:4]]
     panels = tuple(
-        Panel(name, a.figure if k % 2 == 0 else "", k // 2, k % 2, x_label=name)
+        Panel("", a.figure if k % 2 == 0 else "", k // 2, k % 2, x_label=name)
         for k, name in enumerate(names)
     )
     some, labels = _some(kept, study)

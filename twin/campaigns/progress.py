@@ -1,12 +1,9 @@
-"""One line of progress on a terminal; nothing where standard error is piped."""
+"""Progress of a campaign, for the status line."""
 
-import sys
 import time
 
+from twin import status
 from twin.campaigns.statistic import Estimate
-
-WIDTH = 78
-PERIOD_S = 0.2  # between two lines
 
 
 class Progress:
@@ -20,9 +17,9 @@ class Progress:
 
     def __init__(self, total: int, done: int) -> None:
         self._total, self._done, self._new = total, done, 0
-        self._began = self._last = time.perf_counter()
-        self._shown = sys.stderr.isatty()
+        self._began = time.perf_counter()
         self._estimate = ""
+        status.say(self.text)
 
     def estimate(self, name: str, value: Estimate) -> None:
         """Show the interval of a statistic from now on."""
@@ -31,22 +28,15 @@ class Progress:
     def flown(self) -> None:
         """Count one run."""
         self._new += 1
-        now = time.perf_counter()
-        if not self._shown or now - self._last < PERIOD_S:
-            return
-        self._last = now
-        rate = self._new / max(now - self._began, 1e-9)
+
+    def text(self) -> str:
+        """Return what the status line shows."""
+        rate = self._new / max(time.perf_counter() - self._began, 1e-9)
+        flown = f"{self._done + self._new} of {self._total} runs"
+        if not self._new:
+            return flown
         left = max(0, self._total - self._done - self._new) / rate
-        text = f"{self._done + self._new} of {self._total} runs, {rate:.3g}/s, {_time(left)} left"
-        self._print(text + self._estimate)
-
-    def close(self) -> None:
-        """Remove the line."""
-        if self._shown:
-            self._print("")
-
-    def _print(self, text: str) -> None:
-        print(f"\r{text[:WIDTH]:<{WIDTH}}\r", end="", file=sys.stderr, flush=True)
+        return f"{flown}, {rate:.3g}/s, {_time(left)} left{self._estimate}"
 
 
 def _time(seconds: float) -> str:

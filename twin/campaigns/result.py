@@ -111,15 +111,10 @@ class CampaignResult(Result):
         return [*rows, ("rows", self.folder), ("report", self.page)]
 
     def _map(self) -> Rows:
-        rows: Rows = []
-        for p in self.answers.map:
-            what = f"{p.name}: no limit in its range"
-            if p.threshold is not None:
-                word = "at least" if p.better > 0 else "at most"
-                t = p.threshold
-                what = f"{p.name}: {word} {t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
-            rows.append((f"for {SHARE:.0%}", f"{what}, nominal {p.nominal:.3g}"))
-        return rows
+        return [
+            (f"for {SHARE:.0%}", f"{p.name}: {p.limit}, nominal {p.nominal:.3g}")
+            for p in self.answers.map
+        ]
 
     def _influences(self) -> Rows:
         order = sorted(self.answers.influences.items(), key=lambda item: -abs(item[1].rank.value))

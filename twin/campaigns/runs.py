@@ -21,12 +21,16 @@ Row = dict[str, Any]
 Work = Callable[[int], Row]
 
 
+_STREAMS = {"grid": "random", "sensitivity": "sobol", "star": "sobol"}  # kind of their numbers
+
+
 class Runs:
     """All runs of a study, in order: every sample in every cell of the grids.
 
     Run r is sample r // cells in cell r % cells, so that all cells see the same samples. A
     sensitivity study has matrices A, B and A with each column of B (Saltelli et al., Computer
-    Physics Communications 181, 2010) in place of cells.
+    Physics Communications 181, 2010) in place of cells. In a star each run varies one of the
+    parameters with a nominal value, all others of these are nominal.
 
     Attributes
     ----------
@@ -44,9 +48,13 @@ class Runs:
             raise TwinError("[vary]: the grids have more than a million cells")
         names = [s for v in self._random for s in _streams(v)]
         other = [f"{name}/B" for name in names] if study.kind == "sensitivity" else []
-        kind = {"grid": "random", "sensitivity": "sobol"}.get(study.kind, study.kind)
+        kind = {"grid": "random", "sensitivity": "sobol", "star": "sobol"}.get(
+            study.kind, study.kind
+        )
         self._streams = Streams(kind, study.n, study.seed, [*names, *other])
         self.matrices = 2 + len(self._random) if other else len(self._cells)
+        self._star = tuple(study.nominal) if study.kind == "star" else ()
+        self.matrices = len(self._star) or self.matrices
         self.count = study.n * self.matrices
         self.columns = tuple(c for v in study.vary for c in v.columns)
 
@@ -64,6 +72,10 @@ class Runs:
             swapped = of_b if self._study.kind == "sensitivity" else None
             u = np.stack([self._uniform(s, samples, swapped) for s in _streams(v)])
             made |= dict(zip(v.columns, v.make(u), strict=True))
+        for k, name in enumerate(self._star):
+            fixed = self._study.nominal[name]
+            varied = zip(made[name], (matrix == k).tolist(), strict=True)
+            made[name] = [value if varies else fixed for value, varies in varied]
         for k, v in enumerate(self._grids):
             made[v.name] = [self._cells[c][k] for c in matrix.tolist()]
         return [{c: made[c][i] for c in self.columns} for i in range(len(which))]

@@ -20,7 +20,7 @@ COMPARISONS: Mapping[str, Callable[[Array, float], NDArray[np.bool_]]] = {
 }  # fmt: skip
 _TERM = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|<|>)\s*([-+0-9.eE]+)\s*")
 _QUANTILE = re.compile(r"(.+)_p(\d{1,2})")
-FEWEST = 30  # runs before an interval may end a campaign
+FEWEST = 50  # runs before an interval may end a campaign
 BOOTSTRAP = 1000  # resamples of an interval
 AT_ONCE = 1 << 19  # numbers in memory
 PLACE = ("end_east_m", "end_north_m")
@@ -28,7 +28,7 @@ PLACE = ("end_east_m", "end_north_m")
 
 @dataclass(frozen=True)
 class Estimate:
-    """A statistic of n runs with its interval; NaN where there are too few."""
+    """A statistic of n runs with its interval; NaN, or an infinite end, where they are too few."""
 
     value: float
     low: float
@@ -209,7 +209,8 @@ def quantile(values: Array, share: float, confidence: float) -> Estimate:
         return Estimate(math.nan, math.nan, math.nan, n)
     low = int(stats.binom.ppf(0.5 - 0.5 * confidence, n, share)) - 1
     high = int(stats.binom.ppf(0.5 + 0.5 * confidence, n, share))
-    low_end, high_end = (float(kept[k]) if 0 <= k < n else math.nan for k in (low, high))
+    low_end = float(kept[low]) if low >= 0 else -math.inf
+    high_end = float(kept[high]) if high < n else math.inf
     return Estimate(float(np.quantile(kept, share)), low_end, high_end, n)
 
 

@@ -61,7 +61,7 @@ class Store:
             be written
         """
         if self._description() is None:
-            if self.folder.exists() and any(self.folder.iterdir()):
+            if self.folder.is_dir() and any(f.name[0] != "." for f in self.folder.iterdir()):
                 raise TwinError(f"--out {self.folder}: must be a new folder or one of a campaign")
         elif any(self.present()) and not force:
             done = sum(len(self.runs_of(p)) for p in self.present())
@@ -72,13 +72,13 @@ class Store:
         try:
             for file in (self.folder / "rows").glob("part-*"):
                 file.unlink()
-            (self.folder / "rows").mkdir(parents=True, exist_ok=True)
-            write_text(self.folder / "study.toml", self._study.text)
             about = {
                 "schema": SCHEMA, "study": self._study.name, "digest": self._study.digest,
                 "versions": versions(), "runs": self.count, "part_rows": self.part_rows,
             }  # fmt: skip
+            # first of all files, so that what a killed process leaves is a campaign's
             write_text(self.folder / "campaign.json", json.dumps(about, indent=2) + "\n")
+            write_text(self.folder / "study.toml", self._study.text)
         except (OSError, AnalysisError) as error:
             raise TwinError(f"--out {self.folder}: {error}") from None
 
@@ -129,7 +129,13 @@ class Store:
         self._write(rows, self.file(part))
 
     def prepare(self) -> None:
-        """Load what writing needs, so that forked processes have it already."""
+        """Load what writing needs, so that forked processes have it already.
+
+        Raises
+        ------
+        OSError : the folder cannot be written
+        """
+        (self.folder / "rows").mkdir(parents=True, exist_ok=True)
         pq.write_table(self._table([{}]), pa.BufferOutputStream(), compression="zstd")
 
     def _table(self, rows: Sequence[Mapping[str, Any]]) -> pa.Table:

@@ -60,6 +60,7 @@ class Study:
     stop : sequential stop; None to fly all
     fail_if : conditions that a campaign must not meet
     nominal : values that parameters keep in a map while another one varies
+    about : names of a choice that the map is about, by parameter
     digest : of everything that decides a row, with the versions of the physics
     text : the file
     """
@@ -75,6 +76,7 @@ class Study:
     stop: Stop | None
     fail_if: tuple[Condition, ...]
     nominal: Mapping[str, float]
+    about: Mapping[str, list[str]]
     digest: str
     text: str
 
@@ -127,13 +129,18 @@ def _study(file: Path, given: dict[str, Any], text: str) -> Study:
     if twice := sorted({c for c in columns if columns.count(c) > 1}):
         raise TwinError(f"[vary]: {twice[0]} varies twice")
     kind, n, seed = _design(part["design"], vary)
+    given_nominal = {n: t["nominal"] for n, t in part["vary"].items() if "nominal" in t}
+    about = {n: v for n, v in given_nominal.items() if isinstance(v, list)}
+    nominal = {n: float(v) for n, v in given_nominal.items() if n not in about}
+    if kind == "star" and not nominal:
+        raise TwinError("[design] star: needs a nominal value for each parameter of the star")
     measures = tuple(measure(n, t, columns) for n, t in part["measure"].items())
     return Study(
         name=file.stem, title=str(part["study"].get("title", file.stem))[:200], fly=fly, vary=vary,
         kind=kind, n=n, seed=seed, measures=measures,
         stop=_stop(part["stop"], measures), text=text,
         fail_if=tuple(condition(str(t), measures) for t in part["fail_if"].values()),
-        nominal={n: float(t["nominal"]) for n, t in part["vary"].items() if "nominal" in t},
+        nominal=nominal, about=about,
         digest=_digest(part, fly, file.parent),
     )  # fmt: skip
 
@@ -180,8 +187,8 @@ def _design(given: Mapping[str, Any], vary: tuple[Varied, ...]) -> tuple[str, in
             f"[design] grid: {random[0]} is not a grid; take another kind, which flies its samples"
             " in every cell of the grid"
         )
-    if kind == "sensitivity" and len(random) < len(vary):
-        raise TwinError("[design] sensitivity: cannot have a grid; vary it as uniform or choice")
+    if kind in ("sensitivity", "star") and len(random) < len(vary):
+        raise TwinError(f"[design] {kind}: cannot have a grid; vary it as uniform or choice")
     return kind, int(n), int(seed)
 
 
@@ -203,10 +210,11 @@ def _digest(part: Mapping[str, Any], fly: Mapping[str, Any], folder: Path) -> st
     """Digest of what decides a row: sections, files that they name, versions."""
     total = hashlib.sha256()
     deciding = {k: part[k] for k in ("fly", "vary", "design", "measure")}
-    deciding["vary"] = {  # the nominal values only belong to the map
-        name: {k: v for k, v in table.items() if k != "nominal"}
-        for name, table in part["vary"].items()
-    }
+    if part["design"].get("kind") != "star":  # elsewhere nominal values only belong to the map
+        deciding["vary"] = {
+            name: {k: v for k, v in table.items() if k != "nominal"}
+            for name, table in part["vary"].items()
+        }
     total.update(json.dumps(deciding, sort_keys=True, default=str).encode())
     tables = [str(folder / v["file"]) for v in part["vary"].values() if "file" in v]
     for name in (*(str(fly[k]) for k in FILES if k in fly and k in hints(Fly)), *tables):

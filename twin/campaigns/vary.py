@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.special import ndtri
 
 from analysis.files import FileError, content
@@ -31,6 +32,8 @@ class Varied:
     streams : independent uniform numbers that one sample takes
     values : of a grid or choice, in order; empty for continuous distributions
     relative : whether the values multiply the nominal one
+    spec : its table in the study
+    density : logarithm of the probability density at values (n,); None where there is none
     make : gives one list of values a column, from uniform numbers (streams, n)
     """
 
@@ -41,6 +44,8 @@ class Varied:
     values: tuple[object, ...]
     relative: bool
     make: Callable[[Array], list[list[Any]]]
+    spec: Mapping[str, object] = field(default_factory=dict)
+    density: Callable[[Array], Array] | None = None
 
 
 def varied(name: str, table: object, folder: Path) -> Varied:
@@ -54,8 +59,9 @@ def varied(name: str, table: object, folder: Path) -> Varied:
     if not isinstance(table, dict):
         raise TwinError(f"{where}: must be a table with a distribution")
     given = dict(table)
-    if "nominal" in given:
-        number(f"{where} nominal", given.pop("nominal"))
+    nominal = given.pop("nominal", 0.0)
+    if not (isinstance(nominal, list) and all(isinstance(n, str) for n in nominal)):
+        number(f"{where} nominal", nominal)
     kind, relative = given.pop("distribution", None), given.pop("relative", False)
     if not isinstance(kind, str) or kind not in _KINDS:
         raise TwinError(f"{where} distribution {kind!r}: must be one of {', '.join(_KINDS)}")
@@ -68,7 +74,7 @@ def varied(name: str, table: object, folder: Path) -> Varied:
         raise TwinError(
             f"{where}: unknown key {unknown[0]!r}; {kind} takes {', '.join((*needed, *optional))}"
         )
-    return make(where, name, given, relative, folder)
+    return replace(make(where, name, given, relative, folder), spec={"kind": kind, **given})
 
 
 def number(where: str, value: object, *, positive: bool = False) -> float:
@@ -87,27 +93,34 @@ def number(where: str, value: object, *, positive: bool = False) -> float:
     return given
 
 
-def _one(name: str, kind: str, relative: bool, inverse: Callable[[Array], Array]) -> Varied:
-    return Varied(name, kind, (name,), 1, (), relative, lambda u: [inverse(u[0]).tolist()])
+def _one(
+    name: str, kind: str, relative: bool, inverse: Callable[[Array], Array], of: Any  # noqa: ANN401
+) -> Varied:  # fmt: skip
+    def make(u: Array) -> list[list[Any]]:
+        return [inverse(u[0]).tolist()]
+
+    return Varied(name, kind, (name,), 1, (), relative, make, density=of.logpdf)
 
 
 def _normal(where: str, name: str, given: dict[str, Any], relative: bool, _: Path) -> Varied:
     mean = number(f"{where} mean", given["mean"])
     sd = number(f"{where} sd", given["sd"], positive=True)
-    return _one(name, "normal", relative, lambda u: mean + sd * ndtri(u))
+    return _one(name, "normal", relative, lambda u: mean + sd * ndtri(u), stats.norm(mean, sd))
 
 
 def _uniform(where: str, name: str, given: dict[str, Any], relative: bool, _: Path) -> Varied:
     low, high = (number(f"{where} {k}", given[k]) for k in ("low", "high"))
     if not low < high:
         raise TwinError(f"{where} low {low:g}: must be less than high {high:g}")
-    return _one(name, "uniform", relative, lambda u: low + (high - low) * u)
+    of = stats.uniform(low, high - low)
+    return _one(name, "uniform", relative, lambda u: low + (high - low) * u, of)
 
 
 def _lognormal(where: str, name: str, given: dict[str, Any], relative: bool, _: Path) -> Varied:
     median = number(f"{where} median", given["median"], positive=True)
     sigma = number(f"{where} sigma", given["sigma"], positive=True)
-    return _one(name, "lognormal", relative, lambda u: median * np.exp(sigma * ndtri(u)))
+    of = stats.lognorm(sigma, scale=median)
+    return _one(name, "lognormal", relative, lambda u: median * np.exp(sigma * ndtri(u)), of)
 
 
 def _picked(name: str, kind: str, relative: bool, values: list[Any], edges: Array) -> Varied:

@@ -13,11 +13,27 @@ from pathlib import Path
 from typing import Literal
 
 from analysis.compiled import cache_folder
+from twin import status
+from twin.cli.ready import lacking
 from twin.config import Doctor
 from twin.config.result import Result, Rows
 
 Level = Literal["ok", "note", "missing"]
 PACKAGES = ("tvc-twin", "mujoco", "numba", "numpy", "scipy", "control", "rerun-sdk", "pyserial")
+PURPOSES = {
+    "report": "pages: report, converge, demo, fly --repeat",
+    "sysid": "identify --linkage",
+    "gym": "twin.gym",
+    "notebook": "recordings as pandas tables",
+}
+BROWSERS = ("chromium", "google-chrome", "firefox", "xdg-open", "open")
+RULES = ("/lib/udev/rules.d", "/usr/lib/udev/rules.d", "/etc/udev/rules.d")
+GRABBERS = (
+    ("ModemManager", "77-mm-usb-device-blacklist.rules",
+     "it probes new ports for seconds: `sudo systemctl disable --now ModemManager`"),
+    ("brltty", "85-brltty.rules",
+     "it takes CH340 adapters for braille displays: `sudo apt remove brltty`"),
+)  # fmt: skip
 AVR_TOOLS = ("avr-g++", "avr-size", "simavr")
 ROOT_USER = 0
 
@@ -43,7 +59,8 @@ class Finding:
 def examine() -> list[Finding]:
     """Look at everything; never raises, an examination that fails is a finding itself."""
     findings: list[Finding] = []
-    for look in (_versions, _native, _rendering, _viewer, _real_time, _ports, _avr):
+    for look in EXAMINATIONS:
+        status.say(f"examining {look.__name__.strip('_').replace('_', ' ')}")
         findings.extend(_guarded(look))
     return findings
 
@@ -111,6 +128,15 @@ def _versions() -> Iterator[Finding]:
             yield Finding(package, "missing", "not installed", "run `make env`")
 
 
+def _extras() -> Iterator[Finding]:
+    for extra, purpose in PURPOSES.items():
+        if absent := lacking(extra):
+            remedy = f"pip install 'tvc-twin[{extra}]' ({purpose})"
+            yield Finding(f"extra {extra}", "note", f"without {', '.join(absent)}", remedy)
+        else:
+            yield Finding(f"extra {extra}", "ok", purpose)
+
+
 def _native() -> Iterator[Finding]:
     from twin.physics.native import layout
 
@@ -151,7 +177,13 @@ def _rendering() -> Iterator[Finding]:
 
 
 def _viewer() -> Iterator[Finding]:
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    window = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY")
+    if window or os.environ.get("WAYLAND_DISPLAY"):
+        yield Finding("display", "ok", "`twin view` opens a window")
+    else:
+        remedy = "use `twin view --web`, over ssh with `ssh -L 9090:127.0.0.1:9090`"
+        yield Finding("display", "note", "none: `twin view` cannot open a window", remedy)
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     vulkan = any(Path("/usr/share/vulkan/icd.d").glob("*.json"))
     if sys.platform.startswith("linux") and not vulkan:
         remedy = "install mesa-vulkan-drivers and libvulkan1, or use `twin view --web`"
@@ -159,7 +191,8 @@ def _viewer() -> Iterator[Finding]:
     else:
         yield Finding("Vulkan", "ok", "a driver is installed")
     if browser is None:
-        yield Finding("browser", "note", "no Chromium", "`twin view --web` opens in any browser")
+        remedy = "`twin view --web` and pages open in any browser, also on another machine"
+        yield Finding("browser", "note", "none installed here", remedy)
     else:
         yield Finding("browser", "ok", browser)
 
@@ -199,6 +232,13 @@ def _ports() -> Iterator[Finding]:
             yield Finding(device, "note", f"latency {timer.read_text().strip()} ms", remedy)
 
 
+def _grabbers() -> Iterator[Finding]:
+    """Services that open serial ports by themselves."""
+    for program, rule, remedy in GRABBERS:
+        if shutil.which(program) or any(Path(folder, rule).exists() for folder in RULES):
+            yield Finding(program, "note", "installed: may take a Nano's port", remedy)
+
+
 def _avr() -> Iterator[Finding]:
     absent = [tool for tool in AVR_TOOLS if shutil.which(tool) is None]
     header = Path("/usr/include/simavr/sim_avr.h")
@@ -211,3 +251,8 @@ def _avr() -> Iterator[Finding]:
         yield Finding("AVR tools", "note", f"without {', '.join(absent)}", remedy)
     else:
         yield Finding("AVR tools", "ok", "compiler and simulator")
+
+
+EXAMINATIONS = (
+    _versions, _extras, _native, _rendering, _viewer, _real_time, _ports, _grabbers, _avr,
+)  # fmt: skip

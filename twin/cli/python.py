@@ -65,7 +65,8 @@ def _named(verb: Verb, given: tuple[object, ...], settings: dict[str, object]) -
         what = "one file" if len(places) == 1 else " and ".join(places)
         raise TwinError(f"twin.{verb.name}: takes {what}, not {len(given)}")
     settings = {**settings, **dict(zip(places, given, strict=False))}
-    if missing := [name for name in places if name not in settings]:
+    needed = {f.name for f in fields(verb.settings) if f.default is MISSING}
+    if missing := [name for name in places if name in needed and name not in settings]:
         raise TwinError(f"twin.{verb.name}: needs {' and '.join(missing)}")
     return settings
 

@@ -19,6 +19,8 @@ EXTRAS = {
     "notebook": ("pandas", "plotly"),
     "pi": ("smbus2", "rpi_hardware_pwm"),
     "cluster": ("ray",),
+    "mcap": ("mcap",),
+    "usd": ("pxr", "PIL"),
 }
 
 

@@ -6,7 +6,7 @@ False
 
 from twin.config.base import Settings
 from twin.config.demo import Demo
-from twin.config.evaluation import Columns, Compare, Doctor, Identify, Report, View
+from twin.config.evaluation import Columns, Compare, Doctor, Export, History, Identify, Report, View
 from twin.config.options import Run
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import (
@@ -20,6 +20,7 @@ from twin.config.runs import (
     without_ineffective,
 )
 from twin.config.types import LARGEST_DT, TURNTABLE, Integrator, OnFault, Programme, Signal
+from twin.config.vehicle import ListParameters
 
 __all__ = [
     "LARGEST_DT",
@@ -31,9 +32,12 @@ __all__ = [
     "Converge",
     "Demo",
     "Doctor",
+    "Export",
     "Fly",
+    "History",
     "Identify",
     "Integrator",
+    "ListParameters",
     "Mirror",
     "OnFault",
     "Programme",

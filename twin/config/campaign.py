@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from twin.config.options import Output
-from twin.config.types import POSITIONAL, Range, Texts
+from twin.config.types import POSITIONAL, Flag, Range, Texts
 from twin.errors import TwinError
 
 
@@ -19,7 +19,8 @@ class Campaign(Output):
     """run: fly the study from the beginning; resume: fly what is missing; report: write the page
     again from the rows there are; refly: fly one run again with a full recording."""
     study: Annotated[str, POSITIONAL]
-    """Study file (.toml), or a shipped study: dispersion, mechanism, servos, gains."""
+    """Study file (.toml), or a shipped study: dispersion, limits, mechanism, servos,
+    gains."""
     run: Annotated[Annotated[int, Range(0, 10**9)] | None, POSITIONAL] = None
     """Number of the run, for `refly`."""
     _: KW_ONLY
@@ -28,8 +29,13 @@ class Campaign(Output):
     fail_if: Texts = ()
     """Condition on a statistic, for example "hit_rate < 0.95": exit code 1 where its interval
     confirms it, 3 where it is undecided. Added to those of the study. Repeatable."""
+    reweight: str | None = None
+    """Study file that varies the same parameters with other distributions: rates as if these had
+    been flown, from the rows there are; with `report`."""
     paths: Annotated[int, Range(0, 1000)] = 0
     """Runs to fly again for a recording with their paths, worst and median highlighted."""
+    force: Flag = False
+    """Start again in a folder that has runs, or replace any recording with `refly`."""
     out: Path | None = None
     """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write."""
 
@@ -47,3 +53,5 @@ class Campaign(Output):
                 if self.run is None
                 else f"twin campaign {self.action}: takes no run number ({self.run})"
             )
+        if self.reweight is not None and self.action != "report":
+            raise TwinError(f"--reweight {self.reweight}: is for `twin campaign report`")

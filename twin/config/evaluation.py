@@ -26,11 +26,11 @@ class Columns(Settings):
     angle: str | None = None
     """Columns of the measured angles, separated by commas; of a recording the signal,
     gimbal/measured if omitted."""
-    unit: str | None = None
+    angle_unit: str | None = None
     """Unit of the angle columns: rad, deg, mrad, turn, counts or 1 (any other); rad if omitted."""
     input_unit: str | None = None
-    """Unit of the command columns: those of `--unit`, us (pulse width) or percent; as `--unit` if
-    omitted."""
+    """Unit of the command columns: those of `--angle-unit`, us (pulse width) or percent; as
+    `--angle-unit` if omitted."""
     time_scale: Annotated[float, Range(1e-12, 1e9, "s")] | None = None
     """Seconds per unit of the time column, for example 1e-3."""
     commands: Path | None = None
@@ -152,6 +152,10 @@ class Compare(Columns, Output, Parameters):
     """Of one recording of a rig: estimate gain, delay, zero, speed, backlash and friction over time
     with their intervals, and name what leaves the interval of the model, since when, by how much.
     """
+    explain: Flag = False
+    """Of one recording of a rig: give the share of each effect of the model (calibration error,
+    delay, sensor lag, slew limit, backlash, friction, dead band, wait for the pulse frame, load) in
+    the difference, and what none explains."""
     fail_below: Annotated[float, Range(-1e6, 100.0, "%")] | None = None
     """Exit with 1 if the fit of an axis, delay not removed, is below this value [%]."""
     longest_delay_ms: Milliseconds = 250.0
@@ -178,10 +182,29 @@ class Compare(Columns, Output, Parameters):
             raise TwinError("--with: not with --commands; give one table with commands and angles")
         given = {"--ratio": self.ratio, "--mechanism": self.mechanism, "--set": self.set or None}
         for flag, value in given.items():
-            if value is not None and self.with_ is None and not (self.drift and flag != "--ratio"):
+            again = (self.drift or self.explain) and flag != "--ratio"
+            if value is not None and self.with_ is None and not again:
                 raise TwinError(f"{flag} {value}: needs --with linkage or --with model.json")
-        if self.drift and (self.with_ is not None or len(self.recordings) != 1):
-            raise TwinError("--drift: takes one recording of a rig with a model beside it")
+        for flag, asked in (("--drift", self.drift), ("--explain", self.explain)):
+            if asked and (self.with_ is not None or len(self.recordings) != 1):
+                raise TwinError(f"{flag}: takes one recording of a rig with a model beside it")
+
+
+@dataclass(frozen=True)
+class History(Output):
+    """Compare the recordings of one board over time with the model of the first one."""
+
+    group: ClassVar[str] = "history"
+
+    folder: Annotated[Path, POSITIONAL]
+    """Folder with recordings (.rrd) of a rig that has a model beside it."""
+    _: KW_ONLY
+    board: str | None = None
+    """Serial number of the board, where the folder holds recordings of several."""
+    mechanism: Path | None = None
+    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
+    out: Path | None = None
+    """Page to write (.html); runs/history-DATE-TIME.html if omitted."""
 
 
 @dataclass(frozen=True)
@@ -207,13 +230,43 @@ class Report(Columns, Output):
 
 
 @dataclass(frozen=True)
-class View(Settings):
-    """Open a recording in the Rerun viewer."""
+class Export(Output):
+    """Write a recording in the format of another program.
 
-    group: ClassVar[str] = "viewer"
+    csv, parquet, mat: all signals in SI, which read again equal. mcap: signals as messages. kml:
+    path of a flight on a map. glb, usd: the scene with its motion, for example for Blender.
+    """
+
+    group: ClassVar[str] = "export"
 
     recording: Annotated[Path, POSITIONAL]
     """Recording (.rrd)."""
+    _: KW_ONLY
+    to: Literal["csv", "parquet", "mat", "mcap", "kml", "glb", "usd"] = "csv"
+    """Format; mcap and usd need the extra of that name."""
+    latitude_deg: Annotated[float, Range(-90.0, 90.0, "deg")] = 0.0
+    """Latitude of the launch site, for kml."""
+    longitude_deg: Annotated[float, Range(-180.0, 180.0, "deg")] = 0.0
+    """Longitude of the launch site, for kml."""
+    height_m: Annotated[float, Range(-500.0, 9000.0, "m")] = 0.0
+    """Height of the launch site above the sea, for kml."""
+    out: Path | None = None
+    """File to write; the name of the recording with the ending of the format if omitted."""
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Extras of the installation that these settings need."""
+        return (self.to,) if self.to in ("mcap", "usd") else ()
+
+
+@dataclass(frozen=True)
+class View(Settings):
+    """Open recordings in the Rerun viewer; several are overlaid, each from its time zero."""
+
+    group: ClassVar[str] = "viewer"
+
+    recordings: Annotated[tuple[Path, ...], POSITIONAL]
+    """Recordings (.rrd)."""
     _: KW_ONLY
     web: Flag = False
     """Serve it to a browser on this machine instead of opening a window."""

@@ -321,8 +321,8 @@ def with_model(config: R, gimbal: str, **changes: object) -> R:
     Parameters of servos and rods are dropped where an identified model takes their place.
     """
     rig: dict[str, object] = {
-        "calibration": None, "fault": (), "unit": None, "clock": "lockstep", "shadow": None,
-        "shadow_set": (),
+        "calibration": None, "fault": (), "unit": None, "clock": "lockstep", "no_check": False,
+        "shadow": None, "shadow_set": (),
     }  # fmt: skip
     if isinstance(config, Fly):
         rig |= {"attitude": "truth", "scene": config.plant_scene, "about": config.turns_about}

@@ -1,11 +1,11 @@
-"""Settings of `twin vehicle`."""
+"""Settings of the verbs about a vehicle's model: vehicle, parameters."""
 
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-from twin.config.options import Output
-from twin.config.types import POSITIONAL
+from twin.config.options import Output, Parameters
+from twin.config.types import POSITIONAL, Flag
 from twin.errors import TwinError
 
 
@@ -49,3 +49,22 @@ class Vehicle(Output):
             )
         if self.action == "show" and self.out is not None:
             raise TwinError("--out: `twin vehicle show` writes no file")
+
+
+@dataclass(frozen=True)
+class ListParameters(Parameters):
+    """List every name that `--set` takes, with its value, unit and meaning."""
+
+    group: ClassVar[str] = "list"
+
+    words: Annotated[tuple[str, ...], POSITIONAL] = ()
+    """Only parameters whose name or meaning has all of these words, for example wind."""
+    _: KW_ONLY
+    scene: str = "flight"
+    """Scene: flight, bench, turntable, or an MJCF file."""
+    vehicle: Path | None = None
+    """Description (TOML) or MJCF file of the vehicle; the reference vehicle if omitted."""
+    mechanism: Path | None = None
+    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
+    json: Flag = False
+    """Print one JSON object: value, unit and meaning by name."""

@@ -8,11 +8,11 @@ from typing import Any
 from twin.config.base import Settings
 from twin.config.campaign import Campaign
 from twin.config.demo import Demo
-from twin.config.evaluation import Compare, Doctor, Identify, Report, View
+from twin.config.evaluation import Compare, Doctor, Export, History, Identify, Report, View
 from twin.config.mechanism import Mechanism, Meshes
 from twin.config.rig import Calibrate, Mirror, Rig
 from twin.config.runs import Converge, Fly, Replay, Step
-from twin.config.vehicle import Vehicle
+from twin.config.vehicle import ListParameters, Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +47,18 @@ VERBS = (
     Verb("calibrate", Calibrate, "twin.experiments.calibrate:calibrate"),
     Verb("identify", Identify, "twin.evaluation.identify:identify"),
     Verb("compare", Compare, "twin.evaluation.compare:compare"),
+    Verb("history", History, "twin.evaluation.history:history"),
     Verb("report", Report, "twin.evaluation.report:write_report"),
     Verb("converge", Converge, "twin.experiments.convergence:converge"),
     Verb("campaign", Campaign, "twin.campaigns.campaign:campaign"),
     Verb("replay", Replay, "twin.experiments.replay:replay"),
     Verb("rig", Rig, "twin.experiments.serve:rig"),
     Verb("vehicle", Vehicle, "twin.experiments.vehicle:vehicle"),
+    Verb("parameters", ListParameters, "twin.cli.parameters:parameters"),
     Verb("mechanism", Mechanism, "twin.experiments.mechanism:mechanism"),
     Verb("meshes", Meshes, "twin.experiments.mechanism.build:draw"),
     Verb("view", View, "twin.cli.view:view"),
+    Verb("export", Export, "twin.evaluation.export:export"),
     Verb("doctor", Doctor, "twin.cli.doctor:doctor"),
 )
 BY_NAME = {verb.name: verb for verb in VERBS}

@@ -24,6 +24,7 @@ from analysis.comparison import compare as side_by_side
 from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
+from twin import status
 from twin.config import Compare
 from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
@@ -32,6 +33,7 @@ from twin.evaluation.inputs import seen
 
 if TYPE_CHECKING:
     from twin.evaluation.drift import RunDrift
+    from twin.evaluation.explain import RunExplanation
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,7 @@ class CompareResult(Result):
     flight : how far the vehicles' flights lie apart; None where none flew
     warnings : reasons to doubt the figures
     drift : properties of the gimbal over time, with `--drift`
+    explanation : shares of the model's effects in the difference, with `--explain`
     """
 
     comparison: Comparison
@@ -69,6 +72,7 @@ class CompareResult(Result):
     flight: PathDifference | None = None
     warnings: tuple[str, ...] = ()
     drift: "RunDrift | None" = None
+    explanation: "RunExplanation | None" = None
 
     @property
     def passed(self) -> bool:
@@ -85,6 +89,7 @@ class CompareResult(Result):
             "flight": None if self.flight is None else self.flight.to_dict(),
             "warnings": list(self.warnings),
             "drift": None if self.drift is None else self.drift.as_dict(),
+            "explanation": None if self.explanation is None else self.explanation.as_dict(),
             "recording": str(self.file),
             "wall_s": self.wall_s,
         }
@@ -107,6 +112,8 @@ class CompareResult(Result):
             rows.append(("flights, under power", self.flight.text()))
         if self.drift is not None:
             rows += self.drift.rows()
+        if self.explanation is not None:
+            rows += self.explanation.rows()
         rows += [("fit not counted", f"{axis}: {why}") for axis, why in c.uncounted.items()]
         rows += [("WARNING", w) for w in self.warnings]
         if self.limit is not None:
@@ -139,6 +146,7 @@ def compare(config: Compare) -> CompareResult:
     """
     began = time.perf_counter()
     pair = _pair(config)
+    status.say("comparing")
     command = pair.run.command
     axes = [n for n in command.components if n in pair.reference.components]
     comparison = side_by_side(
@@ -149,11 +157,15 @@ def compare(config: Compare) -> CompareResult:
         still=[n for n in axes if not len(command.select((n,)).changes())],
     )
     file = named(config.out, "compare", ".rrd", force=config.force)
-    drift = None
+    drift = explanation = None
     if config.drift:
         from twin.evaluation.drift import run_drift
 
-        drift = run_drift(config, pair.run.recording)
+        drift = run_drift(pair.run.recording, config.mechanism, config.overrides)
+    if config.explain:
+        from twin.evaluation.explain import explain
+
+        explanation = explain(pair.run.recording, config.mechanism, config.overrides)
     _record(config, file, pair, drift)
     point_latest(file)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
@@ -166,6 +178,7 @@ def compare(config: Compare) -> CompareResult:
         _flights(runs),
         caveats(runs),
         drift,
+        explanation,
     )
 
 

@@ -1,19 +1,19 @@
 """`twin compare RIG.rrd --drift`: what changed in a gimbal beside its model, and since when."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from analysis.estimate import AxisDrift, Change, Model, Property, drift
 from analysis.recording import Recording, TimeSeries
 from hardware.frames import AXES
-from twin.config import Compare
 from twin.config.result import Rows
+from twin.evaluation.motions import LATER, lagging
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
 
@@ -43,7 +43,6 @@ FRICTION = tuple(f"gimbal_servo_{a}.frictionloss" for a in AXES)
 # Differences of zero, speed, backlash and friction over which the model's derivatives are taken:
 # as large as the changes that matter, since backlash and friction are not linear.
 STEPS = np.array([math.radians(1.0), -0.1, math.radians(0.5), 1.0])
-LATER = 5e-3  # s; of delay and lag
 
 
 @dataclass(frozen=True)
@@ -109,11 +108,19 @@ class RunDrift:
         return found | {n: (some.time, v) for n, v in zip(names, tracks, strict=True)}
 
 
-def run_drift(config: Compare, recording: Recording) -> RunDrift:
+def run_drift(
+    recording: Recording,
+    mechanism: Path | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> RunDrift:
     """Estimate the properties of both axes of a run over time, and name what changed.
 
     A run with the linkage beside it is simulated again with other properties; of another model
     only gain, zero, delay and lag are estimated, from its recorded motion.
+
+    Parameters
+    ----------
+    mechanism, parameters : see `Resimulation`
 
     Raises
     ------
@@ -127,7 +134,7 @@ def run_drift(config: Compare, recording: Recording) -> RunDrift:
     axes = {}
     with compiled():
         further, source = (
-            _of_linkage(Resimulation(recording, config.mechanism, config.overrides))
+            _of_linkage(Resimulation(recording, mechanism, parameters))
             if linkage
             else _of_motion(recording)
         )
@@ -181,12 +188,7 @@ def _of_motion(recording: Recording) -> tuple[tuple[Property, ...], Source]:
     stamps, motion = np.asarray(simulated.time), np.asarray(simulated.values)
     period = float(np.median(np.diff(stamps)))
 
-    def lagging(by: float) -> Array:
-        keep = math.exp(-period / by)
-        start = keep * motion[:1]  # at rest
-        return np.asarray(lfilter([1.0 - keep], [1.0, -keep], motion, axis=0, zi=start)[0])
-
-    slope = (lagging(LATER) - motion) / LATER
+    slope = (lagging(motion, LATER, period) - motion) / LATER
     slopes = np.stack([np.ones_like(motion), slope], axis=-1)
 
     def source(level: tuple[float, ...]) -> tuple[Array, Array, Array]:

@@ -21,6 +21,7 @@ from analysis.identify import (
 from analysis.plain import plain
 from analysis.recording import Measurement
 from analysis.transfer_function import Margins, TransferFunctionModel, margins
+from twin import status
 from twin.config import Identify
 from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
@@ -141,6 +142,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
     source = given(config, config.sources)
     runs = source.runs
     held_back = [given(config, (file,)).runs[0] for file in config.check]
+    status.say(f"fitting {sum(len(r.command.time) for r in runs)} samples")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are reported as unknown
         poles, zeros, scores = _order(config, runs)

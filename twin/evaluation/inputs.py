@@ -136,7 +136,7 @@ def _columns(config: Columns, file: Path, rate: tuple[str, ...] = ()) -> recordi
         _names(config.input),
         _names(config.angle),
         rate,
-        config.unit,
+        config.angle_unit,
         config.input_unit,
         config.time_scale,
         config.commands,

@@ -12,6 +12,7 @@ import mujoco
 
 from analysis.files import write_text
 from hardware.frames import AXES
+from twin import status
 from twin.config import Identify
 from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
@@ -126,6 +127,7 @@ def identify_linkage(config: Identify) -> PhysicsResult:
     with compiled():
         bench = _Bench(config, known)
         knobs = [bench.knob(name) for name in _names(config, simulated=source.simulated)]
+        status.say(f"fitting {len(knobs)} parameters")
         fit = fit_linkage(moves_of(source.runs[0], bench.model), knobs, bench.built)
     values = {e.name: e.value for e in fit.estimates}
     late = values.pop(DELAY, 0.0)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from analysis.report import ReportNumbers, report
 from analysis.transfer_function import TransferFunctionModel
+from twin import status
 from twin.config import Report
 from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
@@ -43,6 +44,7 @@ def write_report(config: Report) -> ReportResult:
     models = {f.stem: TransferFunctionModel.read(f) for f in config.model}
     out = named(config.out, "report", ".html", ".htm", force=config.force)
     loops = attitude_loops() if models else ()
+    status.say("computing figures and comparison")
     numbers = report(runs, out, models=models, loops=loops, title=config.title)
     point_latest(out)
     return ReportResult(numbers, out, tuple(str(f) for f in (*config.recordings, *config.model)))

@@ -5,6 +5,7 @@ from array import array
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from math import degrees
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from twin.hil.teleop import Keys, Stick, Watch
 from twin.loop.loop import Controller
 from twin.loop.readings import Readings
 
+KEYS = "arrow keys, space: zero, q: end   "
 ENDLESS_NS = 1 << 62
 # The rig is polled more often than rows are needed, so that no frame waits for its tick.
 ROW_NS = 2_000_000
@@ -86,6 +88,7 @@ class _Witness:
     def __init__(self, readings: Readings, now_ns: Callable[[], int] | None) -> None:
         self.readings, self._now = readings, now_ns
         self.frames = 0
+        self.angle = (0.0, 0.0)
         self.ages = array("q")
         self.gaps: list[float] = []
         self._since: int | None = None
@@ -101,6 +104,8 @@ class _Witness:
                 self.gaps.append((time_ns - self._since) * 1e-9)
                 self._since = None
         self._seen_ns = time_ns
+        if r.states:
+            self.angle = r.states[-1].angle
         if self._now is not None and r.states:
             self.ages.append(self._now() - r.states[-1].time_ns)
 
@@ -108,6 +113,12 @@ class _Witness:
         """How long the rig was away each time, the last to the end of the run [s]."""
         last = () if self._since is None else ((self._seen_ns - self._since) * 1e-9,)
         return (*self.gaps, *last)
+
+    def text(self) -> str:
+        """Angles, health and link, for the status line."""
+        x, y = map(degrees, self.angle)
+        link = "rig away" if self._since is not None else f"{self.readings.lost} frames lost"
+        return f"x {x:+6.2f}°  y {y:+6.2f}°  {self.readings.health}, {link}"
 
     def percentiles(self) -> tuple[float, float] | None:
         if not self.ages:
@@ -148,6 +159,8 @@ def mirror(config: Mirror) -> MirrorResult:
         recorder = s.record(serve=config.serve, drain_ns=drain)
         readings, rows = witness.readings, s.rows
 
+        hint = KEYS if keys is not None else ""
+
         def write(time_ns: int) -> None:
             if readings.frames or readings.events or time_ns % ROW_NS == 0:
                 rows.write(time_ns)
@@ -156,7 +169,9 @@ def mirror(config: Mirror) -> MirrorResult:
             witness.look(plant.time_ns)
             return "q" if keys is not None and keys.ended else ended()
 
-        outcome = s.run(controller, length, each_tick=(write,), stop=over)
+        outcome = s.run(
+            controller, length, each_tick=(write,), stop=over, doing=lambda: hint + witness.text()
+        )
         recorder.event(plant.time_ns, f"mirror ended: {outcome.ended}")
     return MirrorResult(
         recording=str(recorder.path),

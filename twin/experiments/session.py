@@ -239,6 +239,7 @@ class Session:
         *,
         each_tick: Sequence[Callable[[int], None]] | None = None,
         stop: Callable[[], str | None] = lambda: None,
+        doing: status.Text | None = None,
     ) -> Outcome:
         """Run the loop to its end and release the rig.
 
@@ -246,6 +247,7 @@ class Session:
         ----------
         each_tick : called with the time of each tick [ns]; the rows of the recording if omitted
         stop : gives the reason to end, or None
+        doing : status line; the experiment time if omitted
 
         Raises
         ------
@@ -255,7 +257,7 @@ class Session:
             self.plant,
             "" if duration_ns > LONGEST_SHOWN_NS else f" of {duration_ns * 1e-9:.0f} s",
         )
-        status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s{of}")
+        status.say(doing or (lambda: f"running, {plant.time_ns * 1e-9:.1f} s{of}"))
         seat: Clock = Wall() if self.real_time else Lockstep()
         clock = self._live.enter_context(seat)
         self._clock = clock if isinstance(clock, Wall) else None

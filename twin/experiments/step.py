@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analysis.schema import AnalysisError
 from twin.config import Step
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
@@ -111,18 +112,19 @@ def step(
             stop=guard.over if guard else lambda: None,
         )
         timing = s.verdict()
+    fault = guard.fault if guard else None
     return StepResult(
         recording=str(recorder.path),
         gimbal=config.gimbal,
         signal=config.signal if config.commands is None else f"commands of {config.commands}",
         excitation_s=plan.duration,
-        figures=figures(recorder.path),
+        figures=_figures(recorder.path, fault),
         physics_steps=plant.steps,
         physics_s=plant.computing_s,
         cpu_s=time.process_time() - busy,
         wall_s=time.perf_counter() - began,
         warnings=plant.warnings(),
-        fault=guard.fault if guard else None,
+        fault=fault,
         timing=timing,
         remarks=s.notes,
     )
@@ -182,6 +184,16 @@ def figures(recording: Path) -> "tuple[AxisFigures, ...]":
     from analysis.report.figures import run_figures
 
     return tuple(f for f in run_figures(load(recording)) if f.kind != "still")
+
+
+def _figures(recording: Path, fault: str | None) -> "tuple[AxisFigures, ...]":
+    """Figures of a run; none where a fault ended it before there was anything to measure."""
+    try:
+        return figures(recording)
+    except AnalysisError:
+        if fault is None:
+            raise
+        return ()
 
 
 def lines(figures: "Sequence[AxisFigures]") -> Rows:

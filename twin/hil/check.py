@@ -58,10 +58,13 @@ def check_motion(seat: RigGimbal) -> None:
         ((a[0] - b[0]) / across, (c[0] - d[0]) / across),
         ((a[1] - b[1]) / across, (c[1] - d[1]) / across),
     )
-    named = [f for f in seat.rig.fusion.monitor.faults if f.sensor in SERVO_NAMES]
+    named = seat.rig.fusion.monitor.faults
     gain = max(t.gain for t in seat.rig.fusion.monitor.actuation.tolerance)
     problem = wrong_motion(response, gain) or _displaced(seat, a, b, c, d)
-    problem = problem or ", ".join(f"{f.sensor} {f.kind}" for f in named)
+    sensors = [f for f in named if f.sensor not in SERVO_NAMES]
+    if not problem or sensors:  # what a faulty sensor shows says nothing about a servo
+        counted = sensors if problem else [f for f in named if f.sensor in SERVO_NAMES]
+        problem = ", ".join(f"{f.sensor} {f.kind}" for f in counted)
     if problem:
         raise CheckError(f"motion check: {problem}; {HELP}")
     seat.notices.append(MotionChecked((response[0][0], response[1][1])))

@@ -79,6 +79,9 @@ def compose(
     part = _built(vehicle, mechanism, motor) if is_description(vehicle) else None
     given = (path, vehicle if part is None else None, mechanism)
     guard.examine(file for file in given if file is not None)
+    if part is None:
+        _refuse_scene("--vehicle", vehicle)
+    _refuse_scene("--mechanism", mechanism)
     root = _tree(path, vehicle, part=part)
     if mechanism is not None:
         _place_mechanism(root, mechanism, vehicle or path)
@@ -90,6 +93,14 @@ def compose(
     named = [Path(model.get("file", "")) for model in root.iter("model")]
     guard.approve(guard.examine(f for f in (*given, *named) if f is not None), name, text=text)
     return _parsed(name, lambda: mujoco.MjSpec.from_string(text))
+
+
+def _refuse_scene(flag: str, file: Path | None) -> None:
+    """Refuse a file with a ground, which cannot stand in another scene."""
+    if file is None:
+        return
+    if _root(file, included=False).find("worldbody/geom[@type='plane']") is not None:
+        raise TwinError(f"{flag} {file}: is a scene, with a ground; give it as --scene {file}")
 
 
 def _parsed(path: Path, parse: Callable[[], mujoco.MjSpec]) -> mujoco.MjSpec:

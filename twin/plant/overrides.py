@@ -100,6 +100,24 @@ def value(model: mujoco.MjModel, name: str) -> float:
     return float(array[index])
 
 
+def parameters(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    """Values of every parameter of a compiled model, by its name without an index."""
+    named = [*_names(model, mujoco.mjtObj.mjOBJ_NUMERIC), *OPTIONS]
+    for attribute, (kind, _) in ATTRIBUTES.items():
+        for owner in _names(model, kind):
+            massless = attribute in ("mass", "inertia") and not model.body(owner).mass[0] > 0
+            free = attribute in ("pos", "range") and _is_free(model, owner, attribute)
+            if owner != "world" and not massless and not free:
+                named.append(f"{owner}.{attribute}")
+    found = {}
+    for name in named:
+        owner, _, attribute = name.partition(".")
+        array, at = _place(model, name, owner, attribute or None, "0")
+        of_axes = not attribute or ATTRIBUTES[attribute][1].startswith("dof_") or array.ndim == 1
+        found[name] = np.array(array if of_axes else array[at])
+    return found
+
+
 def _write(
     model: mujoco.MjModel,
     name: str,
@@ -196,7 +214,7 @@ def _place(
     index = mujoco.mj_name2id(model, kind, owner)
     if index < 0:
         known = _names(model, kind)
-        raise TwinError(f"{name}: no {_kind(kind)} {owner!r}; valid: {', '.join(known)}")
+        raise TwinError(f"{name}: no {_kind(kind)} {owner!r}; {_nearest(owner, known)}")
     array = getattr(model, field)
     if field.startswith("dof_"):
         first, axes = int(model.jnt_dofadr[index]), DOFS[mujoco.mjtJoint(model.jnt_type[index])]
@@ -213,9 +231,7 @@ def _plain(model: mujoco.MjModel, owner: str) -> np.ndarray:
     index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, owner)
     if index < 0:
         known = [*_names(model, mujoco.mjtObj.mjOBJ_NUMERIC), *OPTIONS]
-        near = get_close_matches(owner, known, n=3)
-        hint = f"; did you mean {' or '.join(near)}?" if near else "."
-        raise TwinError(f"no parameter {owner!r}{hint} Valid: {', '.join(known)}; {_examples()}")
+        raise TwinError(f"no parameter {owner!r}; {_nearest(owner, known)}")
     start = int(model.numeric_adr[index])
     return np.asarray(model.numeric_data[start : start + int(model.numeric_size[index])])
 
@@ -249,6 +265,12 @@ def _names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
 
 def _kind(kind: mujoco.mjtObj) -> str:
     return str(kind.name).removeprefix("mjOBJ_").lower()
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    near = get_close_matches(name, known, n=3)
+    every = "`twin parameters` lists all"
+    return f"did you mean {' or '.join(near)}? {every}" if near else every
 
 
 def _examples() -> str:

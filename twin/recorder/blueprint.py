@@ -135,13 +135,22 @@ def _tabs(content: Content) -> list[rrb.View | rrb.Container]:
         found.append(
             ("Estimates", [plots.all_components(style.last(s), [s], content.known) for s in some])
         )
-    return [rrb.Vertical(*views, name=title) for title, views in found if views]
+    return [
+        rrb.Vertical(*views, name=title, row_shares=[_share(v) for v in views])
+        for title, views in found
+        if views
+    ]
+
+
+def _share(view: rrb.View) -> float:
+    """Height of a plot in its tab; the picture of a path needs more."""
+    return 1.6 if isinstance(view, rrb.Spatial2DView) else 1.0
 
 
 def _main(content: Content) -> tuple[str, list[rrb.View]]:
     """The angles with what they differ by: residual, control error or difference."""
     views: list[rrb.View] = list(_overlays("Gimbal", _ANGLES, content))
-    if content.residual:
+    if views and content.residual:
         beneath = [plots.residual(content.residual, axis, content.known) for axis in (0, 1)]
         views = [v for pair in zip(views, beneath, strict=True) for v in pair]
         return "Gimbal", views

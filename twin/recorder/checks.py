@@ -10,7 +10,7 @@ from typing import IO
 from analysis import schema
 from analysis.recording.lock import claim
 from twin.errors import TwinError
-from twin.viewer.opening import LOOPBACK
+from twin.viewer.process import LOOPBACK
 
 
 class RecorderError(TwinError):

@@ -59,6 +59,13 @@ def overlay(title: str, members: Sequence[str], axis: int, known: Known) -> rrb.
     return _view(f"{title} {'xy'[axis]} [{unit}]", styles, limits, bands)
 
 
+def several(
+    name: str, styles: Mapping[str, style.Lines], component: int, known: Known
+) -> rrb.TimeSeriesView:
+    """One component of any entities with given styles."""
+    return _view(name, styles, _range(known, list(styles), component))
+
+
 def residual(entity: str, axis: int, known: Known) -> rrb.TimeSeriesView:
     """Measured minus simulated angle of one axis with its band, under the angles."""
     low, high = _range(known, [entity], axis) or (0.0, 0.0)

@@ -69,7 +69,7 @@ class Profile:
         return view(
             rrb.VisualBounds2D(
                 x_range=[-0.12 * max(width, step), max(width, step) * 1.06],
-                y_range=[-1.15 * max(height, step), 0.15 * max(height, step)],
+                y_range=[-1.15 * max(height, step), 0.3 * max(height, step)],
             )
         )
 
@@ -80,7 +80,7 @@ class Profile:
         lines = [[[0.0, -u], [far, -u]] for u in ups] + [[[a, 0.0], [a, -high]] for a in alongs]
         grid = rr.LineStrips2D(lines, colors=[GRID_COLOR], radii=[-0.5], draw_order=-1.0)
         stream.log(f"{PROFILE}/grid", grid, static=True)
-        places = [[-0.06 * far, -u] for u in ups] + [[a, 0.07 * high] for a in alongs[1:]]
+        places = [[-0.06 * far, -u] for u in ups] + [[a, 0.05 * high] for a in alongs[1:]]
         labels = [f"{u:g} m" for u in ups] + [f"{a:g} m" for a in alongs[1:]]
         text = rr.Points2D(
             places, labels=labels, colors=[TEXT_COLOR], radii=[-0.1], show_labels=True

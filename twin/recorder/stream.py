@@ -18,7 +18,7 @@ from twin.recorder.ghost import Ghost
 from twin.recorder.look import Look
 from twin.recorder.poses import Poses
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
-from twin.viewer.opening import LOOPBACK
+from twin.viewer.process import LOOPBACK
 
 THRUST = "vehicle/thrust"
 FLUSH_SECONDS = 60.0  # a slow disk needs a few; without it Rerun waits for ever

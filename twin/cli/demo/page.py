@@ -21,6 +21,8 @@ FILES = (
     ("calibration.json", "the rig's calibration, for --calibration"),
     ("flight-model.rrd", "the flight with the identified model"),
     ("flight-rig.rrd", "the same flight with the rig in the loop"),
+    ("wind.toml", "the campaign's study: change its wind, its point, its number of flights"),
+    ("wind/report.html", "the campaign's own page"),
     ("compare-linkage.rrd", "rig and physical model, with their difference"),
     ("compare-model.rrd", "rig and identified model, with their difference"),
     ("compare-flights.rrd", "gimbal angles of both flights"),

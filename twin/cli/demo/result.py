@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from twin.config.result import Result, Rows
 
 if TYPE_CHECKING:
+    from twin.campaigns.result import CampaignResult
     from twin.evaluation.compare import CompareResult
     from twin.evaluation.identify import IdentifyResult
     from twin.experiments.calibrate import CalibrationResult
@@ -30,6 +31,7 @@ class Stages(NamedTuple):
     flown: "FlightResult"
     looped: "FlightResult"
     apart: "CompareResult"
+    windy: "CampaignResult"
 
 
 class Fact(NamedTuple):
@@ -128,6 +130,12 @@ class DemoResult(Result):
                 "between the nose and the programme (a doublet of 5°) while the motor burned",
             )
 
+        yield Fact(
+            "campaign",
+            s.windy.answers.text,
+            "hit: at most 5 m from a point 500 m away, in random wind, with the identified model",
+        )
+
     def _response(self) -> Iterator[Fact]:
         words = (
             ("dead time", 1e3, "ms before it moves"),
@@ -156,7 +164,7 @@ class DemoResult(Result):
         return (
             f"twin report {self.stages.steps.recording} --model {model}",
             "twin fly --programme point --off-axis-deg 15 0",
-            f"twin fly --gimbal transfer-function --model {model} --set wind_speed=6 --repeat 5",
+            f"twin campaign run {self.folder / 'wind.toml'} --out runs/wind     (edit it first)",
             "twin demo --gimbal firmware     (the Nano's program on a simulated Nano)",
             "twin demo --gimbal /dev/ttyUSB0     (your rig; its servos move)",
         )

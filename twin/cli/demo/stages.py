@@ -13,9 +13,36 @@ from twin.config import Demo
 from twin.config.paths import RUNS, dated, point_latest
 from twin.errors import TwinError
 
-STAGES = 8
+STAGES = 9
 REPEATS, HOLD_S = 3, 0.8  # of the steps
 LONGEST_FLIGHT_S = 600.0
+STUDY = """\
+[study]
+title = "Flights to a point in changing wind, with the identified model"
+
+[fly]
+gimbal = "transfer-function"
+model = "model.json"
+programme = "point"
+off_axis_deg = [15.0, 5.0]
+
+[vary.wind_speed]
+distribution = "lognormal"
+median = 3.0
+sigma = 0.4
+
+[vary.wind_azimuth]
+distribution = "uniform"
+low = -3.1416
+high = 3.1416
+
+[design]
+kind = "random"
+n = 20
+
+[measure]
+hit = "closest_approach_m <= 5"
+"""
 
 
 def demo(config: Demo) -> DemoResult:
@@ -67,7 +94,10 @@ def _run(config: Demo, folder: Path) -> Stages:
     )  # fmt: skip
     looped = _stage(7, "fly", **rig, **flight, out=folder / "flight-rig.rrd")
     apart = _stage(8, "compare", looped, flown, out=folder / "compare-flights.rrd")
-    return Stages(calibrated, steps, model, physics, fitted, flown, looped, apart)
+    study = folder / "wind.toml"
+    study.write_text(STUDY, encoding="utf-8")
+    windy = _stage(9, "campaign", "run", str(study), out=folder / "wind")
+    return Stages(calibrated, steps, model, physics, fitted, flown, looped, apart, windy)
 
 
 def _stage(number: int, name: str, *files: object, **settings: object) -> Any:  # noqa: ANN401

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.convergence import Flight, Trajectory
+from twin import status
 from twin.config import Converge, Fly
 from twin.control import AttitudeController
 from twin.errors import DivergenceError, TwinError
@@ -86,7 +87,13 @@ class Start:
 
 def flight(config: Converge) -> Flight:
     """The flight that a study is about."""
-    return baseline(config) if config.flight == "baseline" else closed_loop(config)
+    fly = baseline(config) if config.flight == "baseline" else closed_loop(config)
+
+    def announced(integrator: str, step: float) -> Trajectory | None:
+        status.say(f"{config.flight} with {integrator} at {step * 1e3:.4g} ms")
+        return fly(integrator, step)
+
+    return announced
 
 
 def jittered(config: Converge) -> Flight:

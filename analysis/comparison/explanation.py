@@ -1,0 +1,109 @@
+"""Which effects explain a difference of two motions, and how much of it each."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+from analysis.array import Array
+from analysis.estimate import Information
+from analysis.plain import Plain
+
+# Gain in twice the log likelihood that an effect must bring, absolute and by reading: 3 % of the
+# variance of the noise.
+CERTAIN, BY_READING = 30.0, 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class Share(Plain):
+    """What one effect explains of a difference.
+
+    Attributes
+    ----------
+    effect : its name
+    share : of what is explained, 0 … 1; negative where it counteracts the others
+    text : its values in the model and by the measurement
+    """
+
+    effect: str
+    share: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation(Plain):
+    """A difference of measured and simulated angle of one axis.
+
+    Attributes
+    ----------
+    axis : its name
+    rms, rest, noise : of the difference, of what no effect explains, of the readings [rad]
+    shares : largest first
+    """
+
+    axis: str
+    rms: float
+    rest: float
+    noise: float
+    shares: tuple[Share, ...]
+
+    @property
+    def explained(self) -> float:
+        """Part of the mean square that the effects explain, 0 … 1."""
+        return 1.0 - (self.rest / self.rms) ** 2 if self.rms > 0.0 else 0.0
+
+
+def subsets(players: Sequence[str]) -> list[frozenset[str]]:
+    """All 2ᵏ sets of players, the empty one first."""
+    return [frozenset(c) for n in range(len(players) + 1) for c in combinations(players, n)]
+
+
+def shapley(worth: Mapping[frozenset[str], float], players: Sequence[str]) -> dict[str, float]:
+    """Each player's mean contribution over all orders in which they may join.
+
+    Shapley, A value for n-person games, Contributions to the Theory of Games II (1953) 307.
+
+    Parameters
+    ----------
+    worth : of every set of players
+    """
+    count = len(players)
+    found = {}
+    for player in players:
+        others = [p for p in players if p != player]
+        found[player] = sum(
+            (worth[s | {player}] - worth[s]) / (count * comb(count - 1, len(s)))
+            for s in subsets(others)
+        )
+    return found
+
+
+def candidates(
+    info: Information, groups: Mapping[str, Sequence[int]], prior: Array, chosen: Sequence[str]
+) -> list[str]:
+    """Effects that would explain something beside those chosen, the best first.
+
+    By the likelihood of the readings given deviations (k,) that are plausible, to first order.
+
+    Parameters
+    ----------
+    groups : columns of each effect
+    """
+    normal, right = info.normal.sum(axis=0), info.right.sum(axis=0)
+    columns = [c for name in chosen for c in groups[name]]
+    reached = _gain(normal, right, prior, columns)
+    gains = {
+        name: _gain(normal, right, prior, [*columns, *own]) - reached
+        for name, own in groups.items()
+        if name not in chosen
+    }
+    least = max(CERTAIN, BY_READING * info.count)
+    return sorted((n for n, g in gains.items() if g > least), key=lambda n: -gains[n])
+
+
+def _gain(normal: Array, right: Array, prior: Array, columns: Sequence[int]) -> float:
+    at = list(columns)
+    own = normal[np.ix_(at, at)] + np.diag(prior[at] ** -2.0)
+    return float(right[at] @ np.linalg.solve(own, right[at]))

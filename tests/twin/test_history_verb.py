@@ -1,0 +1,85 @@
+"""A board's recordings over time: which board, what left its interval, when it will."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.estimate import AxisDrift, Property, Track
+from analysis.recording import Recording
+from analysis.report import render
+from tests.twin.test_cli import run as command
+from twin.config import History
+from twin.errors import TwinError
+from twin.evaluation.drift import RunDrift
+from twin.evaluation.history import Entry, _of_one_board, board_of, due, outside, sections
+
+GAIN = Property("gain", "", 1.0, 1.0, 0.01)
+BACKLASH = Property("backlash", "°", 180.0 / np.pi, 0.0087, 0.0017)
+DAY = 86400.0
+
+
+def entry(day, gain, backlash=0.0087):
+    track = Track(np.zeros(1), np.array([[gain, backlash]]), np.array([[0.01, 0.0017]]))
+    drift = RunDrift((GAIN, BACKLASH), {"y": AxisDrift(track, (), np.zeros(0), np.zeros(0))})
+    return Entry(Path(f"{day}.rrd"), 1.7e9 + day * DAY, drift, {"y": 98.0})
+
+
+def run(**properties):
+    return Recording(properties, {})
+
+
+def calibrated(serial):
+    return run(files={"calibration": {"text": f'{{"rig": "{serial}"}}'}}, configuration={})
+
+
+def test_a_board_is_its_calibrations_serial_number():
+    assert board_of(calibrated("0000beef")) == "0000beef"
+    assert board_of(run(configuration={"unit": 7, "gimbal": "emulator"})) == "unit-7"
+    hostile = run(files={"calibration": {"text": "[" * 9000}}, configuration={"gimbal": "emulator"})
+    assert board_of(hostile) == "emulator without a calibration"
+
+
+def test_recordings_of_several_boards_are_refused_until_one_is_named():
+    runs = [(Path("a.rrd"), calibrated("01")), (Path("b.rrd"), calibrated("02"))]
+    with pytest.raises(TwinError, match=r"holds recordings of 01, 02; give one of them as --board"):
+        _of_one_board(runs, History(Path("here")))
+    with pytest.raises(TwinError, match="--board"):
+        _of_one_board(runs, History(Path("here"), board="03"))
+    assert _of_one_board(runs, History(Path("here"), board="02")) == ("02", [runs[1]])
+
+
+def test_a_property_outside_three_standard_deviations_is_named():
+    worn = entry(3, 1.0, backlash=0.0087 + np.radians(0.5))
+    assert outside(worn) == ["y: backlash 1.00° ± 0.19, of 0.50°"]
+    assert outside(entry(3, 1.02)) == []
+    assert due([entry(0, 1.0), worn]) == ()  # backlash is not of the calibration
+    assert due([entry(0, 1.0), entry(3, 1.05)])[0].startswith("y: gain 1.05")
+
+
+def test_the_trend_of_a_calibration_says_when_it_is_due():
+    # 0.002 a day and no scatter but 0.0001: 0.03 is reached on day 15, nine days after the last
+    runs = [entry(d, 1.0 + 0.002 * d + 1e-4 * (-1) ** d) for d in range(7)]
+    (text,) = due(runs)
+    assert text == "y: gain leaves its interval in about 9 days"
+    rng = np.random.default_rng(3)
+    assert due([entry(d, 1.0 + 0.005 * rng.standard_normal()) for d in range(7)]) == ()
+
+
+def test_the_page_has_a_chart_for_each_property_and_a_line_for_each_recording(tmp_path):
+    runs = [entry(0, 1.0), entry(1, 1.01)]
+    page = tmp_path / "history.html"
+    render(sections(runs), "History", page, {})
+    text = page.read_text()
+    assert "0.rrd" in text
+    assert "1.rrd" in text
+    assert [p.title for p in sections(runs)[0].parts[0].panels] == ["gain", "backlash"]
+
+
+@pytest.mark.parametrize("place", ["nothing", "."])
+def test_a_folder_without_recordings_is_refused(capsys, tmp_path, monkeypatch, place):
+    monkeypatch.chdir(tmp_path)
+    code, _, error = command(capsys, "history", place)
+    assert code == 2
+    assert error.count("\n") == 1
+    assert not list(tmp_path.rglob("*.html"))

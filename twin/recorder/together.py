@@ -1,0 +1,121 @@
+"""Several recordings in one, for one view: every signal overlaid, each run from its time zero."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from analysis import schema
+from analysis.recording import Recording, read
+from twin.recorder import columns, lifetime, plots, style
+
+Stamps = NDArray[np.int64]
+
+# Tabs: title, and its plots: title, signals, component.
+_GIMBAL = ("gimbal/command", "gimbal/measured", "gimbal/simulated")
+_TILT = ("control/setpoint", "vehicle/tilt")
+_RATE = ("gimbal/rate/measured", "gimbal/rate/simulated")
+_TABS: tuple[tuple[str, tuple[tuple[str, tuple[str, ...], int], ...]], ...] = (
+    ("Gimbal", (("Gimbal x", _GIMBAL, 0), ("Gimbal y", _GIMBAL, 1))),
+    ("Attitude", (("Attitude x", _TILT, 0), ("Attitude y", _TILT, 1))),
+    ("Flight", tuple((n, ("vehicle/position",), k) for k, n in enumerate(("East", "North", "Up")))),
+    (
+        "Motion",
+        (
+            ("Airspeed", ("vehicle/airspeed",), 0),
+            ("Angle of attack", ("vehicle/angle_of_attack",), 0),
+            ("Thrust", ("vehicle/thrust",), 0),
+        ),
+    ),
+    ("Rates", (("Gimbal rate x", _RATE, 0), ("Gimbal rate y", _RATE, 1))),
+)
+_RUNS: tuple[style.Color, ...] = (
+    style.SIMULATED, style.MEASURED, style.BAND, style.RESIDUAL, (200, 180, 60), (180, 120, 220)
+)  # fmt: skip
+_PALE = ("command", "setpoint")  # thin, since what follows them matters
+
+
+def write(paths: Sequence[Path], out: Path) -> None:
+    """Write the signals of all recordings into one file.
+
+    Raises
+    ------
+    AnalysisError : a recording cannot be read
+    """
+    runs = {_label(paths, k): read(path) for k, path in enumerate(paths)}
+    stream = rr.RecordingStream(schema.APPLICATION, recording_id="together", send_properties=False)
+    lifetime.begin(stream, [rr.FileSink(out)], _layout(runs))
+    ends: list[int] = []
+    for label, run in runs.items():
+        for name in _shown(run):
+            series = run[name].known()
+            ends += [int(series.time_ns[0]), int(series.time_ns[-1])]
+            values = schema.SIGNALS[name].to_stored(series.values)
+            entity, stamps = _entity(label, name), _times(series.time_ns)
+            stream.send_columns(entity, stamps, columns.scalars(values))
+    if ends:
+        span = _times(np.array([min(ends), max(ends)]))
+        stream.send_columns(plots.SPAN, span, columns.scalars(np.zeros((2, 1))))
+    stream.disconnect()
+
+
+def _times(stamps: Stamps) -> list[rr.TimeColumn]:
+    return [rr.TimeColumn(schema.TIME, duration=stamps.astype("timedelta64[ns]"))]
+
+
+def _label(paths: Sequence[Path], k: int) -> str:
+    """File name, with a number where two are alike."""
+    stems = [path.stem for path in paths]
+    return stems[k] if stems.count(stems[k]) == 1 else f"{stems[k]} {k + 1}"
+
+
+def _shown(run: Recording) -> list[str]:
+    wanted = {s for _, rows in _TABS for _, names, _ in rows for s in names}
+    return [name for name in sorted(wanted) if name in run.series and run[name].known().time.size]
+
+
+def _entity(label: str, name: str) -> str:
+    return "/" + "/".join(rr.escape_entity_path_part(p) for p in (label, *name.split("/")))
+
+
+def _layout(runs: dict[str, Recording]) -> rrb.Blueprint:
+    tabs = []
+    for title, rows in _TABS:
+        views = [view for row in rows if (view := _plot(runs, *row)) is not None]
+        if views:
+            tabs.append(rrb.Vertical(*views, name=title))
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0) if tabs else rrb.TextLogView(name="Nothing in common"),
+        rrb.TimePanel(state="collapsed", timeline=schema.TIME, play_state="paused"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _plot(
+    runs: dict[str, Recording], title: str, names: Sequence[str], component: int
+) -> rrb.TimeSeriesView | None:
+    styles, ranges = {}, {}
+    for k, (label, run) in enumerate(runs.items()):
+        for name in _shown(run):
+            if name not in names:
+                continue
+            entity, signal = _entity(label, name), schema.SIGNALS[name]
+            count = len(signal.components)
+            width = 1.0 if style.last(name) in _PALE else 2.0
+            styles[entity] = style.Lines(
+                [f"{label}: {style.last(name)}"] * count,
+                [_RUNS[k % len(_RUNS)]] * count,
+                [width * (c == component) for c in range(count)],
+            )
+            values = signal.to_stored(run[name].values)
+            ranges[entity] = list(zip(np.nanmin(values, 0), np.nanmax(values, 0), strict=True))
+    if not styles:
+        return None
+    unit = schema.SIGNALS[names[0]].stored_unit
+    return plots.several(f"{title} [{unit}]", styles, component, plots.Known(ranges))
