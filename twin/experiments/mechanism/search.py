@@ -90,7 +90,7 @@ class SearchResult(Result):
         return [*rows, ("written", self.file), ("", f"twin mechanism build {self.file}")]
 
 
-def search(config: Settings) -> SearchResult:
+def searched(config: Settings) -> SearchResult:
     """Find mechanisms for a tube, a motor and a stroke.
 
     Raises
