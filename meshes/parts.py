@@ -113,7 +113,9 @@ def bracket(drawing: Drawing) -> Solid:
     rise = drawing.geom("servo_y_case")[2] - case[2]
     top = case[2] + rise + half[2]
     shelf = drawing.body("horn_x")[1] - 2.6  # inside the sweep of a horn and its rod
-    passing = drawing.site("horn_x_ball")[1] - 3.8  # a rod alone needs less
+    # a rod alone needs less, but the higher its ball on the holder, the farther in it leans
+    lean = 0.25 * max(drawing.site("holder_x_ball")[2] - 13.0, 0.0)
+    passing = drawing.site("horn_x_ball")[1] - 3.8 - lean
     solid = tube(inner, outer, low, top) ^ sector(40, low, top, -130, 70)
     solid += disc(outer, low, low_top) + disc(outer, mid, mid_top)
     solid -= disc(9, low - 1, low_top + 1) + _lightening(mid, mid_top, outer / 25.9)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from twin.config import Fly
 from twin.config.mechanism import Mechanism as Settings
 from twin.config.mechanism import Meshes
 from twin.errors import TwinError
+from twin.experiments.fly import fly
 from twin.experiments.mechanism import mechanism
 from twin.experiments.mechanism import search as searching
 from twin.experiments.mechanism.build import draw
@@ -30,6 +32,20 @@ horn = "10 mm"
 servo_x = "57 mm"
 servo_y = "73 mm"
 stops = "11°"
+"""
+
+
+ROCKET = """body = [
+  { part = "nose", length = "200 mm", diameter = "75 mm", mass = "120 g" },
+  { part = "tube", length = "900 mm", mass = "450 g" },
+]
+fins = [
+  { count = 4, root = "80 mm", tip = "40 mm", span = "45 mm", thickness = "3 mm", mass = "40 g" },
+]
+masses = [{ name = "payload", mass = "700 g", position = "250 mm" }]
+motor = { file = "motor.eng" }
+gimbal = { pivot = "1060 mm", mechanism = "large.xml" }
+launch = { elevation = "80°" }
 """
 
 
@@ -135,7 +151,19 @@ def test_dimensions_that_cannot_be_are_refused_in_one_line(
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(("tube", "motor"), [(75.0, 38.0), (41.0, 24.0)])
+def test_a_built_mechanism_flies_and_holds_its_attitude(built: Path) -> None:
+    (built.parent / "motor.eng").write_text("G40 38 213 P 0.2 0.35 own\n0.05 45\n8 45\n8.2 0\n")
+    (built.parent / "rocket.toml").write_text(ROCKET)
+    out = built.parent / "flight.rrd"
+    flight = fly(Fly(vehicle=built.parent / "rocket.toml", duration_s=3.0, out=out))
+    assert flight.figures.rail_exit_s is not None
+    assert np.abs(flight.figures.gimbal_saturation) < 0.2
+    assert flight.figures.max_angle_of_attack_deg < 10
+
+
+@pytest.mark.parametrize(
+    ("tube", "motor"), [(75.0, 38.0), pytest.param(41.0, 24.0, marks=pytest.mark.slow)]
+)
 def test_a_mechanism_is_found_whose_own_check_passes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tube: float, motor: float
 ) -> None:
@@ -146,7 +174,8 @@ def test_a_mechanism_is_found_whose_own_check_passes(
     assert found.figures.clearance.distance >= 0.3e-3
     assert found.figures.torque.reserve > 1
     assert np.degrees(read(out).stops) == pytest.approx(10.0)
-    assert replace(read(out), motor_length=None, motor_mass=None, propellant=None) == found.size
+    for name in ("lever", "height", "horn", "offset", "servo_x", "servo_y", "forward", "aft"):
+        assert getattr(read(out), name) == pytest.approx(getattr(found.size, name)), name
 
 
 def test_a_tube_that_is_too_narrow_is_refused_with_what_is_needed(tmp_path: Path) -> None:

@@ -4,9 +4,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from twin.config.mechanism import Mechanism as Settings
-from twin.experiments.mechanism.build import BuildResult, build, write
+from twin.experiments.mechanism.build import BuildResult, built, write
 from twin.experiments.mechanism.figures import REFERENCE, MechanismResult, figures
-from twin.experiments.mechanism.search import SearchResult, search
+from twin.experiments.mechanism.search import SearchResult, searched
 from twin.physics.mechanism.dimensions import read
 
 __all__ = ["BuildResult", "MechanismResult", "SearchResult", "mechanism"]
@@ -20,9 +20,9 @@ def mechanism(config: Settings) -> MechanismResult | BuildResult | SearchResult:
     TwinError : a file that is not a mechanism, or a result that cannot be written, in one line
     """
     if config.action == "search":
-        return search(config)
+        return searched(config)
     if config.action == "build":
-        return build(config)
+        return built(config)
     clear = config.action == "check"
     file = config.file or REFERENCE
     if file.suffix.lower() != ".toml":

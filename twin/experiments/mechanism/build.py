@@ -46,7 +46,7 @@ class BuildResult(Result):
         return rows
 
 
-def build(config: Settings) -> BuildResult:
+def built(config: Settings) -> BuildResult:
     """Write the MJCF of a mechanism, with its parts in a folder beside it.
 
     Raises

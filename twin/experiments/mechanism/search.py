@@ -29,7 +29,7 @@ SMALL_SERVO: Final = Servo(
     length=0.020, depth=0.017, width=0.0086, shaft=0.0052, ears=0.028, screws=0.024,
     flange=0.0039, mass=0.0048, torque=0.059,
 )  # fmt: skip
-USUAL: Final = 0.36  # of horn over lever: 10° take 28° of the servo
+USUAL: Final = 0.33  # of horn over lever: 10° take 30° of the servo
 CHECKED: Final = 40  # candidates whose parts are drawn and measured, at most
 WANTED: Final = 3
 
@@ -90,7 +90,7 @@ class SearchResult(Result):
         return [*rows, ("written", self.file), ("", f"twin mechanism build {self.file}")]
 
 
-def search(config: Settings) -> SearchResult:
+def searched(config: Settings) -> SearchResult:
     """Find mechanisms for a tube, a motor and a stroke.
 
     Raises
@@ -142,13 +142,16 @@ def _fitting(bore: float, motor: float, stroke: float, servo: Servo) -> Iterator
     stops = stroke + MARGIN
     share = min((big - r - SLIM) / (WIDE - SLIM), 1.0)
     wide = share == 1.0
+    high = max(r - 0.0145, 0.0) * math.sin(stops)  # the seats of the rods swing over the ring
     fit = []
     for horn, more, rods in itertools.product(
         (0.005, 0.006, 0.007, 0.008, 0.010, 0.012),
         (0.0, 0.002, 0.004, 0.007), (0.036, 0.041, 0.046),
     ):  # fmt: skip
         lever = _rounded(r + 0.0034 + 0.0026 * share + more)
-        height = _rounded(max(0.0102 + 0.0028 * share, _passing(lever, stops, over=more > 0)))
+        height = _rounded(
+            max(0.0102 + 0.0028 * share + high, _passing(lever, stops, over=more > 0))
+        )
         offset, stud = _rounded(0.0005 + 0.0023 * share), _rounded(0.0034 - 0.0006 * share)
         forward = _rounded(_forward(big, stops) if wide else height + 0.0048)
         reach = lever * math.cos(stops) + height * math.sin(stops) + BALL + FREE
