@@ -194,6 +194,22 @@ def test_reweighted_rates_are_those_of_the_other_distribution(tmp_path):
         reweighted(s, far, table)
 
 
+@pytest.mark.parametrize(
+    ("flown_over", "other", "message"),
+    [("low = 0\nhigh = 6", "low = 0\nhigh = 12", r"0 to 12: must lie within 0 to 6"),
+     ("low = 0\nhigh = 6", "low = 7\nhigh = 8", "must lie within"),
+     ("low = 0\nhigh = 6", "low = 5.99999\nhigh = 6", "only 0 of 100 runs are effective"),
+     ("low = 0\nhigh = 6", "low = 0\nhigh = 6\nrelative = true", "relative in both or in none")],
+)  # fmt: skip
+def test_reweighting_beyond_what_was_flown_is_refused(tmp_path, flown_over, other, message):
+    vary = '[vary.wind_speed]\ndistribution = "uniform"\n{}\n[design]\nn = 100\n' + HIT
+    s = study(tmp_path, vary.format(flown_over))
+    speed = np.linspace(0.0, 5.9, 100)
+    table = pa.table({"wind_speed": speed, "outcome": ["time"] * 100, "hit": speed < 3.0})
+    with pytest.raises(TwinError, match=message):
+        reweighted(s, study(tmp_path, vary.format(other), "other"), table)
+
+
 def test_statistics_by_name():
     values = np.arange(1.0, 101.0)
     assert statistic("apogee_m_p90", ()).of([values], 0.95).value == pytest.approx(90.1)
