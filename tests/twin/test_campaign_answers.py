@@ -82,7 +82,7 @@ def test_intervals_hold_the_exact_value_in_95_percent_of_200_campaigns(stops):
     assert all(0.90 <= share <= 0.98 for share in shares.values()), shares
 
 
-def ishigami(folder, n: int):
+def ishigami(folder, n: int, gap: bool):
     """Sobol indices of Ishigami's function, by a sensitivity design of three uniform parameters."""
     names = ["wind_speed", "wind_azimuth", "wind_turbulence"]
     vary = "".join(
@@ -92,17 +92,24 @@ def ishigami(folder, n: int):
     runs = Runs(study(folder, f'{vary}[design]\nkind = "sensitivity"\nn = {n}'))
     x = np.array([[row[c] for c in names] for row in runs.values(range(runs.count))])
     y = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
-    return sobol_influences(names, y, 0.95)
+    kept = np.arange(runs.count)
+    if gap:  # a fragment that was never written
+        kept = np.delete(kept, slice(312, 364))
+    return sobol_influences(names, kept, y[kept], 0.95)
 
 
-@pytest.mark.parametrize("n", [2048, pytest.param(8192, marks=pytest.mark.slow)])
-def test_sobol_indices_of_ishigami(tmp_path, n):
+@pytest.mark.parametrize(
+    ("n", "gap", "within"),
+    [(2048, False, 0.02), (2048, True, 0.05),
+     pytest.param(8192, False, 0.02, marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_sobol_indices_of_ishigami(tmp_path, n, gap, within):
     # T. Ishigami, T. Homma, 1990, a = 7, b = 0.1
     exact = ((0.3139, 0.5576), (0.4424, 0.4424), (0.0, 0.2437))
-    found = ishigami(tmp_path, n)
+    found = ishigami(tmp_path, n, gap)
     for (first, total), (s, t) in zip(found.values(), exact, strict=True):
-        assert first.value == pytest.approx(s, abs=0.02)
-        assert total.value == pytest.approx(t, abs=0.02)
+        assert first.value == pytest.approx(s, abs=within)
+        assert total.value == pytest.approx(t, abs=within)
         assert first.low < first.value < first.high
 
 

@@ -80,7 +80,7 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
     values = column(kept, figure)
     influences = rank_influences(numbers, values, p)
     if study.kind == "sensitivity":
-        of_all = sobol_influences(runs.columns, column(table, figure), p)
+        of_all = sobol_influences(runs.columns, table["run"].to_numpy(), column(table, figure), p)
         influences = {
             name: Influence(i.rank, *of_all.get(name, ())) for name, i in influences.items()
         }
