@@ -140,6 +140,11 @@ PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azim
         (f"{SPEED}'uniform'\nlow = 2\nhigh = 1", "must be less than high"),
         (f"{SPEED}'table'\nfile = 'no.csv'\ncolumn = 'a'", "no.csv"),
         (f"{PAIR}mean = [0, 0]\ncovariance = [[1, 2], [2, 1]]", "and positive definite"),
+        (
+            f"{PAIR}mean = [0, 0]\ncovariance = [[1, 0], [0, 1]]\n"
+            "[design]\nkind = 'sensitivity'\nn = 4",
+            "w is a covariance, and Sobol",
+        ),
         (f"{VARY}{PAIR}mean = [0, 0]\ncovariance = [[1, 0], [0, 1]]", "wind_speed varies twice"),
     ],
 )

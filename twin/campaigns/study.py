@@ -189,6 +189,11 @@ def _design(given: Mapping[str, Any], vary: tuple[Varied, ...]) -> tuple[str, in
         )
     if kind in ("sensitivity", "star") and len(random) < len(vary):
         raise TwinError(f"[design] {kind}: cannot have a grid; vary it as uniform or choice")
+    if kind == "sensitivity" and (joint := [v.name for v in vary if v.kind == "covariance"]):
+        raise TwinError(
+            f"[design] sensitivity: {joint[0]} is a covariance, and Sobol indices are of independent"
+            " parameters; give each its own distribution, or take another kind"
+        )
     return kind, int(n), int(seed)
 
 
