@@ -49,7 +49,7 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     if config.action == "report":
         store.check()
     else:
-        bound = binding(study.fly, study.vary)
+        bound = binding(study.fly, study.vary, study.folder)
         if config.action == "run":
             store.begin(force=config.force)
         else:
@@ -155,7 +155,7 @@ def _with_paths(
     count: int, study: Study, runs: Runs, store: Store, made: CampaignResult
 ) -> CampaignResult:
     """The result with a recording of some paths."""
-    bound, out = binding(study.fly, study.vary), store.folder / "paths.rrd"
+    bound, out = binding(study.fly, study.vary, study.folder), store.folder / "paths.rrd"
     figure, about = made.answers.figure, f"# {study.title}\n\n{made.answers.text}"
     bundle(out, runs, bound, store.table(), figure, count, about)
     return replace(made, recording=str(out))
@@ -196,7 +196,7 @@ def _refly(config: Campaign, study: Study) -> FlightResult:
     folder = Path("runs") / study.name
     out = config.out or folder / f"run-{run}.rrd"
     values = runs.values([run])[0]
-    bound = binding(study.fly, study.vary)
+    bound = binding(study.fly, study.vary, study.folder)
     with TemporaryDirectory(prefix="tvc-twin-") as scratch:
         flight = bound.config(values, runs.sample(run), Path(scratch))
         return fly(replace(flight, out=out, force=config.force))
