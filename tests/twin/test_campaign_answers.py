@@ -1,6 +1,7 @@
 """Answers against closed forms: intervals, Sobol indices, boundaries, dispersion."""
 
 import math
+import shlex
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +19,7 @@ from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import rank_influences, sobol_influences
 from twin.campaigns.statistic import cep, condition, mean, quantile, statistic, wilson
+from twin.campaigns.study import read
 from twin.errors import TwinError
 
 EAST, NORTH = 3.0, 2.0  # deviations of a linear case
@@ -165,7 +167,9 @@ def test_exit_codes_of_a_condition(half, limit, holds, status):
     assert made.status == status
     assert made.answers.text.startswith("hit holds in")
     page = (store.folder / "report.html").read_text()
-    assert "twin campaign refly study 0" in page
+    command = ["twin", "campaign", "refly", s.place, "0", "--out", f"{store.folder}/run-0.rrd"]
+    assert shlex.join(command) in page
+    assert read(s.place).digest == s.digest
     assert made.as_dict()["answer"] in page
     assert "hit_rate" in made.text()
 

@@ -166,7 +166,7 @@ def _estimate(c: Condition, kept: Any, confidence: float) -> Estimate:  # noqa: 
 
 
 def _store(config: Campaign, study: Study, runs: Runs) -> Store:
-    folder = config.out if config.out and config.action != "refly" else Path("runs") / study.name
+    folder = config.out or Path("runs") / study.name
     probe = _shown(runs, 0)
     kinds = {c: str if isinstance(v, str) else float for c, v in probe.items()}
     return Store(folder, study, runs.count, kinds)
@@ -195,6 +195,10 @@ def _refly(config: Campaign, study: Study) -> FlightResult:
         raise TwinError(f"run {run}: must be below {runs.count}, the runs of {study.name}")
     folder = Path("runs") / study.name
     out = config.out or folder / f"run-{run}.rrd"
+    for rows in dict.fromkeys((out.parent, folder)):
+        if (rows / "campaign.json").exists():  # another study's run would not be that of the row
+            _store(replace(config, out=rows), study, runs).check()
+            break
     values = runs.values([run])[0]
     bound = binding(study.fly, study.vary, study.folder)
     with TemporaryDirectory(prefix="tvc-twin-") as scratch:

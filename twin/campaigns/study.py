@@ -61,6 +61,7 @@ class Study:
     nominal : values that parameters keep in a map while another one varies
     about : names of a choice that the map is about, by parameter
     digest : of everything that decides a row, with the versions of the physics
+    place : of the file as it was given, or the name of a shipped study
     folder : of the file
     text : the file
     """
@@ -78,6 +79,7 @@ class Study:
     nominal: Mapping[str, float]
     about: Mapping[str, list[str]]
     digest: str
+    place: str
     folder: Path
     text: str
 
@@ -108,12 +110,12 @@ def read(place: str) -> Study:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise TwinError(f"{file}: not TOML: {' '.join(str(error).split())}") from None
     try:
-        return _study(file, given, text)
+        return _study(place, file, given, text)
     except TwinError as error:
         raise TwinError(f"{file}: {error}") from None
 
 
-def _study(file: Path, given: dict[str, Any], text: str) -> Study:
+def _study(place: str, file: Path, given: dict[str, Any], text: str) -> Study:
     for name, section in given.items():
         if name not in SECTIONS:
             raise TwinError(f"[{name}]: unknown section; there are {', '.join(SECTIONS)}")
@@ -142,7 +144,7 @@ def _study(file: Path, given: dict[str, Any], text: str) -> Study:
         stop=_stop(part["stop"], measures), text=text,
         fail_if=tuple(condition(str(t), measures) for t in part["fail_if"].values()),
         nominal=nominal, about=about,
-        digest=_digest(part, file.parent), folder=file.parent,
+        digest=_digest(part, file.parent), place=place, folder=file.parent,
     )  # fmt: skip
 
 
