@@ -143,6 +143,16 @@ def test_the_boundary_of_a_known_region():
     assert f.low[k] < exact < f.high[k]
 
 
+def test_a_threshold_that_part_of_the_resamples_lack_has_an_open_end():
+    rng = np.random.default_rng(4)
+    gain = rng.uniform(0.0, 10.0, 1000)
+    hits = (rng.random(1000) < 1.0 / (1.0 + np.exp(-gain - 1.8))).astype(float)  # 90 % at 0.4
+    (found,) = region({"gain": gain}, hits, {"gain": 8.0}, 0.95).properties
+    assert found.threshold.low == -math.inf
+    assert found.threshold.value < found.threshold.high < 1.5
+    assert "(open to 0." in found.limit
+
+
 def test_a_region_without_failures_has_no_boundary():
     x = {"gain": np.linspace(1.0, 2.0, 200)}
     assert region(x, np.ones(200), {}, 0.95) is None

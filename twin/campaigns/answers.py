@@ -188,11 +188,10 @@ def _sentence(
         good = [c.value for c in named if c.rate is not None and c.rate.low >= SHARE]
         text += f"; surely in {SHARE:.0%} with {len(good)} of {len(named)} {named[0].parameter}s"
         text += f": {', '.join(good)}" if good else ""
-    if first and first[0].threshold is not None:
-        least, t = first[0], first[0].threshold
-        word = "at least" if least.better > 0 else "at most"
+    if first:
+        least = first[0]
         text += (
-            f"; {least.name} limits it first: {word} {t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
-            f" for {SHARE:.0%}, nominal is {least.margin:.2g} times better"
+            f"; {least.name} limits it first: {least.limit} for {SHARE:.0%}, a margin of"
+            f" {least.margin:.2g} at the nominal value"
         )
     return text + "."
