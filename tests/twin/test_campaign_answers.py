@@ -84,6 +84,24 @@ def test_intervals_hold_the_exact_value_in_95_percent_of_200_campaigns(stops):
     assert all(0.90 <= share <= 0.98 for share in shares.values()), shares
 
 
+# of 20 campaigns at 94 %, fewer than 15 in one of 1000; of 200, fewer than 180 in one of 100
+@pytest.mark.parametrize(
+    ("repeats", "least"), [(20, 15 / 20), pytest.param(200, 0.90, marks=pytest.mark.slow)]
+)
+def test_intervals_of_a_rate_hold_it_where_their_width_ends_the_campaign(repeats, least):
+    for rate in (0.5, 0.8, 0.95):
+        made = []
+        for seed in range(repeats):
+            hits = (Streams("random", 400, seed, ["u"]).uniform("u", np.arange(400)) < rate) + 0.0
+            looks = (wilson(hits[:k], 0.95) for k in range(56, 401, 8))
+            made.append(next(e for e in looks if e.half_width <= 0.08))
+        share = np.mean([e.low <= rate <= e.high for e in made])
+        bias = np.mean([e.value for e in made]) - rate
+        print(f"rate {rate}: {share:.1%} of the intervals hold it, bias {bias:+.4f}")
+        assert share >= least
+        assert abs(bias) < 0.01 + 0.16 / math.sqrt(repeats)  # 4 standard errors
+
+
 def ishigami(folder, n: int, gap: bool):
     """Sobol indices of Ishigami's function, by a sensitivity design of three uniform parameters."""
     names = ["wind_speed", "wind_azimuth", "wind_turbulence"]

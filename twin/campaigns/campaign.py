@@ -101,9 +101,10 @@ def flying(study: Study, runs: Runs, store: Store, work: Work, workers: int | No
 class _Watch:
     """Whether the interval of a statistic is narrow enough, fragment by fragment.
 
-    The rule looks at the width alone (Y. S. Chow, H. Robbins, Annals of Mathematical Statistics 36,
-    1965), never at the value, so that looking often favours no answer; the first look is after
-    `FEWEST` runs.
+    The rule of Y. S. Chow, H. Robbins, Annals of Mathematical Statistics 36, 1965, whose intervals
+    keep their confidence as the width goes to zero. The width of a rate's interval depends on the
+    rate, so a campaign ends somewhat sooner where the rate so far is near 0 or 1; the first look is
+    after `FEWEST` runs.
     """
 
     def __init__(self, stop: Stop, store: Store, progress: Progress) -> None:
