@@ -15,6 +15,8 @@ from twin.campaigns.boundary import region
 from twin.campaigns.campaign import result
 from twin.campaigns.design import Streams
 from twin.campaigns.dispersion import ellipse
+from twin.campaigns.page import sections
+from twin.campaigns.result import CampaignResult
 from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import rank_influences, sobol_influences
@@ -159,6 +161,24 @@ def test_the_boundary_of_a_known_region():
     k = int(np.argmin(np.abs(f.at - 0.02)))
     assert f.value[k] == pytest.approx(gain.threshold.value, rel=0.03)
     assert f.low[k] < exact < f.high[k]
+
+
+def test_the_page_draws_the_boundary_between_the_two_smallest_margins(tmp_path):
+    uniform = '[vary.{}]\ndistribution = "uniform"\nlow = 0\nhigh = 6\nnominal = {}\n'
+    text = uniform.format("wind_speed", 1) + uniform.format("wind_azimuth", 1.5)
+    s = study(tmp_path, f"{text}[design]\nn = 300\n{HIT}")
+    runs = Runs(s)
+    work = place(s, runs, lambda v: (v["wind_speed"] + v["wind_azimuth"] - 6.0, 0.0))
+    table = pa.Table.from_pylist([work(run) for run in range(300)])
+    a = answers(s, runs, table)
+    f = a.frontier
+    there = np.isfinite(f.value)
+    # hits up to a sum of 7
+    assert f.value[there] + f.at[there] == pytest.approx(np.full(there.sum(), 7.0), abs=0.5)
+    assert there.sum() > 20
+    made = CampaignResult(a, "out", "", "", 300, 300, 300, (), 1.0)
+    plots = [part for section in sections(s, made, table) for part in section.parts]
+    assert [p.name for p in plots if getattr(p, "name", "") == "frontier"]
 
 
 def test_a_threshold_that_part_of_the_resamples_lack_has_an_open_end():

@@ -1,7 +1,7 @@
 """A campaign as a page that leads with its answer."""
 
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.report import Cell, Line, Panel, Plot, Section, Table
 from twin.campaigns.answers import Answers
-from twin.campaigns.boundary import SHARE
+from twin.campaigns.boundary import SHARE, Frontier, Property
 from twin.campaigns.result import CampaignResult
 from twin.campaigns.statistic import PLACE, Estimate
 from twin.campaigns.store import column, counted
@@ -75,9 +75,30 @@ def _map(a: Answers) -> Section:
     plot = Plot("map", caption, "", tuple(panels), tuple(lines), panel_height=200)
     head = ("parameter", "nominal", f"limit for {SHARE:.0%}", "margin")
     about = "Margin: how many times better than its limit the nominal value is."
-    return Section(
-        "map", "Map: what the mission needs", (), (plot, Table(head, tuple(rows), about))
+    parts: list[Plot | Table] = [plot, Table(head, tuple(rows), about)]
+    if a.frontier is not None and np.isfinite(a.frontier.value).any():
+        parts.append(_frontier(a.frontier, a.map))
+    return Section("map", "Map: what the mission needs", (), tuple(parts))
+
+
+def _frontier(f: Frontier, properties: Sequence[Property]) -> Plot:
+    """Boundary between two parameters, with the nominal values."""
+    of = {p.name: p for p in properties}
+    y = of[f.y]
+    # an open end of the band is drawn to the end of the range
+    ends = [np.clip(v, y.values.min(), y.values.max()) for v in (f.low, f.high)]
+    lines = (
+        Line(f"{SHARE:.0%}", f.at, f.value, "run0", low=ends[0], high=ends[1]),
+        Line("nominal", np.array([of[f.x].nominal]), np.array([y.nominal]), "run1", 0, "dots"),
     )
+    side = "above" if y.better > 0 else "below"
+    caption = (
+        f"Between the two parameters with the smallest margins, all others at their nominal values:"
+        f" {side} the line the measure holds in more than {SHARE:.0%}. Where the line ends,"
+        f" {f.y} has no limit in its range, or already its nominal value is beyond it."
+    )
+    panels = (Panel("", f.y, x_label=f.x),)
+    return Plot("frontier", caption, "", panels, lines, panel_height=260)
 
 
 def _cells(a: Answers) -> Section:
