@@ -118,6 +118,7 @@ VARY = '[vary.wind_speed]\ndistribution = "uniform"\nlow = 0\nhigh = 5\n'
 TWO = f"{VARY}[design]\nn = 2\n"
 SPEED = "[vary.wind_speed]\ndistribution = "
 JOINT = "[design]\nkind = 'sensitivity'\nn = 4\n"
+STAR = "[design]\nkind = 'star'\nn = 4\n"
 PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azimuth']\n"
 
 
@@ -146,6 +147,18 @@ PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azim
         (
             f"{JOINT}{PAIR}mean = [0, 0]\ncovariance = [[1, 0], [0, 1]]",
             "w is a covariance, and Sobol",
+        ),
+        (
+            f"{STAR}{PAIR}nominal = 1\nmean = [0, 0]\ncovariance = [[1, 0], [0, 1]]",
+            r"\[vary.w\] nominal 1: .* covariance of several",
+        ),
+        (
+            f"{STAR}[vary.gimbal]\ndistribution = 'choice'\nvalues = ['linkage']\nnominal = 1",
+            r"\[vary.gimbal\] nominal 1: .* choice of names",
+        ),
+        (
+            f"{STAR}[vary.gimbal]\ndistribution = 'choice'\nvalues = ['linkage']\nnominal = ['a']",
+            "nominal 'a': is none of its values",
         ),
         (f"{VARY}{PAIR}mean = [0, 0]\ncovariance = [[1, 0], [0, 1]]", "wind_speed varies twice"),
     ],

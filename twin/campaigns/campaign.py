@@ -19,10 +19,11 @@ from twin.campaigns.parameters import Binding, binding
 from twin.campaigns.progress import Progress
 from twin.campaigns.result import CampaignResult, Verdict
 from twin.campaigns.reweight import reweighted
-from twin.campaigns.runs import Runs, flown, shown
+from twin.campaigns.runs import Runs, flown
 from twin.campaigns.statistic import FEWEST, Condition, Estimate, condition
 from twin.campaigns.store import Store, column, counted
 from twin.campaigns.study import Stop, Study, read
+from twin.campaigns.vary import shown
 from twin.config.campaign import Campaign
 from twin.errors import TwinError
 from twin.experiments.flight import FlightResult

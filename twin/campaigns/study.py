@@ -14,7 +14,7 @@ from analysis.files import FileError, content
 from twin.campaigns.design import KINDS
 from twin.campaigns.files import beside, contents
 from twin.campaigns.statistic import Condition, Measure, Statistic, condition, measure, statistic
-from twin.campaigns.vary import Varied, number, varied
+from twin.campaigns.vary import Varied, number, shown, varied
 from twin.config import Fly
 from twin.errors import TwinError
 
@@ -135,6 +135,8 @@ def _study(place: str, file: Path, given: dict[str, Any], text: str) -> Study:
     given_nominal = {n: t["nominal"] for n, t in part["vary"].items() if "nominal" in t}
     about = {n: v for n, v in given_nominal.items() if isinstance(v, list)}
     nominal = {n: float(v) for n, v in given_nominal.items() if n not in about}
+    for v in vary:
+        _check_nominal(v, given_nominal.get(v.name))
     if kind == "star" and not nominal:
         raise TwinError("[design] star: needs a nominal value for each parameter of the star")
     measures = tuple(measure(n, t, columns) for n, t in part["measure"].items())
@@ -194,6 +196,20 @@ def _design(given: Mapping[str, Any], vary: tuple[Varied, ...]) -> tuple[str, in
             " independent parameters; give each its own distribution, or take another kind"
         )
     return kind, int(n), int(seed)
+
+
+def _check_nominal(v: Varied, nominal: object) -> None:
+    """Refuse a nominal value that the parameter cannot have."""
+    numbers = all(isinstance(value, int | float) for value in v.values)
+    if isinstance(nominal, list):
+        names = [str(shown(value)) for value in v.values]
+        if odd := [n for n in nominal if n not in names]:
+            raise TwinError(f"[vary.{v.name}] nominal {odd[0]!r}: is none of its values")
+    elif nominal is not None and (v.kind == "covariance" or not numbers):
+        raise TwinError(
+            f"[vary.{v.name}] nominal {nominal!r}: a number is for a parameter that is one number;"
+            f" {v.name} is a {v.kind} of {'several' if numbers else 'names'}"
+        )
 
 
 def _stop(given: Mapping[str, Any], measures: tuple[Measure, ...]) -> Stop | None:

@@ -81,6 +81,13 @@ def varied(name: str, table: object, folder: Path) -> Varied:
     )
 
 
+def shown(value: object) -> object:
+    """A value as a row has it: a set by its name."""
+    if isinstance(value, Mapping):
+        return str(value.get("name", dict(value)))
+    return value
+
+
 def number(where: str, value: object, *, positive: bool = False) -> float:
     """A finite number of a study.
 
