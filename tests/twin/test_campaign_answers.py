@@ -2,6 +2,7 @@
 
 import math
 import shlex
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -10,8 +11,9 @@ from scipy import integrate, optimize
 from scipy.special import ndtri
 
 from tests.twin.campaigns import HIT, flown, linear, place, study
-from twin.campaigns.answers import answers
+from twin.campaigns.answers import Cell, _sentence, answers
 from twin.campaigns.boundary import region
+from twin.campaigns.bundle import _chosen
 from twin.campaigns.campaign import result
 from twin.campaigns.design import Streams
 from twin.campaigns.dispersion import ellipse
@@ -20,7 +22,7 @@ from twin.campaigns.result import CampaignResult
 from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import rank_influences, sobol_influences
-from twin.campaigns.statistic import cep, condition, mean, quantile, statistic, wilson
+from twin.campaigns.statistic import Estimate, cep, condition, mean, quantile, statistic, wilson
 from twin.campaigns.study import read
 from twin.errors import TwinError
 
@@ -236,7 +238,31 @@ def test_the_page_of_a_named_choice_lists_every_value(tmp_path):
     table = flown(s, tmp_path / "out", good).table()
     a = answers(s, runs, table)
     assert {c.value: c.rate.value for c in a.cells} == {"slow": 1.0, "fast": 0.0}
-    assert "with 0 of 2 servos" in a.text  # 20 of 20 is 84 % at least
+    assert "with 0 of 2 servo values" in a.text  # 20 of 20 is 84 % at least
+
+
+def test_the_answer_counts_the_values_of_each_named_grid():
+    cells = [("servo", "a", 200), ("servo", "b", 90), ("motor", "c", 200), ("motor", "d", 200)]
+    made = tuple(
+        Cell(name, value, wilson((np.arange(200) < hits) + 0.0, 0.95), Estimate(0.0, 0.0, 0.0, 1))
+        for name, value, hits in cells
+    )
+    grids = [SimpleNamespace(name=name, kind="grid") for name in ("servo", "motor")]
+    s = SimpleNamespace(measures=(SimpleNamespace(name="hit"),), vary=grids)
+    text = _sentence(s, {"hit_rate": Estimate(0.86, 0.83, 0.89, 800)}, made, [])
+    assert "with 1 of 2 servo values: a;" in text
+    assert "with 2 of 2 motor values: c, d." in text
+
+
+@pytest.mark.parametrize(
+    ("runs", "names"), [(1, ["worst"]), (2, ["worst", ""]), (3, ["worst", "median", ""])]
+)
+def test_the_paths_of_a_campaign_are_called_what_they_are(runs, names):
+    table = pa.table(
+        {"run": range(runs), "outcome": ["point"] * runs, "closest_approach_m": range(runs)}
+    )
+    chosen = _chosen(table, "closest_approach_m", runs)
+    assert [name for name, _ in chosen.values()] == names
 
 
 def test_reweighted_rates_are_those_of_the_other_distribution(tmp_path):

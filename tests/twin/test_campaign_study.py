@@ -138,6 +138,10 @@ PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azim
         (f"{TWO}[measure]\nhit = '__import__(1)'", "must be FIGURE <= NUMBER"),
         (f"{TWO}[stop]\nstatistic = 'hit_rate'\nhalf_width = 1", "'hit_rate' is unknown"),
         (f"{TWO}[stop]\nstatistic = 'cep_m'", "needs half_width"),
+        (
+            f"{TWO}[fail_if]\nlate = 'cep_m = 5'",
+            r"\[fail_if\] late: 'cep_m = 5': must be",
+        ),
         (f"{SPEED}'gauss'", "'gauss': must be one of normal"),
         (f"{SPEED}'normal'\nmean = 1", "needs sd"),
         (f"{SPEED}'normal'\nmean = 1\nsd = -1", "must be a positive number"),

@@ -182,12 +182,13 @@ def _sentence(
     if e is None:
         return "No run counts."
     text = f"{name} holds in {e.value:.1%} of {e.n} runs ({e.low:.1%} to {e.high:.1%})"
-    grids = {v.name for v in study.vary if v.kind == "grid"}
-    named = [c for c in cells if c.parameter in grids and c.rate is not None]
-    if named:
+    grids = [v.name for v in study.vary if v.kind == "grid"]
+    for grid in grids:
+        named = [c for c in cells if c.parameter == grid and c.rate is not None]
         good = [c.value for c in named if c.rate is not None and c.rate.low >= SHARE]
-        text += f"; surely in {SHARE:.0%} with {len(good)} of {len(named)} {named[0].parameter}s"
-        text += f": {', '.join(good)}" if good else ""
+        if named:
+            text += f"; in at least {SHARE:.0%} with {len(good)} of {len(named)} {grid} values"
+            text += f": {', '.join(good)}" if good else ""
     if first:
         least = first[0]
         text += (

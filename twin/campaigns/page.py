@@ -74,7 +74,7 @@ def _map(a: Answers) -> Section:
     )
     plot = Plot("map", caption, "", tuple(panels), tuple(lines), panel_height=200)
     head = ("parameter", "nominal", f"limit for {SHARE:.0%}", "margin")
-    about = "Margin: how many times better than its limit the nominal value is."
+    about = "Margin: the nominal value over its limit, or the inverse where less is better."
     parts: list[Plot | Table] = [plot, Table(head, tuple(rows), about)]
     if a.frontier is not None and np.isfinite(a.frontier.value).any():
         parts.append(_frontier(a.frontier, a.map))

@@ -144,7 +144,9 @@ def _study(place: str, file: Path, given: dict[str, Any], text: str) -> Study:
         name=file.stem, title=str(part["study"].get("title", file.stem))[:200], fly=fly, vary=vary,
         kind=kind, n=n, seed=seed, measures=measures,
         stop=_stop(part["stop"], measures), text=text,
-        fail_if=tuple(condition(str(t), measures) for t in part["fail_if"].values()),
+        fail_if=tuple(
+            condition(str(t), measures, f"[fail_if] {n}:") for n, t in part["fail_if"].items()
+        ),
         nominal=nominal, about=about,
         digest=_digest(part, file.parent), place=place, folder=file.parent,
     )  # fmt: skip
