@@ -13,5 +13,5 @@ ROOT = Path(__file__).parents[1]
 def test_a_planted_breakage_changes_a_line_that_exists_and_names_tests_that_do(mutant):
     text = (ROOT / mutant.file).read_text()
     assert mutant.applied(text) != text
-    for test in mutant.tests:
-        assert (ROOT / test.partition("::")[0].partition(" ")[0]).exists()
+    for test in (t for t in mutant.tests if t.startswith("tests/")):
+        assert (ROOT / test.partition("::")[0]).exists()
