@@ -1,0 +1,66 @@
+"""The map against regions whose boundary is known."""
+
+import math
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from tests.twin.campaigns import HIT, place, study
+from twin.campaigns.answers import answers
+from twin.campaigns.boundary import region
+from twin.campaigns.page import sections
+from twin.campaigns.result import CampaignResult
+from twin.campaigns.runs import Runs
+
+
+def test_the_boundary_of_a_known_region():
+    rng = np.random.default_rng(2)
+    x = {"gain": rng.uniform(1.0, 10.0, 3000), "delay": rng.uniform(0.0, 0.1, 3000)}
+    # P = 0.9 where 4 ln(gain) − 60 delay − 4 = ln 9, with delay 0.02: gain = exp(1.849) = 6.36
+    p = 1.0 / (1.0 + np.exp(-(4.0 * np.log(x["gain"]) - 60.0 * x["delay"] - 4.0)))
+    hits = (rng.random(3000) < p).astype(float)
+    found = region(x, hits, {"gain": 8.0, "delay": 0.02}, 0.95)
+    gain, delay = found.properties
+    exact = math.exp((math.log(9.0) + 4.0 + 60.0 * 0.02) / 4.0)
+    assert gain.threshold.low < exact < gain.threshold.high
+    assert gain.threshold.value == pytest.approx(exact, rel=0.1)
+    assert (gain.better, delay.better) == (1, -1)
+    assert gain.margin == pytest.approx(8.0 / gain.threshold.value)
+    f = found.frontier("delay", "gain")
+    k = int(np.argmin(np.abs(f.at - 0.02)))
+    assert f.value[k] == pytest.approx(gain.threshold.value, rel=0.03)
+    assert f.low[k] < exact < f.high[k]
+
+
+def test_the_page_draws_the_boundary_between_the_two_smallest_margins(tmp_path):
+    uniform = '[vary.{}]\ndistribution = "uniform"\nlow = 0\nhigh = 6\nnominal = {}\n'
+    text = uniform.format("wind_speed", 1) + uniform.format("wind_azimuth", 1.5)
+    s = study(tmp_path, f"{text}[design]\nn = 300\n{HIT}")
+    runs = Runs(s)
+    work = place(s, runs, lambda v: (v["wind_speed"] + v["wind_azimuth"] - 6.0, 0.0))
+    table = pa.Table.from_pylist([work(run) for run in range(300)])
+    a = answers(s, runs, table)
+    f = a.frontier
+    there = np.isfinite(f.value)
+    # hits up to a sum of 7
+    assert f.value[there] + f.at[there] == pytest.approx(np.full(there.sum(), 7.0), abs=0.5)
+    assert there.sum() > 20
+    made = CampaignResult(a, "out", "", "", 300, 300, 300, (), 1.0)
+    plots = [part for section in sections(s, made, table) for part in section.parts]
+    assert [p.name for p in plots if getattr(p, "name", "") == "frontier"]
+
+
+def test_a_threshold_that_part_of_the_resamples_lack_has_an_open_end():
+    rng = np.random.default_rng(4)
+    gain = rng.uniform(0.0, 10.0, 1000)
+    hits = (rng.random(1000) < 1.0 / (1.0 + np.exp(-gain - 1.8))).astype(float)  # 90 % at 0.4
+    (found,) = region({"gain": gain}, hits, {"gain": 8.0}, 0.95).properties
+    assert found.threshold.low == -math.inf
+    assert found.threshold.value < found.threshold.high < 1.5
+    assert "(open to 0." in found.limit
+
+
+def test_a_region_without_failures_has_no_boundary():
+    x = {"gain": np.linspace(1.0, 2.0, 200)}
+    assert region(x, np.ones(200), {}, 0.95) is None
