@@ -22,8 +22,8 @@ KINDS: dict[str, tuple[Kind, int]] = {
     "settings": (texts.settings, 825),
     "outputs": (runs.outputs, 60),
     "faults": (runs.faults, 100),
-    "peers": (runs.peers, 40),
-    "full disk": (runs.disk, 40),
+    "peers": (runs.peers, 200),
+    "full disk": (runs.disk, 16),
     "signals": (runs.kills, 16),
 }
 
