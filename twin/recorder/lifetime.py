@@ -54,7 +54,8 @@ def _stored(look: rrb.Blueprint) -> Iterator[rerun_bindings.PyMemorySinkStorage]
 
 def release() -> None:
     """End the threads of all streams that are disconnected and that nothing refers to."""
-    rerun_bindings.flush_and_cleanup_orphaned_recordings()
+    with contextlib.suppress(RuntimeError):  # of an abandoned stream, which stays registered
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()
 
 
 def abandon(stream: rr.RecordingStream) -> None:
