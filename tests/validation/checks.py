@@ -11,6 +11,7 @@ from analysis.response import model_step_metrics
 from analysis.transfer_function import Channel, Loop
 from tests.analysis import test_margins, test_response, test_transfer_function
 from tests.benchmarks import coverage, rig_studies
+from tests.hardware import test_calibration_map
 from tests.mjcf import test_mechanism_clearance
 from tests.twin import (
     test_aerodynamics,
@@ -24,6 +25,7 @@ from tests.twin import (
 )
 from tests.twin.test_measured_flights import PUBLIC
 from tests.validation.check import Check
+from twin.hil import mechanism_map
 from twin.physics.aerodynamics import density
 
 
@@ -107,7 +109,7 @@ def rig_and_model() -> tuple[float, float]:
     """Attitude, rms [°], and path, relative to its length [%], of 8 s of the doublet."""
     with tempfile.TemporaryDirectory() as folder:
         runs = test_reference_gimbal.flights(Path(folder), "doublet")
-        angle, distance, flown = test_reference_gimbal.apart(runs)
+        angle, _, distance, flown = test_reference_gimbal.apart(runs)
     return float(angle), float(100 * distance / flown)
 
 
@@ -121,6 +123,23 @@ def scores(kind: str, seeds: int) -> tuple[float, float]:
     """Share of true parameters inside their 95 % intervals [%]; error over deviation, rms."""
     share, rms, _ = coverage.study(kind, range(seeds))
     return 100 * share, rms
+
+
+def polynomial() -> float:
+    """Linearised angle of the calibration against the linkage's [°]."""
+    linkage = test_calibration_map.Linkage()
+    linearisation = mechanism_map(linkage.model).linearisation
+    return test_calibration_map.polynomial_error(linkage, linearisation)
+
+
+@functools.cache
+def maps() -> tuple[float, float]:
+    """Commanded against true angle over ±8° [°], the worst of 40 units; share within 2 σ [%]."""
+    linkage = test_calibration_map.Linkage()
+    linearisation = mechanism_map(linkage.model).linearisation
+    units = test_calibration_map.calibrated(linkage, linearisation)
+    worst = max(np.degrees(abs(u.error)).max() for u in units)
+    return float(worst), float(100 * (abs(test_calibration_map.scores(units)) < 2.0).mean())
 
 
 def calibrated() -> float:
@@ -197,6 +216,12 @@ CHECKS = (
           lambda: scores("exact", 20)[1], 1.25, low=0.75),
     Check("calibration", "zero found by calibrating two emulated units, worst axis",
           "zero the units were drawn with", calibrated, 0.12, "°", long=True),
+    Check("linearisation", "polynomial of the calibration between the stops",
+          "linkage solved by MuJoCo's kinematics", polynomial, 0.008, "°"),
+    Check("calibration-map", "commanded against true angle over ±8°, worst of 40 units",
+          "linkage solved by MuJoCo's kinematics", lambda: maps()[0], 0.15, "°"),
+    Check("calibration-sigma", "errors of that map within twice its stated deviation",
+          "95.4 % of a normal distribution", lambda: maps()[1], 99.0, " %", low=88.0),
     Check("fusion", "error of the better potentiometer over that of the fused angle, at least",
           "true angle of two emulated units", fused, low=3.0),
     Check("coverage-coupled", "true parameters inside 95 % intervals, two axes and a coupling",
