@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long mutate abuse test-tools bench lint format meshes docs-check generated lock clean
+.PHONY: env run test test-long mutate abuse test-tools bench validate lint format meshes docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -43,6 +43,10 @@ abuse: env
 
 bench: env
 	$(BIN)/python -m tests.benchmarks
+
+# Measures the claims against independent truths and renews docs/validation.md.
+validate: env
+	$(BIN)/python -m tests.validation
 
 lint: env
 	$(BIN)/ruff check .
