@@ -6,9 +6,10 @@ from typing import Any
 
 from twin.campaigns.campaign import flying
 from twin.campaigns.figures import FIGURES
-from twin.campaigns.runs import Runs, shown
+from twin.campaigns.runs import Runs
 from twin.campaigns.store import Store
 from twin.campaigns.study import Study, read
+from twin.campaigns.vary import shown
 
 HIT = '[measure]\nhit = "end_east_m <= 1"\n'
 

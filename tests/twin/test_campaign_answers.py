@@ -1,6 +1,8 @@
 """Answers against closed forms: intervals, Sobol indices, boundaries, dispersion."""
 
 import math
+import shlex
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -9,15 +11,19 @@ from scipy import integrate, optimize
 from scipy.special import ndtri
 
 from tests.twin.campaigns import HIT, flown, linear, place, study
-from twin.campaigns.answers import answers
+from twin.campaigns.answers import Cell, _sentence, answers
 from twin.campaigns.boundary import region
+from twin.campaigns.bundle import _chosen
 from twin.campaigns.campaign import result
 from twin.campaigns.design import Streams
 from twin.campaigns.dispersion import ellipse
+from twin.campaigns.page import sections
+from twin.campaigns.result import CampaignResult
 from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import rank_influences, sobol_influences
-from twin.campaigns.statistic import cep, condition, mean, quantile, statistic, wilson
+from twin.campaigns.statistic import Estimate, cep, condition, mean, quantile, statistic, wilson
+from twin.campaigns.study import read
 from twin.errors import TwinError
 
 EAST, NORTH = 3.0, 2.0  # deviations of a linear case
@@ -82,7 +88,25 @@ def test_intervals_hold_the_exact_value_in_95_percent_of_200_campaigns(stops):
     assert all(0.90 <= share <= 0.98 for share in shares.values()), shares
 
 
-def ishigami(folder, n: int):
+# of 20 campaigns at 94 %, fewer than 15 in one of 1000; of 200, fewer than 180 in one of 100
+@pytest.mark.parametrize(
+    ("repeats", "least"), [(20, 15 / 20), pytest.param(200, 0.90, marks=pytest.mark.slow)]
+)
+def test_intervals_of_a_rate_hold_it_where_their_width_ends_the_campaign(repeats, least):
+    for rate in (0.5, 0.8, 0.95):
+        made = []
+        for seed in range(repeats):
+            hits = (Streams("random", 400, seed, ["u"]).uniform("u", np.arange(400)) < rate) + 0.0
+            looks = (wilson(hits[:k], 0.95) for k in range(56, 401, 8))
+            made.append(next(e for e in looks if e.half_width <= 0.08))
+        share = np.mean([e.low <= rate <= e.high for e in made])
+        bias = np.mean([e.value for e in made]) - rate
+        print(f"rate {rate}: {share:.1%} of the intervals hold it, bias {bias:+.4f}")
+        assert share >= least
+        assert abs(bias) < 0.01 + 0.16 / math.sqrt(repeats)  # 4 standard errors
+
+
+def ishigami(folder, n: int, gap: bool):
     """Sobol indices of Ishigami's function, by a sensitivity design of three uniform parameters."""
     names = ["wind_speed", "wind_azimuth", "wind_turbulence"]
     vary = "".join(
@@ -92,17 +116,24 @@ def ishigami(folder, n: int):
     runs = Runs(study(folder, f'{vary}[design]\nkind = "sensitivity"\nn = {n}'))
     x = np.array([[row[c] for c in names] for row in runs.values(range(runs.count))])
     y = np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
-    return sobol_influences(names, y, 0.95)
+    kept = np.arange(runs.count)
+    if gap:  # a fragment that was never written
+        kept = np.delete(kept, slice(312, 364))
+    return sobol_influences(names, kept, y[kept], 0.95)
 
 
-@pytest.mark.parametrize("n", [2048, pytest.param(8192, marks=pytest.mark.slow)])
-def test_sobol_indices_of_ishigami(tmp_path, n):
+@pytest.mark.parametrize(
+    ("n", "gap", "within"),
+    [(2048, False, 0.02), (2048, True, 0.05),
+     pytest.param(8192, False, 0.02, marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_sobol_indices_of_ishigami(tmp_path, n, gap, within):
     # T. Ishigami, T. Homma, 1990, a = 7, b = 0.1
     exact = ((0.3139, 0.5576), (0.4424, 0.4424), (0.0, 0.2437))
-    found = ishigami(tmp_path, n)
+    found = ishigami(tmp_path, n, gap)
     for (first, total), (s, t) in zip(found.values(), exact, strict=True):
-        assert first.value == pytest.approx(s, abs=0.02)
-        assert total.value == pytest.approx(t, abs=0.02)
+        assert first.value == pytest.approx(s, abs=within)
+        assert total.value == pytest.approx(t, abs=within)
         assert first.low < first.value < first.high
 
 
@@ -134,6 +165,34 @@ def test_the_boundary_of_a_known_region():
     assert f.low[k] < exact < f.high[k]
 
 
+def test_the_page_draws_the_boundary_between_the_two_smallest_margins(tmp_path):
+    uniform = '[vary.{}]\ndistribution = "uniform"\nlow = 0\nhigh = 6\nnominal = {}\n'
+    text = uniform.format("wind_speed", 1) + uniform.format("wind_azimuth", 1.5)
+    s = study(tmp_path, f"{text}[design]\nn = 300\n{HIT}")
+    runs = Runs(s)
+    work = place(s, runs, lambda v: (v["wind_speed"] + v["wind_azimuth"] - 6.0, 0.0))
+    table = pa.Table.from_pylist([work(run) for run in range(300)])
+    a = answers(s, runs, table)
+    f = a.frontier
+    there = np.isfinite(f.value)
+    # hits up to a sum of 7
+    assert f.value[there] + f.at[there] == pytest.approx(np.full(there.sum(), 7.0), abs=0.5)
+    assert there.sum() > 20
+    made = CampaignResult(a, "out", "", "", 300, 300, 300, (), 1.0)
+    plots = [part for section in sections(s, made, table) for part in section.parts]
+    assert [p.name for p in plots if getattr(p, "name", "") == "frontier"]
+
+
+def test_a_threshold_that_part_of_the_resamples_lack_has_an_open_end():
+    rng = np.random.default_rng(4)
+    gain = rng.uniform(0.0, 10.0, 1000)
+    hits = (rng.random(1000) < 1.0 / (1.0 + np.exp(-gain - 1.8))).astype(float)  # 90 % at 0.4
+    (found,) = region({"gain": gain}, hits, {"gain": 8.0}, 0.95).properties
+    assert found.threshold.low == -math.inf
+    assert found.threshold.value < found.threshold.high < 1.5
+    assert "(open to 0." in found.limit
+
+
 def test_a_region_without_failures_has_no_boundary():
     x = {"gain": np.linspace(1.0, 2.0, 200)}
     assert region(x, np.ones(200), {}, 0.95) is None
@@ -158,7 +217,9 @@ def test_exit_codes_of_a_condition(half, limit, holds, status):
     assert made.status == status
     assert made.answers.text.startswith("hit holds in")
     page = (store.folder / "report.html").read_text()
-    assert "twin campaign refly study 0" in page
+    command = ["twin", "campaign", "refly", s.place, "0", "--out", f"{store.folder}/run-0.rrd"]
+    assert shlex.join(command) in page
+    assert read(s.place).digest == s.digest
     assert made.as_dict()["answer"] in page
     assert "hit_rate" in made.text()
 
@@ -177,7 +238,31 @@ def test_the_page_of_a_named_choice_lists_every_value(tmp_path):
     table = flown(s, tmp_path / "out", good).table()
     a = answers(s, runs, table)
     assert {c.value: c.rate.value for c in a.cells} == {"slow": 1.0, "fast": 0.0}
-    assert "with 0 of 2 servos" in a.text  # 20 of 20 is 84 % at least
+    assert "with 0 of 2 servo values" in a.text  # 20 of 20 is 84 % at least
+
+
+def test_the_answer_counts_the_values_of_each_named_grid():
+    cells = [("servo", "a", 200), ("servo", "b", 90), ("motor", "c", 200), ("motor", "d", 200)]
+    made = tuple(
+        Cell(name, value, wilson((np.arange(200) < hits) + 0.0, 0.95), Estimate(0.0, 0.0, 0.0, 1))
+        for name, value, hits in cells
+    )
+    grids = [SimpleNamespace(name=name, kind="grid") for name in ("servo", "motor")]
+    s = SimpleNamespace(measures=(SimpleNamespace(name="hit"),), vary=grids)
+    text = _sentence(s, {"hit_rate": Estimate(0.86, 0.83, 0.89, 800)}, made, [])
+    assert "with 1 of 2 servo values: a;" in text
+    assert "with 2 of 2 motor values: c, d." in text
+
+
+@pytest.mark.parametrize(
+    ("runs", "names"), [(1, ["worst"]), (2, ["worst", ""]), (3, ["worst", "median", ""])]
+)
+def test_the_paths_of_a_campaign_are_called_what_they_are(runs, names):
+    table = pa.table(
+        {"run": range(runs), "outcome": ["point"] * runs, "closest_approach_m": range(runs)}
+    )
+    chosen = _chosen(table, "closest_approach_m", runs)
+    assert [name for name, _ in chosen.values()] == names
 
 
 def test_reweighted_rates_are_those_of_the_other_distribution(tmp_path):
@@ -192,6 +277,22 @@ def test_reweighted_rates_are_those_of_the_other_distribution(tmp_path):
     far = study(tmp_path, linear(1500, HIT).replace("mean = 10", "mean = 40"), "far")
     with pytest.raises(TwinError, match="runs are effective"):
         reweighted(s, far, table)
+
+
+@pytest.mark.parametrize(
+    ("flown_over", "other", "message"),
+    [("low = 0\nhigh = 6", "low = 0\nhigh = 12", r"0 to 12: must lie within 0 to 6"),
+     ("low = 0\nhigh = 6", "low = 7\nhigh = 8", "must lie within"),
+     ("low = 0\nhigh = 6", "low = 5.99999\nhigh = 6", "only 0 of 100 runs are effective"),
+     ("low = 0\nhigh = 6", "low = 0\nhigh = 6\nrelative = true", "relative in both or in none")],
+)  # fmt: skip
+def test_reweighting_beyond_what_was_flown_is_refused(tmp_path, flown_over, other, message):
+    vary = '[vary.wind_speed]\ndistribution = "uniform"\n{}\n[design]\nn = 100\n' + HIT
+    s = study(tmp_path, vary.format(flown_over))
+    speed = np.linspace(0.0, 5.9, 100)
+    table = pa.table({"wind_speed": speed, "outcome": ["time"] * 100, "hit": speed < 3.0})
+    with pytest.raises(TwinError, match=message):
+        reweighted(s, study(tmp_path, vary.format(other), "other"), table)
 
 
 def test_statistics_by_name():

@@ -214,6 +214,15 @@ def test_results_of_another_study_or_version_are_refused(tmp_path, monkeypatch):
         Store(tmp_path / "out", replace(s, digest=""), 16, {}).check()
 
 
+@pytest.mark.parametrize("out", [None, "runs/study/one.rrd"])
+def test_a_run_of_a_changed_study_is_not_flown_for_the_stored_rows(tmp_path, monkeypatch, out):
+    monkeypatch.chdir(tmp_path)
+    flown(study(tmp_path, linear(8)), Path("runs/study"))
+    study(tmp_path, linear(8, seed=1))
+    with pytest.raises(TwinError, match="or this one was changed"):
+        campaign(Campaign("refly", "study.toml", 3, out=out and Path(out)))
+
+
 def test_a_damaged_fragment_is_one_line(tmp_path):
     s = study(tmp_path, linear(16))
     store = flown(s, tmp_path / "out")

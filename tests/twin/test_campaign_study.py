@@ -1,12 +1,14 @@
 """Samples of a study follow their distributions; mistakes in a study are one line."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from tests.twin.campaigns import linear, study
 from twin.campaigns.design import Streams
-from twin.campaigns.parameters import RESPONSE, binding, response_model
+from twin.campaigns.parameters import RESPONSE, Binding, binding, response_model
 from twin.campaigns.runs import Runs
 from twin.errors import TwinError
 
@@ -115,6 +117,8 @@ def test_the_response_has_the_bandwidth_asked_for():
 VARY = '[vary.wind_speed]\ndistribution = "uniform"\nlow = 0\nhigh = 5\n'
 TWO = f"{VARY}[design]\nn = 2\n"
 SPEED = "[vary.wind_speed]\ndistribution = "
+JOINT = "[design]\nkind = 'sensitivity'\nn = 4\n"
+STAR = "[design]\nkind = 'star'\nn = 4\n"
 PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azimuth']\n"
 
 
@@ -134,12 +138,32 @@ PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azim
         (f"{TWO}[measure]\nhit = '__import__(1)'", "must be FIGURE <= NUMBER"),
         (f"{TWO}[stop]\nstatistic = 'hit_rate'\nhalf_width = 1", "'hit_rate' is unknown"),
         (f"{TWO}[stop]\nstatistic = 'cep_m'", "needs half_width"),
+        (
+            f"{TWO}[fail_if]\nlate = 'cep_m = 5'",
+            r"\[fail_if\] late: 'cep_m = 5': must be",
+        ),
         (f"{SPEED}'gauss'", "'gauss': must be one of normal"),
         (f"{SPEED}'normal'\nmean = 1", "needs sd"),
         (f"{SPEED}'normal'\nmean = 1\nsd = -1", "must be a positive number"),
         (f"{SPEED}'uniform'\nlow = 2\nhigh = 1", "must be less than high"),
         (f"{SPEED}'table'\nfile = 'no.csv'\ncolumn = 'a'", "no.csv"),
         (f"{PAIR}mean = [0, 0]\ncovariance = [[1, 2], [2, 1]]", "and positive definite"),
+        (
+            f"{JOINT}{PAIR}mean = [0, 0]\ncovariance = [[1, 0], [0, 1]]",
+            "w is a covariance, and Sobol",
+        ),
+        (
+            f"{STAR}{PAIR}nominal = 1\nmean = [0, 0]\ncovariance = [[1, 0], [0, 1]]",
+            r"\[vary.w\] nominal 1: .* covariance of several",
+        ),
+        (
+            f"{STAR}[vary.gimbal]\ndistribution = 'choice'\nvalues = ['linkage']\nnominal = 1",
+            r"\[vary.gimbal\] nominal 1: .* choice of names",
+        ),
+        (
+            f"{STAR}[vary.gimbal]\ndistribution = 'choice'\nvalues = ['linkage']\nnominal = ['a']",
+            "nominal 'a': is none of its values",
+        ),
         (f"{VARY}{PAIR}mean = [0, 0]\ncovariance = [[1, 0], [0, 1]]", "wind_speed varies twice"),
     ],
 )
@@ -159,6 +183,28 @@ def test_an_unknown_parameter_is_refused_with_the_nearest_names(tmp_path, name, 
     s = study(tmp_path, text)
     with pytest.raises(TwinError, match=message):
         binding(s.fly, s.vary)
+
+
+@pytest.mark.parametrize("where", ["fly", "choice", "set"])
+@pytest.mark.parametrize("changed", ["v.toml", "m.eng", "drag.csv"])
+def test_a_changed_file_is_another_study_wherever_it_is_named(tmp_path, where, changed):
+    mjcf = Path(__file__).parents[2] / "mjcf"
+    text = (mjcf / "examples" / "reference.toml").read_text()
+    text = text.replace("../motors/reference.eng", "m.eng").replace("drag = 0.5 ", "#")
+    (tmp_path / "v.toml").write_text(f'drag_table = "drag.csv"\n{text}')
+    (tmp_path / "m.eng").write_bytes((mjcf / "motors" / "reference.eng").read_bytes())
+    (tmp_path / "drag.csv").write_text("mach,cd\n0,0.5\n1,0.6\n")
+    vary = {
+        "fly": f"[fly]\nvehicle = 'v.toml'\n{TWO}",
+        "choice": f"{TWO}[vary.vehicle]\ndistribution = 'choice'\nvalues = ['v.toml']",
+        "set": f"{TWO}[vary.v]\ndistribution = 'choice'\nvalues = [{{ vehicle = 'v.toml' }}]",
+    }[where]
+    s = study(tmp_path, vary)
+    flight = Binding(s.fly, {}, 0, s.folder).config(Runs(s).values([0])[0], 0, tmp_path)
+    assert flight.vehicle == tmp_path / "v.toml"
+    with (tmp_path / changed).open("a") as file:
+        file.write("\n")
+    assert study(tmp_path, vary).digest != s.digest
 
 
 def test_a_shipped_study_is_named_without_its_ending():

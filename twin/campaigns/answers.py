@@ -80,7 +80,7 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
     values = column(kept, figure)
     influences = rank_influences(numbers, values, p)
     if study.kind == "sensitivity":
-        of_all = sobol_influences(runs.columns, column(table, figure), p)
+        of_all = sobol_influences(runs.columns, table["run"].to_numpy(), column(table, figure), p)
         influences = {
             name: Influence(i.rank, *of_all.get(name, ())) for name, i in influences.items()
         }
@@ -182,17 +182,17 @@ def _sentence(
     if e is None:
         return "No run counts."
     text = f"{name} holds in {e.value:.1%} of {e.n} runs ({e.low:.1%} to {e.high:.1%})"
-    grids = {v.name for v in study.vary if v.kind == "grid"}
-    named = [c for c in cells if c.parameter in grids and c.rate is not None]
-    if named:
+    grids = [v.name for v in study.vary if v.kind == "grid"]
+    for grid in grids:
+        named = [c for c in cells if c.parameter == grid and c.rate is not None]
         good = [c.value for c in named if c.rate is not None and c.rate.low >= SHARE]
-        text += f"; surely in {SHARE:.0%} with {len(good)} of {len(named)} {named[0].parameter}s"
-        text += f": {', '.join(good)}" if good else ""
-    if first and first[0].threshold is not None:
-        least, t = first[0], first[0].threshold
-        word = "at least" if least.better > 0 else "at most"
+        if named:
+            text += f"; in at least {SHARE:.0%} with {len(good)} of {len(named)} {grid} values"
+            text += f": {', '.join(good)}" if good else ""
+    if first:
+        least = first[0]
         text += (
-            f"; {least.name} limits it first: {word} {t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
-            f" for {SHARE:.0%}, nominal is {least.margin:.2g} times better"
+            f"; {least.name} limits it first: {least.limit} for {SHARE:.0%}, a margin of"
+            f" {least.margin:.2g} at the nominal value"
         )
     return text + "."

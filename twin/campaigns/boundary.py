@@ -15,6 +15,7 @@ FEWEST = 10  # successes and failures without which there is no boundary
 RESAMPLES, STEPS, STEPS_AGAIN = 60, 25, 4
 RIDGE = 1e-2  # on the coefficients of scaled parameters, so that a clean separation stays finite
 GRID = np.linspace(-1.0, 1.0, 81)  # scaled values along a parameter
+FAR = 1e9  # scaled value of an end outside the range
 FACTORS = 4.0, 100.0  # high over low of a range that is seen in logarithms
 
 
@@ -28,7 +29,8 @@ class Property:
     nominal : value that it has while the others vary
     values, share, low, high : probability along its range, the others nominal, and its band (n,)
     threshold : value at which the probability falls below `SHARE` on the way from the nominal
-        value to the worse end; None where it does not
+        value to the worse end, an infinite end of its interval where that lies outside the range;
+        None where it does not
     better : +1 where larger values succeed more often, -1 otherwise
     """
 
@@ -46,7 +48,8 @@ class Property:
         """The threshold in words."""
         if (t := self.threshold) is not None:
             word = "at least" if self.better > 0 else "at most"
-            return f"{word} {t.value:.3g} ({t.low:.3g} to {t.high:.3g})"
+            ends = (f"{e:.3g}" if math.isfinite(e) else "open" for e in (t.low, t.high))
+            return f"{word} {t.value:.3g} ({' to '.join(ends)})"
         order = np.argsort(self.values)
         here = np.interp(self.nominal, self.values[order], self.share[order])
         return "no limit in its range" if here >= SHARE else f"only {here:.0%} at the nominal value"
@@ -139,15 +142,19 @@ class Region:
         return _sigmoid(F @ self._fit), _sigmoid(F @ self._many.T)
 
     def _thresholds(self, k: int, share: Array, curves: Array) -> tuple[float, tuple[float, float]]:
-        """Threshold of a parameter and its interval; NaN where most resamples have none."""
+        """Threshold of a parameter and its interval; NaN where most resamples have none.
+
+        An end is infinite where the resamples there have their threshold outside the range.
+        """
         scale, better, centre = self._scales[k], self._better[k], float(self._centre[k])
         value = _threshold(share, centre, better)
         ends = [_threshold(c, centre, better) for c in curves.T]
-        good = [e for e in ends if not math.isnan(e)]
-        if math.isnan(value) or len(good) <= RESAMPLES // 2:
+        inside = np.isfinite(ends)
+        if not math.isfinite(value) or inside.sum() <= RESAMPLES // 2:
             return math.nan, (math.nan, math.nan)
-        inner = np.quantile(good, [self._tail, 1.0 - self._tail])
-        a, b = sorted(scale.back(inner).tolist())
+        outer = np.quantile(np.clip(ends, -FAR, FAR), [self._tail, 1.0 - self._tail])
+        within = scale.back(np.clip(outer, -1.0, 1.0))
+        a, b = np.where(np.abs(outer) > 1.0, np.copysign(np.inf, outer), within).tolist()
         return float(scale.back(np.array([value]))[0]), (a, b)
 
     def frontier(self, x: str, y: str) -> Frontier:
@@ -235,13 +242,14 @@ def _logistic(X: Array, y: Array, start: Array, steps: int) -> Array:
 def _threshold(share: Array, centre: float, better: int) -> float:
     """Scaled value where the probability falls below `SHARE`, from the centre to the worse end.
 
-    NaN where it does not, or already is below at the centre.
+    Infinite towards the worse end where it does not, towards the better one where it already is
+    below at the centre.
     """
     z, s = (GRID, share) if better < 0 else (-GRID[::-1], share[::-1])  # worse to the right
     ahead = np.flatnonzero(z >= (centre if better < 0 else -centre) - 1e-9)
     below = ahead[s[ahead] < SHARE]
     if not below.size or below[0] == ahead[0]:
-        return math.nan
+        return better * (math.inf if below.size else -math.inf)
     k = int(below[0])
     crossing = float(np.interp(-SHARE, [-s[k - 1], -s[k]], [z[k - 1], z[k]]))
     return crossing if better < 0 else -crossing

@@ -1,5 +1,6 @@
 """Some runs of a campaign flown again for one recording of their paths."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,6 +16,7 @@ from twin.campaigns.store import column, counted
 from twin.experiments.fly import fly
 from twin.recorder.paths import FlownPath, write_paths
 
+Colour = tuple[int, int, int]
 WORST, MEDIAN = (220, 50, 47), (38, 139, 210)  # colours
 POINTS = 500  # of one path
 
@@ -36,23 +38,26 @@ def bundle(
     chosen = _chosen(table, figure, count)
     paths = []
     with TemporaryDirectory(prefix="tvc-twin-") as folder:
-        for k, run in enumerate(chosen):
-            name = {0: f"worst run {run}", 1: f"median run {run}"}.get(k, f"run {run}")
+        for run, (which, colour) in chosen.items():
             points = _path(runs, bound, run, Path(folder))
-            paths.append(FlownPath(name, points, {0: WORST, 1: MEDIAN}.get(k)))
+            paths.append(FlownPath(f"{which} run {run}".strip(), points, colour))
     return write_paths(out, paths, about)
 
 
-def _chosen(table: Any, figure: str, count: int) -> list[int]:  # noqa: ANN401
-    """Runs: worst, median, then others evenly spaced from best to worst."""
+def _chosen(table: Any, figure: str, count: int) -> dict[int, tuple[str, Colour | None]]:  # noqa: ANN401
+    """Runs with their words and colours: worst, median, others evenly spaced from the best on."""
     kept = counted(table)
     values = column(kept, figure)
     order = np.argsort(values)[: int(np.isfinite(values).sum())]
     if not len(order):
-        return []
+        return {}
     places = [len(order) - 1, len(order) // 2, *np.linspace(0, len(order) - 1, count).astype(int)]
+    about = [("worst", WORST), ("median", MEDIAN), *[("", None)] * count]
     runs = kept["run"].to_pylist()
-    return list(dict.fromkeys(runs[order[k]] for k in places))[:count]
+    chosen: dict[int, tuple[str, Colour | None]] = {}
+    for place, what in zip(places, about, strict=True):
+        chosen.setdefault(runs[order[place]], what)
+    return dict(itertools.islice(chosen.items(), count))
 
 
 def _path(runs: Runs, bound: Binding, run: int, folder: Path) -> NDArray[np.float64]:

@@ -19,10 +19,11 @@ from twin.campaigns.parameters import Binding, binding
 from twin.campaigns.progress import Progress
 from twin.campaigns.result import CampaignResult, Verdict
 from twin.campaigns.reweight import reweighted
-from twin.campaigns.runs import Runs, flown, shown
+from twin.campaigns.runs import Runs, flown
 from twin.campaigns.statistic import FEWEST, Condition, Estimate, condition
 from twin.campaigns.store import Store, column, counted
 from twin.campaigns.study import Stop, Study, read
+from twin.campaigns.vary import shown
 from twin.config.campaign import Campaign
 from twin.errors import TwinError
 from twin.experiments.flight import FlightResult
@@ -49,7 +50,7 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     if config.action == "report":
         store.check()
     else:
-        bound = binding(study.fly, study.vary)
+        bound = binding(study.fly, study.vary, study.folder)
         if config.action == "run":
             store.begin(force=config.force)
         else:
@@ -101,9 +102,10 @@ def flying(study: Study, runs: Runs, store: Store, work: Work, workers: int | No
 class _Watch:
     """Whether the interval of a statistic is narrow enough, fragment by fragment.
 
-    The rule looks at the width alone (Y. S. Chow, H. Robbins, Annals of Mathematical Statistics 36,
-    1965), never at the value, so that looking often favours no answer; the first look is after
-    `FEWEST` runs.
+    The rule of Y. S. Chow, H. Robbins, Annals of Mathematical Statistics 36, 1965, whose intervals
+    keep their confidence as the width goes to zero. The width of a rate's interval depends on the
+    rate, so a campaign ends somewhat sooner where the rate so far is near 0 or 1; the first look is
+    after `FEWEST` runs.
     """
 
     def __init__(self, stop: Stop, store: Store, progress: Progress) -> None:
@@ -155,7 +157,7 @@ def _with_paths(
     count: int, study: Study, runs: Runs, store: Store, made: CampaignResult
 ) -> CampaignResult:
     """The result with a recording of some paths."""
-    bound, out = binding(study.fly, study.vary), store.folder / "paths.rrd"
+    bound, out = binding(study.fly, study.vary, study.folder), store.folder / "paths.rrd"
     figure, about = made.answers.figure, f"# {study.title}\n\n{made.answers.text}"
     bundle(out, runs, bound, store.table(), figure, count, about)
     return replace(made, recording=str(out))
@@ -166,7 +168,7 @@ def _estimate(c: Condition, kept: Any, confidence: float) -> Estimate:  # noqa: 
 
 
 def _store(config: Campaign, study: Study, runs: Runs) -> Store:
-    folder = config.out if config.out and config.action != "refly" else Path("runs") / study.name
+    folder = config.out or Path("runs") / study.name
     probe = _shown(runs, 0)
     kinds = {c: str if isinstance(v, str) else float for c, v in probe.items()}
     return Store(folder, study, runs.count, kinds)
@@ -195,8 +197,12 @@ def _refly(config: Campaign, study: Study) -> FlightResult:
         raise TwinError(f"run {run}: must be below {runs.count}, the runs of {study.name}")
     folder = Path("runs") / study.name
     out = config.out or folder / f"run-{run}.rrd"
+    for rows in dict.fromkeys((out.parent, folder)):
+        if (rows / "campaign.json").exists():  # another study's run would not be that of the row
+            _store(replace(config, out=rows), study, runs).check()
+            break
     values = runs.values([run])[0]
-    bound = binding(study.fly, study.vary)
+    bound = binding(study.fly, study.vary, study.folder)
     with TemporaryDirectory(prefix="tvc-twin-") as scratch:
         flight = bound.config(values, runs.sample(run), Path(scratch))
         return fly(replace(flight, out=out, force=config.force))

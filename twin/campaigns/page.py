@@ -1,19 +1,21 @@
 """A campaign as a page that leads with its answer."""
 
+import shlex
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analysis.report import Cell, Line, Panel, Plot, Section, Table
 from twin.campaigns.answers import Answers
-from twin.campaigns.boundary import SHARE
+from twin.campaigns.boundary import SHARE, Frontier, Property
 from twin.campaigns.result import CampaignResult
 from twin.campaigns.statistic import PLACE, Estimate
 from twin.campaigns.store import column, counted
 from twin.campaigns.study import Study
 
 SHOWN = 2000  # points of a plot
-COLOURS = 6  # of the page
 
 
 def sections(study: Study, result: CampaignResult, table: Any) -> tuple[Section, ...]:  # noqa: ANN401
@@ -24,15 +26,16 @@ def sections(study: Study, result: CampaignResult, table: Any) -> tuple[Section,
     table : all rows
     """
     a, kept = result.answers, counted(table)
+    command = _command(study, Path(result.folder))
     parts = [_answer(study, result)]
     if a.map:
         parts.append(_map(a))
     if a.cells:
         parts.append(_cells(a))
     if a.influences:
-        parts.append(_influences(a, kept, study))
+        parts.append(_influences(a, kept, command))
     if a.places is not None:
-        parts.append(_footprint(a, kept, study))
+        parts.append(_footprint(a, kept, command))
     return tuple(parts)
 
 
@@ -71,10 +74,31 @@ def _map(a: Answers) -> Section:
     )
     plot = Plot("map", caption, "", tuple(panels), tuple(lines), panel_height=200)
     head = ("parameter", "nominal", f"limit for {SHARE:.0%}", "margin")
-    about = "Margin: how many times better than its limit the nominal value is."
-    return Section(
-        "map", "Map: what the mission needs", (), (plot, Table(head, tuple(rows), about))
+    about = "Margin: the nominal value over its limit, or the inverse where less is better."
+    parts: list[Plot | Table] = [plot, Table(head, tuple(rows), about)]
+    if a.frontier is not None and np.isfinite(a.frontier.value).any():
+        parts.append(_frontier(a.frontier, a.map))
+    return Section("map", "Map: what the mission needs", (), tuple(parts))
+
+
+def _frontier(f: Frontier, properties: Sequence[Property]) -> Plot:
+    """Boundary between two parameters, with the nominal values."""
+    of = {p.name: p for p in properties}
+    y = of[f.y]
+    # an open end of the band is drawn to the end of the range
+    ends = [np.clip(v, y.values.min(), y.values.max()) for v in (f.low, f.high)]
+    lines = (
+        Line(f"{SHARE:.0%}", f.at, f.value, "run0", low=ends[0], high=ends[1]),
+        Line("nominal", np.array([of[f.x].nominal]), np.array([y.nominal]), "run1", 0, "dots"),
     )
+    side = "above" if y.better > 0 else "below"
+    caption = (
+        f"Between the two parameters with the smallest margins, all others at their nominal values:"
+        f" {side} the line the measure holds in more than {SHARE:.0%}. Where the line ends,"
+        f" {f.y} has no limit in its range, or already its nominal value is beyond it."
+    )
+    panels = (Panel("", f.y, x_label=f.x),)
+    return Plot("frontier", caption, "", panels, lines, panel_height=260)
 
 
 def _cells(a: Answers) -> Section:
@@ -91,7 +115,7 @@ def _cells(a: Answers) -> Section:
     return Section("values", "By value", (), (Table(head, tuple(rows)),))
 
 
-def _influences(a: Answers, kept: Any, study: Study) -> Section:  # noqa: ANN401
+def _influences(a: Answers, kept: Any, command: Callable[[int], str]) -> Section:  # noqa: ANN401
     order = sorted(a.influences.items(), key=lambda item: -abs(item[1].rank.value))
     rows = [
         (name, *(_short(e) for e in (i.rank, i.first, i.total))) for name, i in order
@@ -102,7 +126,7 @@ def _influences(a: Answers, kept: Any, study: Study) -> Section:  # noqa: ANN401
         Panel("", a.figure if k % 2 == 0 else "", k // 2, k % 2, x_label=name)
         for k, name in enumerate(names)
     )
-    some, labels = _some(kept, study)
+    some, labels = _some(kept, command)
     lines = tuple(
         Line("run", column(some, name), column(some, a.figure), "run0", k, "dots", labels=labels)
         for k, name in enumerate(names)
@@ -117,9 +141,9 @@ def _short(e: Estimate | None) -> str:
     return "–" if e is None else f"{e.value:+.2f} ({e.low:+.2f} to {e.high:+.2f})"
 
 
-def _footprint(a: Answers, kept: Any, study: Study) -> Section:  # noqa: ANN401
+def _footprint(a: Answers, kept: Any, command: Callable[[int], str]) -> Section:  # noqa: ANN401
     assert a.places is not None
-    some, labels = _some(kept, study)
+    some, labels = _some(kept, command)
     outline = a.places.outline()
     lines = (
         Line("end of a run", column(some, PLACE[0]), column(some, PLACE[1]), "run0", 0, "dots",
@@ -136,9 +160,19 @@ def _footprint(a: Answers, kept: Any, study: Study) -> Section:  # noqa: ANN401
     return Section("footprint", "Where the runs end", (), (plot,))
 
 
-def _some(kept: Any, study: Study) -> tuple[Any, tuple[str, ...]]:  # noqa: ANN401
+def _command(study: Study, folder: Path) -> Callable[[int], str]:
+    """The command that flies a run again; its recording goes beside the rows."""
+    default = folder == Path("runs") / study.name
+
+    def command(run: int) -> str:
+        out = () if default else ("--out", str(folder / f"run-{run}.rrd"))
+        return shlex.join(["twin", "campaign", "refly", study.place, str(run), *out])
+
+    return command
+
+
+def _some(kept: Any, command: Callable[[int], str]) -> tuple[Any, tuple[str, ...]]:  # noqa: ANN401
     """Rows for a plot, evenly spaced, and the command for each."""
     step = max(1, kept.num_rows // SHOWN)
     some = kept.take(list(range(0, kept.num_rows, step)))
-    runs = some["run"].to_pylist()
-    return some, tuple(f"twin campaign refly {study.name} {run}" for run in runs)
+    return some, tuple(command(run) for run in some["run"].to_pylist())

@@ -10,6 +10,7 @@ from typing import Any
 import mujoco
 
 from analysis.transfer_function import Servo, TransferFunctionModel
+from twin.campaigns.files import beside
 from twin.campaigns.vary import Varied
 from twin.config import Fly
 from twin.config.base import _unknown
@@ -42,11 +43,13 @@ class Binding:
     fly : settings that all runs share
     nominal : of each parameter that is varied relatively, its parts and their nominal values
     seed : of the first sample
+    folder : of the study, where a varied file is looked for first
     """
 
     fly: Mapping[str, Any]
     nominal: Mapping[str, tuple[tuple[str, float], ...]]
     seed: int
+    folder: Path = Path()
 
     def config(self, values: Mapping[str, Any], sample: int, scratch: Path) -> Fly:
         """Settings of one flight.
@@ -71,7 +74,7 @@ class Binding:
             elif name in self.nominal:
                 parameters |= {part: base * value for part, base in self.nominal[name]}
             elif _of_fly(name):
-                _put(settings, name, value)
+                _put(settings, name, beside(name, value, self.folder))
             else:
                 parameters[name] = value
         if response:
@@ -81,8 +84,12 @@ class Binding:
         return Fly.of({**settings, "set": parameters})
 
 
-def binding(fly: Mapping[str, Any], vary: tuple[Varied, ...]) -> Binding:
+def binding(fly: Mapping[str, Any], vary: tuple[Varied, ...], folder: Path = Path()) -> Binding:
     """Check every name of a study against the model that it flies.
+
+    Parameters
+    ----------
+    folder : of the study, where a varied file is looked for first
 
     Raises
     ------
@@ -99,7 +106,7 @@ def binding(fly: Mapping[str, Any], vary: tuple[Varied, ...]) -> Binding:
     for name in names:
         if not (name.startswith(MODEL) or _of_fly(name) or name in nominal):
             overrides.value(model, name)
-    return Binding(fly, nominal, seed)
+    return Binding(fly, nominal, seed, folder)
 
 
 def _check_names(config: Fly, names: list[str]) -> None:

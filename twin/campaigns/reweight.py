@@ -34,7 +34,7 @@ def reweighted(study: Study, other: Study, table: Any) -> dict[str, Estimate]:  
     kept = counted(table)
     weights = np.exp(_log_weights(study, other, kept))
     effective = float(weights.sum() ** 2 / np.maximum((weights**2).sum(), 1e-300))
-    if effective < FEWEST:
+    if not effective >= FEWEST:
         raise TwinError(
             f"--reweight {other.name}: only {effective:.0f} of {len(weights)} runs are effective;"
             f" its distributions must lie within those flown, and {FEWEST:.0f} are needed"
@@ -72,6 +72,15 @@ def _log_weights(study: Study, other: Study, kept: Any) -> Array:  # noqa: ANN40
             raise TwinError(
                 f"--reweight {other.name}: {name} must be normal, uniform or lognormal in both"
             )
+        if was.relative != new.relative:
+            raise TwinError(f"--reweight {other.name}: {name} must be relative in both or in none")
+        (low, high), (least, most) = was.support, new.support
+        if least < low or most > high:
+            raise TwinError(
+                f"--reweight {other.name}: {name} from {least:g} to {most:g}: must lie within"
+                f" {low:g} to {high:g}, the values that were flown"
+            )
         x = column(kept, name)
         total += new.density(x) - was.density(x)
-    return np.asarray(total - total.max())
+    greatest = total.max(initial=-np.inf)
+    return np.asarray(total - greatest) if np.isfinite(greatest) else total

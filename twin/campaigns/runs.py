@@ -13,15 +13,12 @@ from twin.campaigns.design import Streams
 from twin.campaigns.figures import FIGURES, figures_of, outcome_of
 from twin.campaigns.parameters import Binding
 from twin.campaigns.study import Study
-from twin.campaigns.vary import Varied
+from twin.campaigns.vary import Varied, shown
 from twin.errors import CheckError, DivergenceError, TwinError
 from twin.experiments.fly import fly
 
 Row = dict[str, Any]
 Work = Callable[[int], Row]
-
-
-_STREAMS = {"grid": "random", "sensitivity": "sobol", "star": "sobol"}  # kind of their numbers
 
 
 class Runs:
@@ -89,13 +86,6 @@ class Runs:
 
 def _streams(v: Varied) -> list[str]:
     return [v.name] if v.streams == 1 else [f"{v.name}/{k}" for k in range(v.streams)]
-
-
-def shown(value: object) -> object:
-    """A value as a row has it: a set by its name."""
-    if isinstance(value, Mapping):
-        return str(value.get("name", dict(value)))
-    return value
 
 
 def flown(study: Study, runs: Runs, binding: Binding, scratch: Path) -> Work:

@@ -62,15 +62,22 @@ def _partial(table: Array) -> Array:
 
 
 def sobol_influences(
-    names: Sequence[str], figure: Array, confidence: float
+    names: Sequence[str], runs: NDArray[np.int64], figure: Array, confidence: float
 ) -> dict[str, tuple[Estimate, Estimate]]:
-    """Sobol indices of first and total order from the rows of a sensitivity design, in order.
+    """Sobol indices of first and total order from rows of a sensitivity design.
 
-    Samples that lack the figure in one of their runs are left out (A. Saltelli et al., Computer
+    Samples that lack a run, or the figure in one, are left out (A. Saltelli et al., Computer
     Physics Communications 181, 2010, by `scipy.stats.sobol_indices`).
+
+    Parameters
+    ----------
+    runs : numbers of the runs (n,)
+    figure : of the runs (n,)
     """
     matrices = 2 + len(names)
-    values = figure[: len(figure) // matrices * matrices].reshape(-1, matrices)
+    samples = int(runs.max(initial=-1)) // matrices + 1
+    values = np.full((samples, matrices), np.nan)
+    values[runs // matrices, runs % matrices] = figure
     values = values[np.isfinite(values).all(axis=1)]
     n = 1 << (len(values).bit_length() - 1) if len(values) else 0  # scipy asks for a power of two
     values = values[:n] - values[:n].mean() if n else values

@@ -149,8 +149,8 @@ def statistic(name: str, measures: Sequence[Measure]) -> Statistic:
     raise TwinError(f"statistic {_unknown(name, known)}")
 
 
-def condition(text: str, measures: Sequence[Measure]) -> Condition:
-    """Read a condition such as `hit_rate < 0.95`.
+def condition(text: str, measures: Sequence[Measure], where: str = "--fail-if") -> Condition:
+    """Read a condition such as `hit_rate < 0.95`; `where` it stands, for messages.
 
     Raises
     ------
@@ -158,8 +158,8 @@ def condition(text: str, measures: Sequence[Measure]) -> Condition:
     """
     match = _TERM.fullmatch(text)
     if match is None:
-        raise TwinError(f"--fail-if {text[:60]!r}: must be STATISTIC < NUMBER, with <, <=, > or >=")
-    limit = _limit("--fail-if", match[3])
+        raise TwinError(f"{where} {text[:60]!r}: must be STATISTIC < NUMBER, with <, <=, > or >=")
+    limit = _limit(where, match[3])
     return Condition(text.strip(), statistic(match[1], measures), match[2], limit)
 
 

@@ -100,7 +100,7 @@ class Store:
             raise TwinError(f"{self.folder}: was flown with other versions ({str(old)[:120]})")
         raise TwinError(
             f"{self.folder}: holds the results of another study ({str(about.get('study'))[:60]!r}),"
-            " or this one was changed; give another --out, or run with --force"
+            " or this one was changed; `twin campaign run` flies it anew, with --out or --force"
         )
 
     def _description(self) -> dict[str, Any] | None:

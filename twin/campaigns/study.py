@@ -12,10 +12,10 @@ from typing import Any
 
 from analysis.files import FileError, content
 from twin.campaigns.design import KINDS
+from twin.campaigns.files import beside, contents
 from twin.campaigns.statistic import Condition, Measure, Statistic, condition, measure, statistic
-from twin.campaigns.vary import Varied, number, varied
+from twin.campaigns.vary import Varied, number, shown, varied
 from twin.config import Fly
-from twin.config.base import hints
 from twin.errors import TwinError
 
 SHIPPED = Path(__file__).parent / "studies"
@@ -25,7 +25,6 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 SECTIONS = ("study", "fly", "vary", "design", "measure", "stop", "fail_if")
 # settings of `fly` that a campaign decides itself
 OWN = ("out", "json", "force", "repeat", "within", "clock")
-FILES = ("vehicle", "mechanism", "model", "motor", "calibration", "set_from", "scene")
 VERSIONS = ("tvc-twin", "mujoco", "numpy", "numba")
 
 
@@ -62,6 +61,8 @@ class Study:
     nominal : values that parameters keep in a map while another one varies
     about : names of a choice that the map is about, by parameter
     digest : of everything that decides a row, with the versions of the physics
+    place : of the file as it was given, or the name of a shipped study
+    folder : of the file
     text : the file
     """
 
@@ -78,6 +79,8 @@ class Study:
     nominal: Mapping[str, float]
     about: Mapping[str, list[str]]
     digest: str
+    place: str
+    folder: Path
     text: str
 
     @property
@@ -107,12 +110,12 @@ def read(place: str) -> Study:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise TwinError(f"{file}: not TOML: {' '.join(str(error).split())}") from None
     try:
-        return _study(file, given, text)
+        return _study(place, file, given, text)
     except TwinError as error:
         raise TwinError(f"{file}: {error}") from None
 
 
-def _study(file: Path, given: dict[str, Any], text: str) -> Study:
+def _study(place: str, file: Path, given: dict[str, Any], text: str) -> Study:
     for name, section in given.items():
         if name not in SECTIONS:
             raise TwinError(f"[{name}]: unknown section; there are {', '.join(SECTIONS)}")
@@ -132,6 +135,8 @@ def _study(file: Path, given: dict[str, Any], text: str) -> Study:
     given_nominal = {n: t["nominal"] for n, t in part["vary"].items() if "nominal" in t}
     about = {n: v for n, v in given_nominal.items() if isinstance(v, list)}
     nominal = {n: float(v) for n, v in given_nominal.items() if n not in about}
+    for v in vary:
+        _check_nominal(v, given_nominal.get(v.name))
     if kind == "star" and not nominal:
         raise TwinError("[design] star: needs a nominal value for each parameter of the star")
     measures = tuple(measure(n, t, columns) for n, t in part["measure"].items())
@@ -139,9 +144,11 @@ def _study(file: Path, given: dict[str, Any], text: str) -> Study:
         name=file.stem, title=str(part["study"].get("title", file.stem))[:200], fly=fly, vary=vary,
         kind=kind, n=n, seed=seed, measures=measures,
         stop=_stop(part["stop"], measures), text=text,
-        fail_if=tuple(condition(str(t), measures) for t in part["fail_if"].values()),
+        fail_if=tuple(
+            condition(str(t), measures, f"[fail_if] {n}:") for n, t in part["fail_if"].items()
+        ),
         nominal=nominal, about=about,
-        digest=_digest(part, fly, file.parent),
+        digest=_digest(part, file.parent), place=place, folder=file.parent,
     )  # fmt: skip
 
 
@@ -152,14 +159,10 @@ def _keys(section: str, given: Mapping[str, Any], valid: tuple[str, ...]) -> Non
 
 def _fly(given: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Settings of the flight, files relative to the study's folder."""
-    settings = dict(given)
+    settings = {name: beside(name, value, folder) for name, value in given.items()}
     for name in OWN:
         if name in settings:
             raise TwinError(f"[fly] {name}: a campaign decides it; leave it out")
-    for name in FILES:
-        value = settings.get(name)
-        if isinstance(value, str) and (folder / value.partition(":")[0]).is_file():
-            settings[name] = str(folder / value)
     if not all(isinstance(k, str) for k in settings):
         raise TwinError("[fly]: must have settings of `twin fly`")
     config = Fly.of(settings)
@@ -189,7 +192,26 @@ def _design(given: Mapping[str, Any], vary: tuple[Varied, ...]) -> tuple[str, in
         )
     if kind in ("sensitivity", "star") and len(random) < len(vary):
         raise TwinError(f"[design] {kind}: cannot have a grid; vary it as uniform or choice")
+    if kind == "sensitivity" and (joint := [v.name for v in vary if v.kind == "covariance"]):
+        raise TwinError(
+            f"[design] sensitivity: {joint[0]} is a covariance, and Sobol indices are of"
+            " independent parameters; give each its own distribution, or take another kind"
+        )
     return kind, int(n), int(seed)
+
+
+def _check_nominal(v: Varied, nominal: object) -> None:
+    """Refuse a nominal value that the parameter cannot have."""
+    numbers = all(isinstance(value, int | float) for value in v.values)
+    if isinstance(nominal, list):
+        names = [str(shown(value)) for value in v.values]
+        if odd := [n for n in nominal if n not in names]:
+            raise TwinError(f"[vary.{v.name}] nominal {odd[0]!r}: is none of its values")
+    elif nominal is not None and (v.kind == "covariance" or not numbers):
+        raise TwinError(
+            f"[vary.{v.name}] nominal {nominal!r}: a number is for a parameter that is one number;"
+            f" {v.name} is a {v.kind} of {'several' if numbers else 'names'}"
+        )
 
 
 def _stop(given: Mapping[str, Any], measures: tuple[Measure, ...]) -> Stop | None:
@@ -206,7 +228,7 @@ def _stop(given: Mapping[str, Any], measures: tuple[Measure, ...]) -> Stop | Non
     return Stop(watched, half, confidence)
 
 
-def _digest(part: Mapping[str, Any], fly: Mapping[str, Any], folder: Path) -> str:
+def _digest(part: Mapping[str, Any], folder: Path) -> str:
     """Digest of what decides a row: sections, files that they name, versions."""
     total = hashlib.sha256()
     deciding = {k: part[k] for k in ("fly", "vary", "design", "measure")}
@@ -216,11 +238,8 @@ def _digest(part: Mapping[str, Any], fly: Mapping[str, Any], folder: Path) -> st
             for name, table in part["vary"].items()
         }
     total.update(json.dumps(deciding, sort_keys=True, default=str).encode())
-    tables = [str(folder / v["file"]) for v in part["vary"].values() if "file" in v]
-    for name in (*(str(fly[k]) for k in FILES if k in fly and k in hints(Fly)), *tables):
-        path = Path(name.partition(":")[0])
-        if path.is_file():
-            total.update(path.read_bytes())
+    for data in contents(part["fly"], part["vary"], folder):
+        total.update(data)
     total.update(json.dumps(versions(), sort_keys=True).encode())
     return total.hexdigest()
 

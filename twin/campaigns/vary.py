@@ -17,7 +17,6 @@ from twin.errors import TwinError
 Array = NDArray[np.float64]
 LARGEST_TABLE = 10_000_000  # bytes
 MOST_VALUES = 100_000
-SETS = "sets"  # how a choice between tables names each of them: its key `name`
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,7 @@ class Varied:
     relative : whether the values multiply the nominal one
     spec : its table in the study
     density : logarithm of the probability density at values (n,); None where there is none
+    support : ends of the values that have a density
     make : gives one list of values a column, from uniform numbers (streams, n)
     """
 
@@ -46,6 +46,7 @@ class Varied:
     make: Callable[[Array], list[list[Any]]]
     spec: Mapping[str, object] = field(default_factory=dict)
     density: Callable[[Array], Array] | None = None
+    support: tuple[float, float] = (-math.inf, math.inf)
 
 
 def varied(name: str, table: object, folder: Path) -> Varied:
@@ -74,7 +75,17 @@ def varied(name: str, table: object, folder: Path) -> Varied:
         raise TwinError(
             f"{where}: unknown key {unknown[0]!r}; {kind} takes {', '.join((*needed, *optional))}"
         )
-    return replace(make(where, name, given, relative, folder), spec={"kind": kind, **given})
+    return replace(
+        make(where, name, given, relative, folder),
+        spec={"kind": kind, "relative": relative, **given},
+    )
+
+
+def shown(value: object) -> object:
+    """A value as a row has it: a set by its name."""
+    if isinstance(value, Mapping):
+        return str(value.get("name", dict(value)))
+    return value
 
 
 def number(where: str, value: object, *, positive: bool = False) -> float:
@@ -99,7 +110,10 @@ def _one(
     def make(u: Array) -> list[list[Any]]:
         return [inverse(u[0]).tolist()]
 
-    return Varied(name, kind, (name,), 1, (), relative, make, density=of.logpdf)
+    low, high = (float(end) for end in of.support())
+    return Varied(
+        name, kind, (name,), 1, (), relative, make, density=of.logpdf, support=(low, high)
+    )
 
 
 def _normal(where: str, name: str, given: dict[str, Any], relative: bool, _: Path) -> Varied:
