@@ -232,6 +232,15 @@ def test_an_archive_that_expands_without_end_is_read_up_to_the_limit(
         openrocket.document(tmp_path / "bomb.ork")
 
 
+@pytest.mark.parametrize("kind", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_an_entry_that_zipfile_expands_without_bound_is_refused(tmp_path: Path, kind: int) -> None:
+    ork = tmp_path / "bomb.ork"
+    with zipfile.ZipFile(ork, "w", kind) as archive:
+        archive.writestr("rocket.ork", design())
+    with pytest.raises(TwinError, match=r"bomb\.ork: .* must be stored or deflated"):
+        openrocket.document(ork)
+
+
 def test_damaged_archives_and_plain_documents(tmp_path: Path) -> None:
     whole = packed(tmp_path / "r.ork", design()).read_bytes()
     buffer = io.BytesIO()
