@@ -1,6 +1,7 @@
 """Mechanisms from their dimensions, printable parts of any mechanism, and the search for one."""
 
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -115,6 +116,35 @@ def test_an_own_part_takes_the_place_of_the_drawn_one_by_one_line(tmp_path: Path
     with pytest.raises(TwinError, match=r"own\.stl is no binary STL"):
         mechanism(Settings("build", tmp_path / "m.toml", out=tmp_path / "n.xml"))
     assert not (tmp_path / "n.xml").exists()
+
+
+def test_a_part_in_the_output_folder_is_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def reference(folder: Path, _: Path) -> dict[str, Path]:
+        files = {name: MESHES / f"{name}.stl" for name in ("bulkhead", "ring", "horn")}
+        return {name: Path(shutil.copy(file, folder)) for name, file in files.items()}
+
+    monkeypatch.setattr("meshes.generate.generate", reference)
+    own, ring = tmp_path / "mine" / "horn.stl", (MESHES / "ring.stl").read_bytes()
+    own.parent.mkdir()
+    own.write_bytes(ring)
+    (tmp_path / "m.toml").write_text('stl = { horn = "mine/horn.stl" }')
+    (tmp_path / "n.toml").write_text("")
+    for verb, message in (
+        (Settings("build", tmp_path / "m.toml", out=tmp_path / "mine.xml", force=True), "own part"),
+        (Settings("build", tmp_path / "n.toml", out=tmp_path / "mine.xml"), "--force"),
+    ):
+        with pytest.raises(TwinError, match=message):
+            mechanism(verb)
+    with pytest.raises(TwinError, match="--force"):
+        draw(Meshes(out=own.parent))
+    (tmp_path / "file").write_text("kept")
+    with pytest.raises(TwinError, match="file"):
+        mechanism(Settings("build", tmp_path / "n.toml", out=tmp_path / "file.xml"))
+    assert own.read_bytes() == ring
+    assert [p.name for p in own.parent.iterdir()] == ["horn.stl"]
+    assert not (tmp_path / "mine.xml").exists()
 
 
 def test_a_servo_of_twice_the_torque_has_twice_the_reserve(tmp_path: Path) -> None:
