@@ -236,6 +236,17 @@ def test_what_cannot_be_imported_is_refused_by_its_name(
     assert not (tmp_path / "r.toml").exists()
 
 
+def test_a_parachute_opens_as_the_default_configuration_says(tmp_path: Path) -> None:
+    own = '<deploymentconfiguration configid="{}"><deployevent>{}</deployevent>{}'
+    own += "</deploymentconfiguration>"
+    chute = "<parachute><name>P</name><diameter>0.6</diameter><deployevent>never</deployevent>"
+    chute += own.format("b", "apogee", "")
+    chute += own.format("a", "altitude", "<deployaltitude>90</deployaltitude>") + "</parachute>"
+    found = read(tmp_path, design(chute))
+    assert [c.height for c in found.design.parachutes] == [90.0]
+    assert found.left_out == ()
+
+
 def test_stored_figures_of_zero_are_shown_without_a_share(tmp_path: Path) -> None:
     text = design()
     for stored, zero in ((",3.1,", ",0.1,"), (",3.06,", ",0.06,"), (",3.05,", ",0.05,")):
