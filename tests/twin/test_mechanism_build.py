@@ -20,6 +20,7 @@ from twin.experiments.mechanism import search as searching
 from twin.experiments.mechanism.build import draw
 from twin.physics.mechanism.build import mjcf
 from twin.physics.mechanism.dimensions import Dimensions, read
+from twin.physics.mechanism.servo import apply_servo
 from twin.physics.mechanism.torque import holding
 from twin.plant.compose import MJCF
 
@@ -156,6 +157,29 @@ def test_a_servo_of_twice_the_torque_has_twice_the_reserve(tmp_path: Path) -> No
         model = mujoco.MjModel.from_xml_path(str(tmp_path / "m.xml"))
         reserves.append(min(holding(model, 1.0).stall))
     assert reserves[1] == pytest.approx(2 * reserves[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("applied", [False, True])
+def test_a_servo_of_another_torque_has_the_same_no_load_speed(factor: float, applied: bool) -> None:
+    servo = Dimensions().servo
+    size = replace(Dimensions(), servo=replace(servo, torque=factor * servo.torque))
+    model = mujoco.MjModel.from_xml_string(mjcf(size, str(MESHES)))
+    if applied:
+        apply_servo(model)
+    data, dof = mujoco.MjData(model), int(model.joint("servo_x").dofadr[0])
+    data.qpos[model.joint("servo_x").qposadr[0]] = -5.0  # its voltage is at the limit
+    torque = []
+    for data.qvel[dof] in (0.0, 1.0):
+        mujoco.mj_forward(model, data)
+        rubbing = data.qvel[dof] * model.dof_damping[dof] + model.dof_frictionloss[dof]
+        torque.append(data.actuator("servo_x").force[0] - rubbing)
+    # of the reference: constant 0.38 V s, winding 10 Ω, 4.8 V, and the friction of its shaft
+    reference = mujoco.MjModel.from_xml_path(str(MJCF / "mechanism.xml"))
+    damping, dry = reference.dof_damping[dof], reference.dof_frictionloss[dof]
+    speed = (0.38 * 4.8 / 10 - dry) / (0.38**2 / 10 + damping)
+    assert torque[0] / (torque[0] - torque[1]) == pytest.approx(speed, rel=1e-6)
+    assert torque[0] + model.dof_frictionloss[dof] == pytest.approx(factor * 0.1824, rel=1e-6)
 
 
 @pytest.mark.parametrize(
