@@ -205,6 +205,8 @@ def test_the_verb_writes_beside_the_recording_and_refuses_what_it_cannot(flight,
     copy.write_bytes(flight.read_bytes())
     result = twin.export(copy, to="kml", latitude_deg=47.0)
     assert result.file == tmp_path / "run.kml"
+    (tmp_path / "latest-fly.rrd").symlink_to(copy.name)
+    assert twin.export(tmp_path / "latest-fly.rrd", to="csv").file == tmp_path / "run.csv"
     for wrong, reason in (
         ({"to": "xlsx"}, "xlsx.*must be one of"),
         ({"to": "kml", "latitude_deg": 91.0}, "latitude-deg"),
@@ -212,7 +214,9 @@ def test_the_verb_writes_beside_the_recording_and_refuses_what_it_cannot(flight,
     ):
         with pytest.raises(twin.TwinError, match=reason):
             twin.export(copy, **wrong)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.kml", "run.rrd"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "latest-fly.rrd", "run.csv", "run.kml", "run.rrd",
+    ]  # fmt: skip
 
 
 def test_the_scene_as_usd_has_the_recorded_motion(flight, tmp_path):
