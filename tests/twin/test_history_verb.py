@@ -1,5 +1,6 @@
 """A board's recordings over time: which board, what left its interval, when it will."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,12 @@ def test_a_property_outside_three_standard_deviations_is_named():
     assert outside(entry(3, 1.02)) == []
     assert due([entry(0, 1.0), worn]) == ()  # backlash is not of the calibration
     assert due([entry(0, 1.0), entry(3, 1.05)])[0].startswith("y: gain 1.05")
+
+
+def test_an_axis_that_stands_still_in_the_last_recording_is_due_by_an_earlier_one():
+    moved = entry(3, 1.05)
+    still = replace(moved, drift=replace(moved.drift, axes={"x": entry(4, 1.0).drift.axes["y"]}))
+    assert due([entry(0, 1.0), moved, still]) == due([entry(0, 1.0), moved]) != ()
 
 
 def test_the_trend_of_a_calibration_says_when_it_is_due():

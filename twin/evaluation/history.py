@@ -14,6 +14,7 @@ from analysis.estimate import AxisDrift, Property
 from analysis.recording import Recording, read
 from analysis.report import Line, Panel, Plot, Section, Table, render
 from analysis.schema import AnalysisError
+from hardware.frames import AXES
 from twin.config import History
 from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
@@ -206,10 +207,15 @@ def outside(entry: Entry) -> list[str]:
 
 
 def due(entries: Sequence[Entry]) -> tuple[str, ...]:
-    """Why the calibration is due, or when it will be by the trend of gain and zero."""
+    """Why the calibration is due, or when it will be by the trend of gain and zero.
+
+    Of each axis the last recording counts in which it moved.
+    """
     found = []
-    last = entries[-1]
-    for axis in last.drift.axes:
+    for axis in AXES:
+        last = next((e for e in reversed(entries) if axis in e.drift.axes), None)
+        if last is None:
+            continue
         for k, p in enumerate(last.drift.properties):
             if p.name not in OF_CALIBRATION:
                 continue
