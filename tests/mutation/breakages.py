@@ -66,9 +66,9 @@ PLANTED = (
     ),
     Mutant(
         "launch altitude ignored in the density",
-        "twin/physics/native/forces.py",
-        "rho = air.density(point[2] + value(data, index, _ALTITUDE))",
-        "rho = air.density(point[2])",
+        "twin/physics/native/recovery.py",
+        "return float(air.density(height + value(data, index, _ALTITUDE)))",
+        "return float(air.density(height))",
         (_FLIGHT,),
     ),
     Mutant(
