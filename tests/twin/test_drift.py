@@ -5,6 +5,8 @@ import pytest
 
 from tests.benchmarks.drift import BEFORE, CHANGES, PERIOD, commands, drifted, made
 from tests.benchmarks.explain import explained
+from twin.errors import TwinError
+from twin.evaluation.drift import run_drift
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
 
@@ -29,6 +31,11 @@ def test_a_servo_with_more_backlash_is_named_and_nothing_else(moved):
     signals = seen.signals(made(angles)["gimbal/measured"])
     assert signals["shadow/estimate/backlash"][1].shape[1] == 4
     assert any(label == "CHANGED" for label, _ in seen.rows())
+
+
+def test_a_run_without_commands_is_refused():
+    with pytest.raises(TwinError, match="no axis moves"):
+        run_drift(made(np.zeros((200, 2))))
 
 
 @pytest.mark.slow

@@ -244,7 +244,7 @@ class Compare(Columns, Output, Parameters):
 
 @dataclass(frozen=True)
 class History(Output):
-    """Compare the recordings of one board over time with the model of the first one."""
+    """Compare the recordings of one board over time with the model beside them."""
 
     group: ClassVar[str] = "history"
 

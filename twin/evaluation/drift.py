@@ -13,6 +13,7 @@ from analysis.estimate import AxisDrift, Change, Model, Property, drift
 from analysis.recording import Recording, TimeSeries
 from hardware.frames import AXES
 from twin.config.result import Rows
+from twin.errors import TwinError
 from twin.evaluation.motions import LATER, lagging
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
@@ -124,12 +125,15 @@ def run_drift(
 
     Raises
     ------
-    TwinError, AnalysisError : a recording that lacks what this needs, or is too short
+    TwinError, AnalysisError : a recording that lacks what this needs, is too short, or moves no
+        axis
     """
     measured, command = recording["gimbal/measured"], recording["gimbal/command"]
     shadow = recording.properties.get("shadow")
     linkage = isinstance(shadow, dict) and shadow.get("gimbal") == "linkage"
     moved = [k for k in range(len(AXES)) if len(command.changes(k))]
+    if not moved:
+        raise TwinError("no axis moves: the command never changes, so nothing can be estimated")
     time = np.asarray(measured.time)
     axes = {}
     with compiled():
