@@ -92,6 +92,27 @@ def test_an_unchanged_gimbal_has_no_events_and_its_band_holds_the_readings():
     np.testing.assert_allclose(seen.track.value[-1], (1.004, 0.001, 4e-4), atol=5e-4)
 
 
+def test_an_axis_that_is_no_longer_commanded_keeps_its_estimate_and_has_no_events():
+    t = PERIOD * np.arange(4001)
+    command = np.where(t < 15.0, np.sin(2 * np.pi * 0.7 * t), 0.0)
+
+    part = np.where(t < 16.0, 1.0, 0.3)  # what it shows of the other axis's motion
+
+    def still(level):
+        motion, slope = model(t)(level)
+        return part * motion, part[:, None] * slope
+
+    true = np.where(t < 16.0, 1.0, 0.5) * part * moved(t, (1.004, 0.0, 0.0))
+    angle = true + NOISE * noise(len(t), 8)
+    given = (t, angle, still, (GAIN, ZERO, DELAY))
+    assert drift("x", *given).changes
+    seen = drift("x", *given, t[1:][np.diff(command) != 0.0])
+    assert seen.changes == ()
+    assert len(seen.track.time) == 160
+    np.testing.assert_allclose(seen.track.value[-1], (1.004, 0.0, 0.0), atol=1e-3)
+    np.testing.assert_array_equal(seen.track.sigma[-1], seen.track.sigma[70])
+
+
 def test_readings_that_are_missing_are_left_out_and_a_short_record_is_refused():
     t = PERIOD * np.arange(3001)
     angle = moved(t, (1.004, 0.0, 0.0)) + NOISE * noise(len(t), 6)

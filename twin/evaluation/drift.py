@@ -142,7 +142,8 @@ def run_drift(
         for k in moved:
             model = _model(k, time, source)
             values = np.asarray(measured.values[:, k])
-            axes[AXES[k]] = drift(AXES[k], time, values, model, properties)
+            commanded = np.asarray(command.time)[command.changes(k)]
+            axes[AXES[k]] = drift(AXES[k], time, values, model, properties, commanded)
     return RunDrift(properties, axes)
 
 
