@@ -74,6 +74,12 @@ def test_an_axis_that_stands_still_in_the_last_recording_is_due_by_an_earlier_on
     assert due([entry(0, 1.0), moved, still]) == due([entry(0, 1.0), moved]) != ()
 
 
+def test_a_unit_unlike_the_model_is_due_when_it_differs_from_its_first_recording():
+    assert due([entry(0, 0.94)]) == ()
+    assert due([entry(0, 0.94), entry(3, 0.95)]) == ()
+    assert due([entry(0, 0.94), entry(3, 1.0)]) == ("y: gain 1.00, at first 0.94",)
+
+
 def test_the_trend_of_a_calibration_says_when_it_is_due():
     # 0.002 a day and no scatter but 0.0001: 0.03 is reached on day 15, nine days after the last
     runs = [entry(d, 1.0 + 0.002 * d + 1e-4 * (-1) ** d) for d in range(7)]

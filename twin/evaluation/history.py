@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.comparison import errors
-from analysis.estimate import AxisDrift, Property
+from analysis.estimate import AxisDrift
 from analysis.recording import Recording, read
 from analysis.report import Line, Panel, Plot, Section, Table, render
 from analysis.schema import AnalysisError
@@ -94,7 +94,9 @@ class HistoryResult(Result):
         rows += [("left out", text) for text in self.left_out]
         rows += [("CALIBRATION DUE", text) for text in self.due]
         if not self.due:
-            rows.append(("calibration", "not due: gain and zero are within their intervals"))
+            rows.append(
+                ("calibration", "not due: gain and zero are as at first, within their intervals")
+            )
         return [*rows, ("page", str(self.page))]
 
 
@@ -227,14 +229,15 @@ def due(entries: Sequence[Entry]) -> tuple[str, ...]:
             if p.name not in OF_CALIBRATION:
                 continue
             value, sigma = _last(last.drift.axes[axis], k)
-            if abs(value - p.value) > LIMIT * sigma:
-                found.append(f"{axis}: {p.name} {p.text(value)}, of {p.text(p.value)}")
-            elif (days := _days_left(entries, axis, k, p)) is not None:
+            first, _ = _last(next(e for e in entries if axis in e.drift.axes).drift.axes[axis], k)
+            if abs(value - first) > LIMIT * sigma:
+                found.append(f"{axis}: {p.name} {p.text(value)}, at first {p.text(first)}")
+            elif (days := _days_left(entries, axis, k)) is not None:
                 found.append(f"{axis}: {p.name} leaves its interval in about {days:.0f} days")
     return tuple(found)
 
 
-def _days_left(entries: Sequence[Entry], axis: str, k: int, p: Property) -> float | None:
+def _days_left(entries: Sequence[Entry], axis: str, k: int) -> float | None:
     """Days until a trend that is certain reaches the limit; None without one."""
     runs = [e for e in entries if axis in e.drift.axes]
     time = np.array([e.date for e in runs]) / DAY
@@ -245,7 +248,7 @@ def _days_left(entries: Sequence[Entry], axis: str, k: int, p: Property) -> floa
     if abs(slope) < LIMIT * math.sqrt(cov[0, 0]):
         return None
     sigma = _last(runs[-1].drift.axes[axis], k)[1]
-    left = (math.copysign(LIMIT * sigma, slope) - (offset - p.value)) / slope
+    left = (math.copysign(LIMIT * sigma, slope) - (offset - values[0])) / slope
     return float(left) if left > 0.0 else None
 
 
