@@ -293,7 +293,7 @@ def test_a_disk_that_is_full_at_the_beginning_is_refused_in_one_line(tmp_path, s
 
 def test_a_recording_after_one_that_could_not_be_written_is_whole(tmp_path):
     again = (
-        FULL.replace("1000", "9000")
+        FULL
         + """
 soft = resource.getrlimit(resource.RLIMIT_FSIZE)
 resource.setrlimit(resource.RLIMIT_FSIZE, (10**7, soft[1]))
