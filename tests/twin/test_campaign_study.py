@@ -136,7 +136,7 @@ PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azim
         (f"{TWO}[fly]\ngimbal = '/dev/ttyUSB0'", "use `twin fly --repeat`"),
         (f"{TWO}[measure]\nhit = 'closest_aproach_m < 5'", "did you mean closest_approach_m"),
         (f"{TWO}[measure]\nhit = '__import__(1)'", "must be FIGURE <= NUMBER"),
-        (f"{TWO}[stop]\nstatistic = 'hit_rate'\nhalf_width = 1", "'hit_rate' is unknown"),
+        (f"{TWO}[stop]\nstatistic = 'hit_rate'\nhalf_width = 1", "unknown statistic 'hit_rate'"),
         (f"{TWO}[stop]\nstatistic = 'cep_m'", "needs half_width"),
         (
             f"{TWO}[fail_if]\nlate = 'cep_m = 5'",

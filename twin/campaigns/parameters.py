@@ -13,7 +13,7 @@ from analysis.transfer_function import Servo, TransferFunctionModel
 from twin.campaigns.files import beside
 from twin.campaigns.vary import Varied
 from twin.config import Fly
-from twin.config.base import _unknown
+from twin.config.base import unknown
 from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
 from twin.plant import overrides
@@ -113,7 +113,7 @@ def _check_names(config: Fly, names: list[str]) -> None:
     for name in names:
         if name.startswith(MODEL):
             if name not in RESPONSE:
-                raise TwinError(f"[vary] {_unknown(name, tuple(RESPONSE))}")
+                raise TwinError(f"[vary] {unknown(name, tuple(RESPONSE), 'parameter')}")
             if config.gimbal != "transfer-function" or config.model is not None:
                 raise TwinError(
                     f"[vary.{name}]: needs [fly] gimbal = 'transfer-function' without a model file"

@@ -5,13 +5,13 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
 from twin.campaigns.figures import FIGURES
+from twin.config.base import unknown
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
@@ -120,7 +120,7 @@ def measure(name: str, text: object, parameters: Sequence[str]) -> Measure:
         if match is None:
             raise TwinError(f"{where} {part.strip()[:60]!r}: must be FIGURE <= NUMBER")
         if match[1] not in (*FIGURES, *parameters):
-            raise TwinError(f"{where}: {_unknown(match[1], (*FIGURES, *parameters))}")
+            raise TwinError(f"{where}: {unknown(match[1], (*FIGURES, *parameters), 'figure')}")
         terms.append((match[1], match[2], _limit(where, match[3])))
     return Measure(name, tuple(terms))
 
@@ -146,7 +146,7 @@ def statistic(name: str, measures: Sequence[Measure]) -> Statistic:
     if figure in FIGURES and share:
         return Statistic(name, (figure,), lambda c, p: quantile(c[0], share, p))
     known = [*(f"{m.name}_rate" for m in measures), "cep_m", *(f"{f}_mean" for f in FIGURES)]
-    raise TwinError(f"statistic {_unknown(name, known)}")
+    raise TwinError(unknown(name, known, "statistic"))
 
 
 def condition(text: str, measures: Sequence[Measure], where: str = "--fail-if") -> Condition:
@@ -171,13 +171,6 @@ def _limit(where: str, text: str) -> float:
     if not math.isfinite(value):
         raise TwinError(f"{where} {text!r}: is not a number")
     return value
-
-
-def _unknown(name: str, valid: Sequence[str]) -> str:
-    near = get_close_matches(name, valid, n=3)
-    return f"{name!r} is unknown; " + (
-        f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(valid)}"
-    )
 
 
 def wilson(hits: Array, confidence: float) -> Estimate:

@@ -2,7 +2,7 @@
 
 import functools
 import operator
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from types import MappingProxyType, UnionType
@@ -94,7 +94,7 @@ class Settings:
         valid = hints(cls)
         for name in settings:
             if name not in valid:
-                raise TwinError(_unknown(name, tuple(valid)))
+                raise TwinError(unknown(name, tuple(valid)))
         return cls(**settings)
 
     def as_properties(self) -> dict[str, object]:
@@ -108,11 +108,12 @@ class Settings:
         return values
 
 
-def _unknown(name: str, valid: tuple[str, ...]) -> str:
+def unknown(name: str, valid: Sequence[str], what: str = "setting") -> str:
+    """Return the message about a name that is none of the valid ones, with the nearest of them."""
     from difflib import get_close_matches
 
     near = get_close_matches(name, valid, n=3)
-    return f"unknown setting {name!r}; " + (
+    return f"unknown {what} {name!r}; " + (
         f"did you mean {' or '.join(near)}?" if near else f"valid: {', '.join(valid)}"
     )
 
