@@ -28,7 +28,7 @@ APART = 1.2  # explained by the best property over what the next explains
 LEAST = 2.0  # standard deviations of new value and model together; a smaller change is none
 SETTLED = 1.0  # s after a command, in which the motion shows the properties
 AROUND = 0.5  # s about a change, whose readings belong to neither side
-AT_ONCE = 1.0  # s; a change this early was there from the start
+AT_ONCE = 1.0  # s of motion; a change this early was there from the start
 REFINED = 2  # Gauss-Newton steps
 
 # motion (n,) of an axis with its properties (k,), and its derivatives by them (n, k)
@@ -146,7 +146,7 @@ def drift(
         if abs(after - before) < LEAST * spread:
             continue
         since = float(info.time[start]) - BLOCK
-        since = 0.0 if since - time[0] <= AT_ONCE else since
+        since = 0.0 if since - (info.time[0] - BLOCK) <= AT_ONCE else since
         noticed = float(info.time[at])
         changes.append(Change(axis, properties[k], since, noticed, before, after, spread))
         levels.append((since, new))

@@ -115,6 +115,19 @@ def test_an_axis_that_is_no_longer_commanded_keeps_its_estimate_and_has_no_event
     np.testing.assert_array_equal(seen.track.sigma[-1], seen.track.sigma[70])
 
 
+def test_an_axis_that_moves_late_and_differs_at_once_differs_from_the_start():
+    t = PERIOD * np.arange(3001)
+    late = (t >= 12.0).astype(float)
+
+    def begun(level):
+        motion, slope = model(t)(level)
+        return late * motion, late[:, None] * slope
+
+    angle = late * moved(t, (1.08, 0.0, 0.0)) + NOISE * noise(len(t), 11)
+    changes = drift("y", t, angle, begun, (GAIN, ZERO, DELAY), t[t >= 12.0]).changes
+    assert [(c.what.name, c.since) for c in changes] == [("gain", 0.0)]
+
+
 def test_a_property_does_not_fall_below_what_is_possible():
     t = PERIOD * np.arange(3001)
     true = np.where(t < 12.0, moved(t, (1.0, 0.004, 0.0)), moved(t, (1.0, -0.03, 0.0)))
