@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long mutate test-tools bench lint format meshes docs-check generated lock clean
+.PHONY: env run test test-long mutate abuse test-tools bench validate lint format meshes docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -37,8 +37,16 @@ test-long: env test-tools
 mutate: env test-tools
 	$(BIN)/python -m tests.mutation
 
+# Hostile files, frames, peers, faults, full disks and signals; SHORT=1 takes three minutes.
+abuse: env
+	$(BIN)/python -m tests.abuse $(if $(SHORT),--short)
+
 bench: env
 	$(BIN)/python -m tests.benchmarks
+
+# Measures the claims against independent truths and renews docs/validation.md.
+validate: env
+	$(BIN)/python -m tests.validation
 
 lint: env
 	$(BIN)/ruff check .

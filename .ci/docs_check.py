@@ -51,6 +51,8 @@ FOREIGN = {
     "--check",
     "--bind",
     "--key-file",
+    "--only",
+    "--quick",
 }
 FOREIGN_NAMES = {"Batch", "analogWrite", "cyclictest", "eval", "fork", "multiprocessing", "tone"}
 SIGNAL_ROOTS = {name.partition("/")[0] for name in SIGNALS}

@@ -84,6 +84,23 @@ def create(name: str) -> Path:
     )
 
 
+def keep(path: Path, key: bytes) -> None:
+    """Write the key of a running server again where its file is gone.
+
+    Another server removes it that starts while the first one's port is closed.
+
+    Raises
+    ------
+    KeyFileError : it cannot be written
+    """
+    try:
+        _make_private(path.parent)
+        if not path.exists():
+            _write(path, key)
+    except OSError as error:
+        raise KeyFileError(f"{path}: the session key cannot be written ({error})") from None
+
+
 def load_or_create(path: Path) -> bytes:
     """Return the key in a file, which is written if it does not exist and then kept.
 
@@ -171,10 +188,11 @@ def _remove_stale(folder: Path) -> None:
             path.unlink()
 
 
-def _write(path: Path) -> None:
+def _write(path: Path, key: bytes | None = None) -> None:
+    """Write a key, a new one if none is given, to a file that does not exist."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     file = os.open(path, flags, 0o600)
     try:
-        os.write(file, secrets.token_hex(KEY).encode("ascii") + b"\n")
+        os.write(file, (key or secrets.token_bytes(KEY)).hex().encode("ascii") + b"\n")
     finally:
         os.close(file)

@@ -10,6 +10,7 @@ from twin.errors import TwinError as TwinError
 from twin.campaigns.result import CampaignResult
 from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
+from twin.cli.live.result import LiveResult
 from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.export import ExportResult
@@ -173,8 +174,19 @@ def history(
 ) -> HistoryResult: ...
 def identify(
     *sources: str | PathLike[str],
+    fault: tuple[str, ...] = ...,
+    unit: int | None = ...,
+    calibration: str | PathLike[str] | None = ...,
+    no_check: bool = ...,
     set: dict[str, float] | tuple[str, ...] = ...,
     set_from: str | PathLike[str] | None = ...,
+    clock: Literal['lockstep', 'wall'] | None = ...,
+    seed: int = ...,
+    live: str | None = ...,
+    until: str | None = ...,
+    within_s: float = ...,
+    amplitude_deg: float = ...,
+    model: str | PathLike[str] | None = ...,
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     time: str | None = ...,
@@ -204,7 +216,7 @@ def identify(
     both: bool = ...,
     parameters: tuple[str, ...] = ...,
     mechanism: str | PathLike[str] | None = ...,
-) -> IdentifyResult | PhysicsResult | InformationResult: ...
+) -> IdentifyResult | PhysicsResult | InformationResult | LiveResult: ...
 def mechanism(
     action: Literal['show', 'check', 'build', 'search'],
     file: str | PathLike[str] | None,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,9 +25,10 @@ AFTER = 16  # blocks after the alarm whose readings still count for the size of 
 FIRST = 16  # blocks before the first verdict
 MOST = 6  # changes of one axis
 APART = 1.2  # explained by the best property over what the next explains
-LEAST = 2.0  # standard deviations of the model; a smaller change is none
+LEAST = 2.0  # standard deviations of new value and model together; a smaller change is none
+SETTLED = 1.0  # s after a command, in which the motion shows the properties
 AROUND = 0.5  # s about a change, whose readings belong to neither side
-AT_ONCE = 1.0  # s; a change this early was there from the start
+AT_ONCE = 1.0  # s of motion; a change this early was there from the start
 REFINED = 2  # Gauss-Newton steps
 
 # motion (n,) of an axis with its properties (k,), and its derivatives by them (n, k)
@@ -93,7 +94,12 @@ class AxisDrift:
 
 
 def drift(
-    axis: str, time: Array, measured: Array, model: Model, properties: Sequence[Property]
+    axis: str,
+    time: Array,
+    measured: Array,
+    model: Model,
+    properties: Sequence[Property],
+    commanded: Array | None = None,
 ) -> AxisDrift:
     """Estimate the properties of one axis over time and name those that leave their interval.
 
@@ -104,43 +110,77 @@ def drift(
     axis : its name, for the events
     time, measured : readings (n,) [s], [rad]; NaN where there are none
     model : motion at the same times and its derivatives by the properties
+    commanded : when the axis's own command changes [s]; all the time where None. The rest of the
+        record, where the axis only follows the other one, is left out and nothing is forgotten.
 
     Raises
     ------
     AnalysisError : a record shorter than ten seconds
     """
     prior = np.array([p.sigma for p in properties])
+    lowest = np.array([p.lowest for p in properties])
     level = np.array([p.value for p in properties])
     levels: list[tuple[float, Array]] = [(0.0, level)]
     first, _ = model(level)
     changes: list[Change] = []
     begin = 0
+    moving = np.ones(len(time), bool) if commanded is None else _moving(time, commanded)
     while True:
         motion, slope = _pieces(levels, time, model)
         residual = measured - motion
         for since, _ in levels[1:]:
             residual[np.abs(time - since) < AROUND] = np.nan
-        info = information(time, residual, slope)
+        info = _within(information(time, residual, slope), time, moving)
         seen = track(info, prior)
-        alarm = _alarm(info, seen, prior, begin) if len(changes) < MOST else None
+        room = lowest - levels[-1][1]
+        alarm = _alarm(info, seen, prior, room, begin) if len(changes) < MOST else None
         if alarm is None:
             break
         at, start, k = alarm
-        new, sigma = _refined(levels[-1][1], k, (start, at), time, measured, model, prior)
+        new, sigma = _refined(
+            levels[-1][1], k, (start, at), time, measured, model, prior, lowest, moving
+        )
         before, after = float(levels[-1][1][k]), float(new[k])
         begin = at
-        if abs(after - before) < LEAST * prior[k]:
+        spread = math.hypot(sigma, prior[k])
+        if abs(after - before) < LEAST * spread:
             continue
         since = float(info.time[start]) - BLOCK
-        since = 0.0 if since - time[0] <= AT_ONCE else since
-        spread = math.hypot(sigma, prior[k])
+        since = 0.0 if since - (info.time[0] - BLOCK) <= AT_ONCE else since
         noticed = float(info.time[at])
         changes.append(Change(axis, properties[k], since, noticed, before, after, spread))
         levels.append((since, new))
     band = 1.96 * np.sqrt((slope**2) @ prior**2 + info.noise**2)
-    sigma = np.hypot(seen.sigma, prior)
-    shown = Track(seen.time, seen.value + _held(levels, seen.time), sigma)
+    shown = _shown(seen, prior, time)
+    shown = replace(
+        shown,
+        value=np.maximum(shown.value + _held(levels, shown.time), lowest),
+        sigma=np.hypot(shown.sigma, prior),
+    )
     return AxisDrift(shown, tuple(changes), first, band)
+
+
+def _moving(time: Array, commanded: Array) -> NDArray[np.bool_]:
+    """Readings that follow a change of the command within `SETTLED`."""
+    last = np.searchsorted(commanded, time, side="right") - 1
+    return (last >= 0) & (time - commanded[np.maximum(last, 0)] <= SETTLED)
+
+
+def _within(info: Information, time: Array, moving: NDArray[np.bool_]) -> Information:
+    """Blocks at whose ends the axis moves."""
+    rows = moving[np.minimum(np.searchsorted(time, info.time), len(time) - 1)]
+    if not rows.any():
+        return info
+    return replace(info, time=info.time[rows], normal=info.normal[rows], right=info.right[rows])
+
+
+def _shown(seen: Track, prior: Array, time: Array) -> Track:
+    """Estimate after every block of the record: between motions the last one."""
+    count = math.floor((time[-1] - time[0]) / BLOCK)
+    ends = time[0] + BLOCK * (np.arange(count) + 1.0)
+    at = np.searchsorted(seen.time, ends + 1e-9)
+    value = np.vstack([np.zeros_like(prior), seen.value])
+    return Track(ends, value[at], np.vstack([prior, seen.sigma])[at])
 
 
 def _pieces(
@@ -161,15 +201,20 @@ def _held(levels: Sequence[tuple[float, Array]], time: Array) -> Array:
     return np.array([level for _, level in levels])[np.maximum(at, 0)]
 
 
-def _alarm(info: Information, seen: Track, prior: Array, begin: int) -> _Alarm | None:
-    """The first change that is certain and can be told from the others."""
-    far = (np.abs(seen.value) / np.hypot(seen.sigma, prior)).max(axis=1)
+def _alarm(info: Information, seen: Track, prior: Array, room: Array, begin: int) -> _Alarm | None:
+    """The first change that is certain, possible and can be told from the others.
+
+    Parameters
+    ----------
+    room : from the level to the lowest value of each property, negative
+    """
+    far = (np.abs(np.maximum(seen.value, room)) / np.hypot(seen.sigma, prior)).max(axis=1)
     beyond = (far > LIMIT).astype(int)
     row = np.convolve(beyond, np.ones(LASTS, int))[: len(beyond)] == LASTS
     for at in np.flatnonzero(row):
         if at < begin + FIRST:
             continue
-        gains, starts = _explained(info, prior, begin, int(at))
+        gains, starts = _explained(info, prior, room, begin, int(at))
         best, next_best = np.argsort(gains)[::-1][:2]
         if gains[best] > APART * gains[next_best]:
             return _Alarm(int(at), int(starts[best]), int(best))
@@ -177,7 +222,7 @@ def _alarm(info: Information, seen: Track, prior: Array, begin: int) -> _Alarm |
 
 
 def _explained(
-    info: Information, prior: Array, begin: int, at: int
+    info: Information, prior: Array, room: Array, begin: int, at: int
 ) -> tuple[Array, NDArray[np.int64]]:
     """What a step of each property explains at most, and the first block of that step.
 
@@ -188,7 +233,9 @@ def _explained(
     inverse = np.linalg.inv(normal[0] + np.diag(prior**-2.0))
     free = np.einsum("bkk->bk", normal) - np.einsum("bik,ij,bjk->bk", normal, inverse, normal)
     rest = right - normal @ (inverse @ right[0])
-    gain = rest**2 / np.maximum(free, prior**-2.0)
+    free = np.maximum(free, prior**-2.0)
+    step = np.maximum(rest / free, room)
+    gain = (2.0 * rest - free * step) * step
     return gain.max(axis=0), begin + gain.argmax(axis=0)
 
 
@@ -200,6 +247,8 @@ def _refined(
     measured: Array,
     model: Model,
     prior: Array,
+    lowest: Array,
+    moving: NDArray[np.bool_],
 ) -> tuple[Array, float]:
     """Properties with the changed one corrected, and the standard deviation of that."""
     rows = slice(blocks[0] + round(AROUND / BLOCK), blocks[1] + 1 + AFTER)
@@ -208,8 +257,9 @@ def _refined(
     free[k] *= 100.0  # the model says nothing about a changed one
     for _ in range(REFINED):
         motion, slope = model(new)
-        step, sigmas = fitted(information(time, measured - motion, slope), rows, free)
+        info = _within(information(time, measured - motion, slope), time, moving)
+        step, sigmas = fitted(info, rows, free)
         new = new.copy()
-        new[k] += step[k]
+        new[k] = max(new[k] + step[k], lowest[k])
         sigma = float(sigmas[k])
     return new, sigma

@@ -6,6 +6,7 @@ of blocks of a quarter of a second adds up with exponential forgetting (Ljung, S
 Identification, 2nd ed., 11.2), and the model's own interval enters as one observation of zero.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -33,6 +34,7 @@ class Property:
     scale : units to one of the value inside (rad, s or 1)
     value : of the model
     sigma : standard deviation of the model's value; a difference within is none
+    lowest : value that is physically possible
     """
 
     name: str
@@ -40,6 +42,7 @@ class Property:
     scale: float
     value: float
     sigma: float
+    lowest: float = -math.inf
 
     def text(self, value: float) -> str:
         """A value with its unit."""

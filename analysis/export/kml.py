@@ -31,6 +31,9 @@ def write(recording: Recording, path: Path, origin: tuple[float, float, float]) 
     if "vehicle/position" not in recording.series:
         raise RecordingError("no flight: the recording has no vehicle/position")
     series = recording["vehicle/position"]
+    series = series.rows(np.asarray(np.isfinite(series.values).all(axis=1)))
+    if not len(series.time):
+        raise RecordingError("no flight: vehicle/position has no values")
     _, rows = np.unique(np.floor(series.time / PERIOD), return_index=True)
     places = geographic(series.values, origin)
     ET.register_namespace("", NAMESPACE)

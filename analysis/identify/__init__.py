@@ -1,5 +1,6 @@
 """From commands, gyro and potentiometer to a continuous-time model with honest uncertainty."""
 
+from analysis.identify.design import FIGURES, Plant, Wish, remaining
 from analysis.identify.errors import IdentificationError
 from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.identify.gimbal import cross_gains, identify_gimbal, own_records
@@ -11,6 +12,7 @@ from analysis.identify.prediction import fit_to, predict
 from analysis.identify.pulses import by_pulses
 
 __all__ = [
+    "FIGURES",
     "AxisEvidence",
     "ChannelFit",
     "Estimate",
@@ -18,7 +20,9 @@ __all__ = [
     "IdentificationError",
     "IdentifiedModel",
     "OrderScore",
+    "Plant",
     "ServoBounds",
+    "Wish",
     "by_pulses",
     "cross_gains",
     "expectations",
@@ -27,5 +31,6 @@ __all__ = [
     "identify_gimbal",
     "own_records",
     "predict",
+    "remaining",
     "select_order",
 ]

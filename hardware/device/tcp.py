@@ -117,6 +117,7 @@ class TcpPort:
         self._left = False
         self._guests: list[_Guest] = []
         self._listener: socket.socket | None = None
+        self._key = b""
         self.restore()
         try:
             self._own_key = key_file is None
@@ -127,7 +128,7 @@ class TcpPort:
             raise
 
     def restore(self) -> None:
-        """Listen, again on the same port number."""
+        """Listen, again on the same port number and with the same key."""
         listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -142,6 +143,8 @@ class TcpPort:
         self._listener = listener
         self._port = listener.getsockname()[1]
         self.url = f"socket://127.0.0.1:{self._port}"
+        if self._key and self._own_key:
+            session.keep(self.key_file, self._key)
 
     def read(self) -> bytes:
         """Return what the host has sent, up to 256 KiB."""

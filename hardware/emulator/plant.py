@@ -127,6 +127,7 @@ class AnalyticPlant:
             backlash=new.backlash + wear.backlash,
             friction=new.friction * wear.friction,
             voltage=new.voltage * wear.voltage,
+            gain=new.gain * wear.voltage,
         )
 
     def angles(self) -> Pair:

@@ -205,7 +205,10 @@ class Monitor(Parity):
                 axis.bias += (p.bias[k] - axis.bias) * min(1.0, dt)
 
     def _compare(self, r: Reading, p: Prediction) -> None:
-        """Detect potentiometers that drift apart, and both drifting from the gyro."""
+        """Detect potentiometers that drift apart, and both drifting from the gyro.
+
+        The second only with calibrated maps: without, the gyro's bias is not known either.
+        """
         for k, axis in enumerate(self._axes):
             a, b = axis.distance
             if axis.doubtful:
@@ -217,7 +220,7 @@ class Monitor(Parity):
             if abs(a - b) > DRIFT + moving:
                 if not self._sagging(r):
                     self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
-            elif common > 0 and not self._mute(r, k):
+            elif common > 0 and uncertain <= DRIFT and not self._mute(r, k):
                 self._part(k, p.angle[k], 0.5 * (a + b), r.dt)
             elif axis.common:
                 axis.common = max(0.0, axis.common - r.dt)

@@ -1,11 +1,13 @@
 """Recursive estimates and drift, on motions whose properties are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from analysis.estimate import Property, drift, information, track
+from analysis.estimate import Property, drift, fitted, information, track
 from analysis.schema import AnalysisError
 
 PERIOD, MEMORY, NOISE = 0.01, 0.8, 1e-3
@@ -90,6 +92,64 @@ def test_an_unchanged_gimbal_has_no_events_and_its_band_holds_the_readings():
     assert seen.changes == ()
     assert np.mean(np.abs(angle - seen.motion) < seen.band) > 0.95
     np.testing.assert_allclose(seen.track.value[-1], (1.004, 0.001, 4e-4), atol=5e-4)
+
+
+def test_an_axis_that_is_no_longer_commanded_keeps_its_estimate_and_has_no_events():
+    t = PERIOD * np.arange(4001)
+    command = np.where(t < 15.0, np.sin(2 * np.pi * 0.7 * t), 0.0)
+
+    part = np.where(t < 16.0, 1.0, 0.3)  # what it shows of the other axis's motion
+
+    def still(level):
+        motion, slope = model(t)(level)
+        return part * motion, part[:, None] * slope
+
+    true = np.where(t < 16.0, 1.0, 0.5) * part * moved(t, (1.004, 0.0, 0.0))
+    angle = true + NOISE * noise(len(t), 8)
+    given = (t, angle, still, (GAIN, ZERO, DELAY))
+    assert drift("x", *given).changes
+    seen = drift("x", *given, t[1:][np.diff(command) != 0.0])
+    assert seen.changes == ()
+    assert len(seen.track.time) == 160
+    np.testing.assert_allclose(seen.track.value[-1], (1.004, 0.0, 0.0), atol=1e-3)
+    np.testing.assert_array_equal(seen.track.sigma[-1], seen.track.sigma[70])
+
+
+def test_an_axis_that_moves_late_and_differs_at_once_differs_from_the_start():
+    t = PERIOD * np.arange(3001)
+    late = (t >= 12.0).astype(float)
+
+    def begun(level):
+        motion, slope = model(t)(level)
+        return late * motion, late[:, None] * slope
+
+    angle = late * moved(t, (1.08, 0.0, 0.0)) + NOISE * noise(len(t), 11)
+    changes = drift("y", t, angle, begun, (GAIN, ZERO, DELAY), t[t >= 12.0]).changes
+    assert [(c.what.name, c.since) for c in changes] == [("gain", 0.0)]
+
+
+def test_a_property_does_not_fall_below_what_is_possible():
+    t = PERIOD * np.arange(3001)
+    true = np.where(t < 12.0, moved(t, (1.0, 0.004, 0.0)), moved(t, (1.0, -0.03, 0.0)))
+    bounded = (GAIN, replace(ZERO, value=0.004, lowest=0.0), DELAY)
+    seen = drift("y", t, true + NOISE * noise(len(t), 9), model(t), bounded)
+    assert seen.track.value[:, 1].min() >= 0.0
+    assert all(c.after >= 0.0 for c in seen.changes)
+
+
+def test_a_change_within_its_own_interval_is_no_event(monkeypatch):
+    t = PERIOD * np.arange(3001)
+    true = np.where(t < 12.0, moved(t, (1.0, 0.0, 0.0)), moved(t, (1.0, 0.02, 0.0)))
+    given = ("y", t, true + NOISE * noise(len(t), 10), model(t), (GAIN, ZERO, DELAY))
+    (change,) = drift(*given).changes
+
+    def vague(info, rows, prior):
+        value, sigma = fitted(info, rows, prior)
+        return value, sigma + 0.02
+
+    monkeypatch.setitem(drift.__globals__, "fitted", vague)
+    assert abs(change.after) > 0.01
+    assert drift(*given).changes == ()
 
 
 def test_readings_that_are_missing_are_left_out_and_a_short_record_is_refused():

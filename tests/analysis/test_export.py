@@ -150,6 +150,26 @@ def test_the_path_on_the_map_is_that_of_an_independent_conversion(flight, tmp_pa
     assert names[3].startswith("highest point, 2.0 s, 8 m")
 
 
+def test_a_map_leaves_out_places_that_are_not_known(tmp_path):
+    nan = math.nan
+    for values, number in (([[nan] * 3, [0, 0, 1], [0, nan, 2], [5, 5, 9]], 2 + 3), ([], 0)):
+        signal = schema.SIGNALS["vehicle/position"]
+        series = TimeSeries(
+            signal.name, np.arange(len(values)) * 1.0, np.reshape(values, (-1, 3)), signal.unit,
+            signal.components,
+        )  # fmt: skip
+        run = Recording({}, {signal.name: series})
+        if not number:
+            with pytest.raises(AnalysisError, match=r"no flight: .* no values"):
+                kml.write(run, tmp_path / "none.kml", (0.0, 0.0, 0.0))
+            continue
+        kml.write(run, tmp_path / "a.kml", (0.0, 0.0, 0.0))
+        found = ET.parse(tmp_path / "a.kml").iter(f"{{{kml.NAMESPACE}}}coordinates")
+        places = [place for e in found for place in e.text.split()]
+        assert len(places) == number
+        assert "nan" not in "".join(places)
+
+
 def _ecef(latitude, longitude, height):
     a, f = 6378137.0, 1.0 / 298.257223563
     phi, lam = math.radians(latitude), math.radians(longitude)
@@ -205,6 +225,8 @@ def test_the_verb_writes_beside_the_recording_and_refuses_what_it_cannot(flight,
     copy.write_bytes(flight.read_bytes())
     result = twin.export(copy, to="kml", latitude_deg=47.0)
     assert result.file == tmp_path / "run.kml"
+    (tmp_path / "latest-fly.rrd").symlink_to(copy.name)
+    assert twin.export(tmp_path / "latest-fly.rrd", to="csv").file == tmp_path / "run.csv"
     for wrong, reason in (
         ({"to": "xlsx"}, "xlsx.*must be one of"),
         ({"to": "kml", "latitude_deg": 91.0}, "latitude-deg"),
@@ -212,7 +234,9 @@ def test_the_verb_writes_beside_the_recording_and_refuses_what_it_cannot(flight,
     ):
         with pytest.raises(twin.TwinError, match=reason):
             twin.export(copy, **wrong)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.kml", "run.rrd"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "latest-fly.rrd", "run.csv", "run.kml", "run.rrd",
+    ]  # fmt: skip
 
 
 def test_the_scene_as_usd_has_the_recorded_motion(flight, tmp_path):

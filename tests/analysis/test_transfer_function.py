@@ -60,11 +60,13 @@ def test_sampled_staircase_is_exact_for_whole_and_fractional_delays(delay):
     assert np.abs(discrete.simulate(u)[:, 0] - truth).max() < 1e-12
 
 
-def test_coupled_system_equals_forced_response_of_python_control():
+def coupled_error() -> float:
+    """Worst difference of the coupled system from python-control's [rad], of motions up to 0.3."""
     dt = 1e-3  # every delay of the model is a multiple of it
     model = coupled()
     u = np.cumsum(np.random.default_rng(2).normal(size=(300, 2)), axis=0) * 0.01
     y = model.discretise(dt).simulate(u)
+    worst = 0.0
     for i in range(2):
         truth = np.zeros(300)
         for j in range(2):
@@ -73,7 +75,12 @@ def test_coupled_system_equals_forced_response_of_python_control():
             held = np.concatenate([np.zeros(shift), u[: 300 - shift, j]])
             system = control.c2d(control.ss(control.tf(list(c.num), list(c.den))), dt, "zoh")
             truth += control.forced_response(system, inputs=held).outputs
-        assert np.abs(y[:, i] - truth).max() < 1e-12
+        worst = max(worst, float(np.abs(y[:, i] - truth).max()))
+    return worst
+
+
+def test_coupled_system_equals_forced_response_of_python_control():
+    assert coupled_error() < 1e-12
 
 
 def test_frequency_response_is_the_ratio_of_polynomials_with_the_delay_as_phase():

@@ -32,7 +32,8 @@ SETTLED = 2.0  # s after which the gyro's bias is known
 ONSET, LENGTH = 4.0, 4.0  # of a fault
 
 
-def _calibration(seed):
+def calibration_error(seed):
+    """Zero [°], matrix (relative), and their errors over the stated deviations."""
     parameters = sample_rig(seed)
     got, true = calibrate(parameters, seed=seed), exact_calibration(parameters)
     M, X = np.array(got.matrix), np.array(true.matrix)
@@ -46,7 +47,7 @@ def _calibration(seed):
 
 def calibration(rigs=200):
     with ProcessPoolExecutor(WORKERS) as pool:
-        results = list(pool.map(_calibration, range(rigs)))
+        results = list(pool.map(calibration_error, range(rigs)))
     zero = np.array([r[0] for r in results])
     matrix = np.array([r[1] for r in results])
     z = np.array([r[2] for r in results])
@@ -58,7 +59,8 @@ def calibration(rigs=200):
     print(f"  matrix {100 * inside[:, 2:].mean():.1f} % (claim 90–98 %)")
 
 
-def _fusion(seed):
+def fusion_error(seed):
+    """Rms of the fused angles (2,) and of the potentiometers (4,) [rad], and changes of health."""
     trial = run(sample_rig(seed), random_steps(seed), 12.0, seed=seed)
     late = trial.time > SETTLED
     single = trial.potentiometer - trial.true_angle[:, [0, 0, 1, 1]]
@@ -67,7 +69,7 @@ def _fusion(seed):
 
 def fusion(rigs=40):
     with ProcessPoolExecutor(WORKERS) as pool:
-        results = list(pool.map(_fusion, range(rigs)))
+        results = list(pool.map(fusion_error, range(rigs)))
     fused = np.degrees([r[0] for r in results])
     single = np.degrees([r[1] for r in results])
     better = np.minimum(single[:, [0, 2]], single[:, [1, 3]])

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from hardware.emulator import Emulator, FirmwareRig, parse, reference_rig, sample_rig
+from hardware.emulator.plant import AnalyticPlant, PlantParameters
+from hardware.emulator.servo import Wear
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import GimbalCommand
 from hardware.fusion import Fusion
@@ -53,6 +55,16 @@ def driven(fault, kind=Emulator, before=(3.0, -1.0), after=(-4.0, 2.0)):
 )
 def test_a_faulty_servo_goes_where_its_fault_says(fault, angle):
     np.testing.assert_allclose(driven(fault), angle, atol=PLAY)
+
+
+def test_a_lower_supply_of_one_servo_acts_as_that_of_the_rig():
+    both, one = (AnalyticPlant(PlantParameters()) for _ in range(2))
+    both.set_supply(0.7)
+    one.set_wear(0, Wear(voltage=0.7))
+    for k in range(300):
+        for plant in (both, one):
+            plant.advance(1e-3, (0.05 if k < 150 else 0.4, 0.0, 0.0))
+        assert one.servos[0].angle == pytest.approx(both.servos[0].angle, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS[1:])

@@ -297,6 +297,18 @@ def test_uncalibrated_rig_still_names_an_open_wire_and_a_glitch():
     assert "potentiometer_y_a glitch" in _uncalibrated(1, "potentiometer_y_a:glitch:0.1@4")[1]
 
 
+@pytest.mark.parametrize(("tolerance", "healthy"), [(11.0, True), (0.3, False)])
+def test_the_gyro_bias_of_an_uncalibrated_rig_is_no_fault(tolerance, healthy):
+    """8 °/s, as consumer gyros have it: only a calibration tells it from a fault."""
+    monitor = _monitor()
+    expected = _expected(0.02)._replace(tolerance=(radians(tolerance),) * 4)
+    apart = radians(0.5)  # of the potentiometers, as maps that nobody measured have it
+    for k in range(1500):  # noise in the last digit, so that it is not frozen
+        gyro = (0.0, radians(-8.0 + 0.01 * (k % 2)), 0.0)
+        monitor.inspect(_frame(angle=(0.0, 0.0, apart, -apart), gyro=gyro), expected)
+    assert monitor.healthy is healthy
+
+
 def test_uncalibrated_rig_reports_its_limit_of_detection():
     rig, seen = _uncalibrated(2)
     assert seen == {"ok"}

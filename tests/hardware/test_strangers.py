@@ -200,6 +200,20 @@ class TestKeyFile:
         second.close()
         assert left == {port.key_file, second.key_file, other}
 
+    def test_a_server_that_was_unplugged_writes_its_key_again(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        first = tcp_module.TcpPort()
+        kept = first.key_file.read_bytes()
+        first.drop()
+        second = tcp_module.TcpPort()
+        assert not first.key_file.exists()
+        first.restore()
+        assert first.key_file.read_bytes() == kept
+        assert first.key_file.stat().st_mode & 0o777 == 0o600
+        first.close()
+        second.close()
+        assert not list(second.key_file.parent.iterdir())
+
     def test_without_a_run_time_folder_it_is_in_the_users_state(self, monkeypatch, tmp_path):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "missing"))
         monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

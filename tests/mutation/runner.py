@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import wait
@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("analysis", "hardware", "meshes", "mjcf", "tests", "twin", "docs", ".ci")
-LONGEST = 240.0  # s; a mutant that never ends is noticed by that
+LONGEST = 240.0  # s; whether a mutant or the machine's load takes that long is not known
 OURS = ("analysis", "hardware", "meshes", "mjcf", "tests", "twin")
 PRELOADED = (
     "control", "filterpy.kalman", "hypothesis", "mujoco", "numba", "numpy", "pytest",
@@ -64,7 +64,13 @@ class Mutant:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of a mutant: "killed", "survived" or "no test ran", and the time it took [s]."""
+    """What became of a mutant, and the time it took [s].
+
+    Attributes
+    ----------
+    outcome : "killed", "survived", "timed out", "no test ran", or "not tried" where its tests are
+        red without it
+    """
 
     mutant: Mutant
     outcome: str
@@ -156,7 +162,21 @@ class Workers:
             if mutant.file:
                 shutil.copy2(ROOT / mutant.file, folder / mutant.file)
             text = (folder / "output.txt").read_text(errors="replace")
-            yield Verdict(mutant, _outcome(process.exitcode, text), took, text)
+            late = sentinel not in ready
+            yield Verdict(mutant, outcome(process.exitcode, text, late=late), took, text)
+
+
+def verdicts(workers: Workers, mutants: Sequence[Mutant]) -> Iterator[Verdict]:
+    """Run each set of tests without a mutation, then the mutants of those that are green."""
+    red = set()
+    bare = [Mutant("", "", "", "", tests) for tests in dict.fromkeys(m.tests for m in mutants)]
+    for v in workers.run(bare):
+        if v.outcome != "survived":
+            red.add(v.mutant.tests)
+            for m in mutants:
+                if m.tests == v.mutant.tests:
+                    yield Verdict(m, "not tried", v.seconds, v.output)
+    yield from workers.run([m for m in mutants if m.tests not in red])
 
 
 def _end(process: ForkProcess) -> None:
@@ -168,10 +188,13 @@ def _end(process: ForkProcess) -> None:
     process.join()
 
 
-def _outcome(code: int | None, text: str) -> str:
+def outcome(code: int | None, text: str, *, late: bool = False) -> str:
+    """What an exit code and the output of pytest say about a mutant."""
+    if late:
+        return "timed out"
     if code in NOTHING_RUN and "while loading conftest" not in text:
         return "no test ran"
-    return "survived" if code == 0 else "killed"  # also by a crash, or for want of an end
+    return "survived" if code == 0 else "killed"  # also by a crash
 
 
 def compiles(folder: Path, source: str) -> bool:

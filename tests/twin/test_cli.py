@@ -4,6 +4,7 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -292,3 +293,28 @@ main(["fly"])
     )
     assert (done.returncode, done.stdout) == (130, "")
     assert done.stderr == "twin: interrupted; nothing was recorded\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_an_import_turns_into_an_import_error_ends_without_a_traceback(
+    tmp_path, number
+):
+    """NumPy's C code does so with a KeyboardInterrupt."""
+    program = f"""
+import os, sys
+class Swallowing:
+    def find_spec(self, name, path=None, target=None):
+        if name == "numpy":
+            try:
+                os.kill(os.getpid(), {int(number)})
+            except BaseException as error:
+                raise ImportError("numpy") from error
+sys.meta_path.insert(0, Swallowing())
+from twin.cli.main import main
+main(["fly"])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
+    )
+    line = "twin: interrupted; nothing was recorded\n" if number == signal.SIGINT else ""
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", line)

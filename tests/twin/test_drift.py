@@ -1,10 +1,18 @@
 """What changed in a gimbal beside its model."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from analysis.comparison import Comparison
+from analysis.comparison.explanation import Explanation, Share
 from tests.benchmarks.drift import BEFORE, CHANGES, PERIOD, commands, drifted, made
 from tests.benchmarks.explain import explained
+from twin.errors import TwinError
+from twin.evaluation.compare import CompareResult
+from twin.evaluation.drift import RunDrift, run_drift
+from twin.evaluation.explain import RunExplanation
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
 
@@ -29,6 +37,24 @@ def test_a_servo_with_more_backlash_is_named_and_nothing_else(moved):
     signals = seen.signals(made(angles)["gimbal/measured"])
     assert signals["shadow/estimate/backlash"][1].shape[1] == 4
     assert any(label == "CHANGED" for label, _ in seen.rows())
+
+
+def test_a_run_without_commands_is_refused():
+    with pytest.raises(TwinError, match="no axis moves"):
+        run_drift(made(np.zeros((200, 2))))
+
+
+def test_shares_are_given_of_the_whole_difference_too_and_drift_beside_them_is_told_apart():
+    share = Share("slew limit", 1.0, "speed 1.00 → 0.90")
+    found = RunExplanation((Explanation("x", 1.0, np.sqrt(0.94), 0.1, (share,)),), 15.0)
+    (text,) = [text for label, text in found.rows() if label == "x slew limit"]
+    assert text == "100 % of that, 6 % of the whole: speed 1.00 → 0.90"
+    both = CompareResult(
+        Comparison("a", "b", ()), 0.0, None, Path("c.rrd"), 1.0,
+        drift=RunDrift((), {}), explanation=found,
+    )  # fmt: skip
+    told = [text for _, text in both.rows() if text.startswith("drift is of changes during")]
+    assert len(told) == 1
 
 
 @pytest.mark.slow

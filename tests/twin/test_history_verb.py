@@ -1,5 +1,6 @@
 """A board's recordings over time: which board, what left its interval, when it will."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,18 @@ from analysis.report import render
 from tests.twin.test_cli import run as command
 from twin.config import History
 from twin.errors import TwinError
+from twin.evaluation import history as verb
 from twin.evaluation.drift import RunDrift
-from twin.evaluation.history import Entry, _of_one_board, board_of, due, outside, sections
+from twin.evaluation.history import (
+    LINKAGE,
+    OTHER,
+    Entry,
+    _of_one_board,
+    board_of,
+    due,
+    outside,
+    sections,
+)
 
 GAIN = Property("gain", "", 1.0, 1.0, 0.01)
 BACKLASH = Property("backlash", "°", 180.0 / np.pi, 0.0087, 0.0017)
@@ -57,6 +68,18 @@ def test_a_property_outside_three_standard_deviations_is_named():
     assert due([entry(0, 1.0), entry(3, 1.05)])[0].startswith("y: gain 1.05")
 
 
+def test_an_axis_that_stands_still_in_the_last_recording_is_due_by_an_earlier_one():
+    moved = entry(3, 1.05)
+    still = replace(moved, drift=replace(moved.drift, axes={"x": entry(4, 1.0).drift.axes["y"]}))
+    assert due([entry(0, 1.0), moved, still]) == due([entry(0, 1.0), moved]) != ()
+
+
+def test_a_unit_unlike_the_model_is_due_when_it_differs_from_its_first_recording():
+    assert due([entry(0, 0.94)]) == ()
+    assert due([entry(0, 0.94), entry(3, 0.95)]) == ()
+    assert due([entry(0, 0.94), entry(3, 1.0)]) == ("y: gain 1.00, at first 0.94",)
+
+
 def test_the_trend_of_a_calibration_says_when_it_is_due():
     # 0.002 a day and no scatter but 0.0001: 0.03 is reached on day 15, nine days after the last
     runs = [entry(d, 1.0 + 0.002 * d + 1e-4 * (-1) ** d) for d in range(7)]
@@ -69,11 +92,25 @@ def test_the_trend_of_a_calibration_says_when_it_is_due():
 def test_the_page_has_a_chart_for_each_property_and_a_line_for_each_recording(tmp_path):
     runs = [entry(0, 1.0), entry(1, 1.01)]
     page = tmp_path / "history.html"
-    render(sections(runs), "History", page, {})
+    render(sections(runs, OTHER), "History", page, {})
     text = page.read_text()
     assert "0.rrd" in text
     assert "1.rrd" in text
-    assert [p.title for p in sections(runs)[0].parts[0].panels] == ["gain", "backlash"]
+    assert [p.title for p in sections(runs, OTHER)[0].parts[0].panels] == ["gain", "backlash"]
+
+
+@pytest.mark.parametrize(("gimbal", "model"), [("linkage", LINKAGE), ("direct", OTHER)])
+def test_the_result_says_which_model_the_recordings_are_compared_with(
+    tmp_path, monkeypatch, gimbal, model
+):
+    kept = run(shadow={"gimbal": gimbal}, configuration={"unit": 7})
+    monkeypatch.setattr(verb, "_runs", lambda _: ([(Path("a.rrd"), kept)], []))
+    monkeypatch.setattr(verb, "_date", lambda *_: 1.7e9)
+    monkeypatch.setattr(verb, "run_drift", lambda *_: entry(0, 1.0).drift)
+    monkeypatch.setattr(verb, "_fits", lambda *_: {"y": 98.0})
+    result = verb.history(History(tmp_path, out=tmp_path / "h.html"))
+    assert dict(result.rows())["model"] == result.as_dict()["model"] == model
+    assert model in (tmp_path / "h.html").read_text().replace("&#x27;", "'").replace("&#39;", "'")
 
 
 @pytest.mark.parametrize("place", ["nothing", "."])

@@ -1,6 +1,7 @@
 """Mechanisms from their dimensions, printable parts of any mechanism, and the search for one."""
 
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from twin.experiments.mechanism import search as searching
 from twin.experiments.mechanism.build import draw
 from twin.physics.mechanism.build import mjcf
 from twin.physics.mechanism.dimensions import Dimensions, read
+from twin.physics.mechanism.servo import apply_servo
 from twin.physics.mechanism.torque import holding
 from twin.plant.compose import MJCF
 
@@ -117,6 +119,35 @@ def test_an_own_part_takes_the_place_of_the_drawn_one_by_one_line(tmp_path: Path
     assert not (tmp_path / "n.xml").exists()
 
 
+def test_a_part_in_the_output_folder_is_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def reference(folder: Path, _: Path) -> dict[str, Path]:
+        files = {name: MESHES / f"{name}.stl" for name in ("bulkhead", "ring", "horn")}
+        return {name: Path(shutil.copy(file, folder)) for name, file in files.items()}
+
+    monkeypatch.setattr("meshes.generate.generate", reference)
+    own, ring = tmp_path / "mine" / "horn.stl", (MESHES / "ring.stl").read_bytes()
+    own.parent.mkdir()
+    own.write_bytes(ring)
+    (tmp_path / "m.toml").write_text('stl = { horn = "mine/horn.stl" }')
+    (tmp_path / "n.toml").write_text("")
+    for verb, message in (
+        (Settings("build", tmp_path / "m.toml", out=tmp_path / "mine.xml", force=True), "own part"),
+        (Settings("build", tmp_path / "n.toml", out=tmp_path / "mine.xml"), "--force"),
+    ):
+        with pytest.raises(TwinError, match=message):
+            mechanism(verb)
+    with pytest.raises(TwinError, match="--force"):
+        draw(Meshes(out=own.parent))
+    (tmp_path / "file").write_text("kept")
+    with pytest.raises(TwinError, match="file"):
+        mechanism(Settings("build", tmp_path / "n.toml", out=tmp_path / "file.xml"))
+    assert own.read_bytes() == ring
+    assert [p.name for p in own.parent.iterdir()] == ["horn.stl"]
+    assert not (tmp_path / "mine.xml").exists()
+
+
 def test_a_servo_of_twice_the_torque_has_twice_the_reserve(tmp_path: Path) -> None:
     reserves = []
     for factor in (1.0, 2.0):
@@ -126,6 +157,29 @@ def test_a_servo_of_twice_the_torque_has_twice_the_reserve(tmp_path: Path) -> No
         model = mujoco.MjModel.from_xml_path(str(tmp_path / "m.xml"))
         reserves.append(min(holding(model, 1.0).stall))
     assert reserves[1] == pytest.approx(2 * reserves[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("applied", [False, True])
+def test_a_servo_of_another_torque_has_the_same_no_load_speed(factor: float, applied: bool) -> None:
+    servo = Dimensions().servo
+    size = replace(Dimensions(), servo=replace(servo, torque=factor * servo.torque))
+    model = mujoco.MjModel.from_xml_string(mjcf(size, str(MESHES)))
+    if applied:
+        apply_servo(model)
+    data, dof = mujoco.MjData(model), int(model.joint("servo_x").dofadr[0])
+    data.qpos[model.joint("servo_x").qposadr[0]] = -5.0  # its voltage is at the limit
+    torque = []
+    for data.qvel[dof] in (0.0, 1.0):
+        mujoco.mj_forward(model, data)
+        rubbing = data.qvel[dof] * model.dof_damping[dof] + model.dof_frictionloss[dof]
+        torque.append(data.actuator("servo_x").force[0] - rubbing)
+    # of the reference: constant 0.38 V s, winding 10 Ω, 4.8 V, and the friction of its shaft
+    reference = mujoco.MjModel.from_xml_path(str(MJCF / "mechanism.xml"))
+    damping, dry = reference.dof_damping[dof], reference.dof_frictionloss[dof]
+    speed = (0.38 * 4.8 / 10 - dry) / (0.38**2 / 10 + damping)
+    assert torque[0] / (torque[0] - torque[1]) == pytest.approx(speed, rel=1e-6)
+    assert torque[0] + model.dof_frictionloss[dof] == pytest.approx(factor * 0.1824, rel=1e-6)
 
 
 @pytest.mark.parametrize(

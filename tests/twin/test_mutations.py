@@ -19,11 +19,15 @@ from hardware.calibration import write as write_calibration
 from hardware.frames import HardwareError
 from tests.conftest import ROOT
 from tests.twin import runs
+from tests.twin.test_mechanism_build import LARGE
+from tests.twin.test_openrocket import design, packed
+from twin.campaigns import study
 from twin.config.overrides import parse
 from twin.errors import TwinError
 from twin.hil import nominal_calibration
-from twin.physics import guard, motor
+from twin.physics import guard, motor, openrocket
 from twin.physics import vehicle as vehicles
+from twin.physics.mechanism import dimensions
 from twin.plant.model import ModelConfig, load
 
 HOSTILE = ROOT.parent / "shared" / "cases" / "hostile"
@@ -89,6 +93,15 @@ def rse_bytes(folder):
     )
 
 
+def parquet_bytes(folder):
+    import pyarrow
+    from pyarrow import parquet
+
+    file = io.BytesIO()
+    parquet.write_table(pyarrow.table({"t": np.arange(50.0), "y": np.ones(50)}), file)
+    return file.getvalue()
+
+
 # suffix, content of a valid file, reader, how many are tried in the short form
 KINDS = {
     "motor": (".eng", lambda _: (guard.SHIPPED / "motors/reference.eng").read_bytes(),
@@ -104,6 +117,15 @@ KINDS = {
                    lambda path: parse((), path), 150),
     "description": (".toml", lambda _: (EXAMPLES / "large_rocket.toml").read_bytes(),
                     vehicles.described, 100),
+    "OpenRocket": (".ork", lambda _: design().encode(),
+                   lambda path: openrocket.imported(openrocket.document(path)), 100),
+    "OpenRocket archive": (".ork",
+                           lambda folder: packed(folder / "whole.ork", design()).read_bytes(),
+                           openrocket.document, 100),
+    "study": (".toml", lambda _: (study.SHIPPED / "limits.toml").read_bytes(),
+              lambda path: study.read(str(path)), 100),
+    "mechanism": (".toml", lambda _: LARGE.encode(), dimensions.read, 100),
+    "parquet": (".parquet", parquet_bytes, tables.read, 2),
     "model counted": (".xml", lambda _: (EXAMPLES / "direct_drive.xml").read_bytes(),
                       lambda path: guard.examine([path]), 100),
     "model": (".xml", lambda _: (EXAMPLES / "direct_drive.xml").read_bytes(),

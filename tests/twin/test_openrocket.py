@@ -60,6 +60,15 @@ def inner(kind: str, place: str, rest: str) -> str:
     return f'<{kind}><position type="{method}">{offset}</position>{rest}</{kind}>'
 
 
+def free(*xy: float) -> str:
+    """A free-form fin set."""
+    points = "".join(f'<point x="{x}" y="{y}"/>' for x, y in zip(xy[::2], xy[1::2], strict=True))
+    return (
+        "<freeformfinset><name>X</name><fincount>3</fincount><thickness>0.003</thickness>"
+        f"<finpoints>{points}</finpoints></freeformfinset>"
+    )
+
+
 def test_masses_and_centre_of_pressure_are_those_of_the_closed_forms(tmp_path: Path) -> None:
     found = read(tmp_path, design())
     (length, radius), (tube, _, wall), (root, tip, span, _, thick) = CONE, TUBE, FIN
@@ -203,6 +212,12 @@ def test_import_writes_a_description_that_flies_and_the_figures_beside_openrocke
         (design().replace(f"<length>{TUBE[0]}", "<length>1e999"), "bodytube 'T': length = '1e999'"),
         (design().replace(f"<length>{TUBE[0]}", "<length>-1"), "bodytube 'T': length = -1"),
         (design().replace("conical", "spiral"), "nosecone 'N': shape 'spiral' is not known"),
+        (design(free(0, 0, 0, 0, 0, 0)), "freeformfinset 'X': its plan form has no area"),
+        (design(free(0, 0, 0.1, 0, 0.1, 0)), "freeformfinset 'X': its plan form has no area"),
+        (
+            design().replace("trapezoid", "elliptical").replace(f"<height>{FIN[2]}", "<height>0"),
+            "ellipticalfinset 'F': its plan form has no area",
+        ),
         (design("<fin><name>X</name></fin>"), "fin 'X': a part of kind fin cannot be imported"),
         ("<openrocket/>", "not an OpenRocket design"),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><openrocket><rocket/></openrocket>", "document type"),
@@ -221,6 +236,27 @@ def test_what_cannot_be_imported_is_refused_by_its_name(
     assert not (tmp_path / "r.toml").exists()
 
 
+def test_a_parachute_opens_as_the_default_configuration_says(tmp_path: Path) -> None:
+    own = '<deploymentconfiguration configid="{}"><deployevent>{}</deployevent>{}'
+    own += "</deploymentconfiguration>"
+    chute = "<parachute><name>P</name><diameter>0.6</diameter><deployevent>never</deployevent>"
+    chute += own.format("b", "apogee", "")
+    chute += own.format("a", "altitude", "<deployaltitude>90</deployaltitude>") + "</parachute>"
+    found = read(tmp_path, design(chute))
+    assert [c.height for c in found.design.parachutes] == [90.0]
+    assert found.left_out == ()
+
+
+def test_stored_figures_of_zero_are_shown_without_a_share(tmp_path: Path) -> None:
+    text = design()
+    for stored, zero in ((",3.1,", ",0.1,"), (",3.06,", ",0.06,"), (",3.05,", ",0.05,")):
+        text = text.replace(stored, zero)
+    ork = packed(tmp_path / "r.ork", text.replace(",0.75<", ",0<"))
+    rows = dict(vehicle(Settings("import", ork, out=tmp_path / "r.toml")).rows())
+    assert rows["mass, no motor"].endswith("OpenRocket 0 kg")
+    assert rows["centre of pressure"].endswith("OpenRocket 0 m")
+
+
 def test_an_archive_that_expands_without_end_is_read_up_to_the_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -230,6 +266,15 @@ def test_an_archive_that_expands_without_end_is_read_up_to_the_limit(
     (tmp_path / "bomb.ork").write_bytes(gzip.compress(b" " * 3_000_000))
     with pytest.raises(TwinError, match="larger than 100000 bytes"):
         openrocket.document(tmp_path / "bomb.ork")
+
+
+@pytest.mark.parametrize("kind", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_an_entry_that_zipfile_expands_without_bound_is_refused(tmp_path: Path, kind: int) -> None:
+    ork = tmp_path / "bomb.ork"
+    with zipfile.ZipFile(ork, "w", kind) as archive:
+        archive.writestr("rocket.ork", design())
+    with pytest.raises(TwinError, match=r"bomb\.ork: .* must be stored or deflated"):
+        openrocket.document(ork)
 
 
 def test_damaged_archives_and_plain_documents(tmp_path: Path) -> None:

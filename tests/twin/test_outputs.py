@@ -103,6 +103,21 @@ def test_results_get_names_of_their_own_and_latest_leads_to_the_newest(
         writable(tmp_path / "latest-fly.rrd", SUFFIX)
 
 
+def test_the_newest_result_takes_no_place_that_is_not_a_link_of_ours(tmp_path):
+    (tmp_path / "latest-fly.rrd").write_text("mine")
+    (tmp_path / "latest-step.rrd").symlink_to("chosen.rrd")
+    (tmp_path / "latest-demo").mkdir()
+    before = set(tmp_path.iterdir())
+    for name, suffix in (("fly", SUFFIX), ("step", SUFFIX), ("demo", "")):
+        path = named(tmp_path, name, SUFFIX).with_suffix(suffix)
+        path.write_text("new")
+        point_latest(path)
+        path.unlink()
+    assert set(tmp_path.iterdir()) == before
+    assert (tmp_path / "latest-fly.rrd").read_text() == "mine"
+    assert (tmp_path / "latest-step.rrd").readlink() == Path("chosen.rrd")
+
+
 def recorded(path, gimbal, date):
     properties = {"command": "step", "configuration": {"gimbal": gimbal}} | date
     with Recorder(path, signals=["vehicle/mass"], properties=properties) as recorder:

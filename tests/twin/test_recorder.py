@@ -282,6 +282,37 @@ def test_a_full_disk_ends_in_one_line_and_never_in_a_whole_name(tmp_path, short)
     assert len(recording.read(saved)["sensors/gyro"].time) > 0
 
 
+@pytest.mark.parametrize("size", [0, 4000, 20_000])
+def test_a_disk_that_is_full_at_the_beginning_is_refused_in_one_line(tmp_path, size):
+    """Rerun waits for ever where its blueprint does not fit."""
+    (line,) = on_a_disk_of(size, tmp_path / "a.rrd")
+    assert "cannot record to" in line
+    assert "File too large" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_after_one_that_could_not_be_written_is_whole(tmp_path):
+    again = (
+        FULL
+        + """
+soft = resource.getrlimit(resource.RLIMIT_FSIZE)
+resource.setrlimit(resource.RLIMIT_FSIZE, (10**7, soft[1]))
+with Recorder(Path(sys.argv[1] + "b.rrd"), signals=["sensors/gyro"], properties={}) as recorder:
+    recorder.row[:] = 1.0
+    recorder.commit(0, 0)
+"""
+    )
+    again = again.replace("(int(sys.argv[2]), int(sys.argv[2]))", "(int(sys.argv[2]), 10**7)")
+    path = tmp_path / "a.rrd"
+    done = subprocess.run(
+        [sys.executable, "-c", again, path, "100000"],
+        cwd=ROOT, capture_output=True, text=True, timeout=20.0,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "cannot finish" in done.stdout
+    assert recording.read(tmp_path / "a.rrdb.rrd")["sensors/gyro"].time_ns.tolist() == [0]
+
+
 def test_at_the_very_edge_of_a_disk_a_whole_name_is_a_whole_file(tmp_path):
     whole, path = tmp_path / "whole.rrd", tmp_path / "a.rrd"
     assert on_a_disk_of(10_000_000, whole) == []

@@ -43,20 +43,33 @@ def best_delay(run: Recording) -> float:
     return float(delays[np.argmin(errors)])
 
 
-@pytest.mark.parametrize("programme", [pytest.param("step", marks=pytest.mark.slow), "doublet"])
-def test_a_flight_of_the_model_and_of_the_rig_agree(tmp_path, programme):
-    """Eight seconds hold both programmes; whole flights: docs/identification.md."""
+def flights(folder, programme, seconds=8.0, gimbals=("emulator", "transfer-function"), **more):
+    """A recording of the rig's flight and one of its model's."""
     runs = []
-    for gimbal in ("emulator", "transfer-function"):
-        out = tmp_path / f"{gimbal}.rrd"
-        fly(Fly(gimbal=gimbal, programme=programme, duration_s=8.0, out=out))
+    for gimbal in gimbals:
+        out = folder / f"{gimbal}.rrd"
+        fly(Fly(gimbal=gimbal, programme=programme, duration_s=seconds, out=out, **more))
         runs.append(recording.read(out))
-    times = np.arange(0.0, 7.9, 0.01)
+    return runs
+
+
+def apart(runs, seconds=8.0):
+    """Angle between the noses, rms and worst [deg], distance of the paths, length of one [m]."""
+    times = np.arange(0.0, seconds - 0.1, 0.01)
     noses, places = ([f(r, times) for r in runs] for f in (nose, place))
     angle = np.degrees(np.linalg.norm(np.cross(*noses), axis=1))  # small: sine for arc
-    assert 0.01 < np.sqrt(np.mean(angle**2)) < ATTITUDE_DEG  # and not the same flight twice
     flown = np.linalg.norm(np.diff(places[0], axis=0), axis=1).sum()
+    distance = np.linalg.norm(places[0] - places[1], axis=1).max()
+    return np.sqrt(np.mean(angle**2)), angle.max(), distance, flown
+
+
+@pytest.mark.parametrize("programme", [pytest.param("step", marks=pytest.mark.slow), "doublet"])
+def test_a_flight_of_the_model_and_of_the_rig_agree(tmp_path, programme):
+    """Eight seconds hold both programmes; whole flights: docs/hil.md."""
+    runs = flights(tmp_path, programme)
+    angle, _, distance, flown = apart(runs)
+    assert 0.01 < angle < ATTITUDE_DEG  # and not the same flight twice
     assert flown > 100.0
-    assert np.linalg.norm(places[0] - places[1], axis=1).max() < PATH * flown
+    assert distance < PATH * flown
     shipped = json.loads((MJCF / "gimbal.json").read_text())["channels"][1][1]["delay_s"]
     assert best_delay(runs[0]) == pytest.approx(shipped, abs=DELAY_S)

@@ -39,6 +39,8 @@ def settings_with(kind, name, value):
     required = [f.name for f in fields(kind) if f.default is MISSING]
     needed = {n: REQUIRED.get(n) or get_args(without_markers(hints(kind)[n]))[0] for n in required}
     extra = {"gimbal": "emulator"} if name == "unit" and kind in (Fly, Step) else {}
+    if "sources" in hints(kind):
+        extra["sources"] = ("a.rrd",)
     return kind.of({**needed, **extra, name: value})
 
 

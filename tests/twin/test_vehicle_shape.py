@@ -125,17 +125,22 @@ PUBLISHED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
-def test_barrowmans_own_examples_are_met_within_1_percent(name: str) -> None:
-    """He worked with a slide rule and measured a length in each drawing."""
-    example = PUBLISHED[name]
+def slope_and_centre(example: Example) -> tuple[float, float]:
+    """Normal-force slope [1/rad] and centre of pressure [in] of the whole."""
     outline = Surface.of(example.design())
     area = math.pi / 4 * (example.diameter * INCH) ** 2
     from twin.physics.vehicle.barrowman import body_terms
 
     terms = [*body_terms(outline, area), *(fin_term(fins, area) for fins in outline.fins)]
     slope = sum(term.slope for term in terms)
-    centre = sum(term.slope * term.station for term in terms) / slope / INCH
+    return slope, sum(term.slope * term.station for term in terms) / slope / INCH
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_barrowmans_own_examples_are_met_within_1_percent(name: str) -> None:
+    """He worked with a slide rule and measured a length in each drawing."""
+    example = PUBLISHED[name]
+    slope, centre = slope_and_centre(example)
     assert slope == pytest.approx(example.slope, rel=0.01)
     assert centre == pytest.approx(example.centre, rel=0.01)
 

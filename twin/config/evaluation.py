@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from twin.config.base import Settings
-from twin.config.options import Output, Parameters
+from twin.config.options import Output, Parameters, Rig, Time
+from twin.config.seats import check_seat
 from twin.config.types import POSITIONAL, REPEATABLE, Flag, Port, Range
 from twin.errors import TwinError
 
@@ -50,13 +51,53 @@ class Columns(Settings):
         return tuple(f"--{name.replace('_', '-')}" for name in names)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Live(Settings):
+    """A gimbal that is measured until its model is known well enough."""
+
+    group: ClassVar[str] = "measurement"
+
+    live: str | None = None
+    """Measure this gimbal in place of reading files: linkage, transfer-function, emulator, firmware
+    or the port of a rig. Its test signals are chosen by what each is expected to tell."""
+    until: str | None = None
+    """Half widths of 95 % intervals at which the measurement ends, of every axis, for example
+    delay:1ms,bandwidth:3%. Names: gain, delay, bandwidth, natural-frequency, damping."""
+    within_s: Annotated[float, Range(5.0, 3600.0, "s")] = 300.0
+    """Longest motion [s]."""
+    amplitude_deg: Annotated[float, Range(0.1, 10.0, "°")] = 5.0
+    """Largest commanded angle, either way from zero [°]."""
+    model: Path | None = None
+    """Identified model (JSON) with `--live transfer-function`; the shipped model if omitted."""
+
+    def validate(self) -> None:
+        """Refuse settings without effect.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        super().validate()
+        if (self.live is None) != (self.until is None):
+            raise TwinError("--live SEAT and --until FIGURE:HALF_WIDTH: give both or neither")
+        if self.live is not None:
+            try:
+                check_seat(self.live)
+            except TwinError as error:
+                raise TwinError(str(error).replace("--gimbal", "--live", 1)) from None
+        for f in (f for kind in (Live, Rig, Time) for f in fields(kind)):
+            if self.live is None and getattr(self, f.name, f.default) != f.default:
+                flag = f"--{f.name.replace('_', '-')}"
+                raise TwinError(f"{flag} {getattr(self, f.name)}: needs --live SEAT")
+
+
 @dataclass(frozen=True)
-class Identify(Columns, Output, Parameters):
+class Identify(Columns, Output, Live, Time, Parameters, Rig):
     """Estimate a model of a gimbal from its commands and measured angles and rates."""
 
     group: ClassVar[str] = "estimation"
 
-    sources: Annotated[tuple[Path, ...], POSITIONAL]
+    sources: Annotated[tuple[Path, ...], POSITIONAL] = ()
     """Recordings (.rrd) or tables (.csv, .tsv, .txt, .mat), fitted together."""
     _: KW_ONLY
     linkage: Flag = False
@@ -111,8 +152,9 @@ class Identify(Columns, Output, Parameters):
         TwinError : the flag and its value
         """
         super().validate()
-        if not self.sources:
+        if not self.sources and self.live is None:
             raise TwinError("twin identify needs a recording or table")
+        self._check_live()
         if self.check_only and (self.linkage or self.check or self.out is not None):
             raise TwinError(
                 "--check-only writes no model; it excludes --linkage, --check and --out"
@@ -123,6 +165,16 @@ class Identify(Columns, Output, Parameters):
             raise TwinError("--gyro-delay-ms needs --rate (the gyro columns)")
         if self.out is not None and self.out.suffix.lower() != ".json":
             raise TwinError(f"--out {self.out}: must be a .json file")
+
+    def _check_live(self) -> None:
+        excluded = (
+            "sources", "linkage", "check_only", "zeros", "delay", "servo", "select_order", "rate",
+            "angle", "initial", "both", "time", "input", "commands",
+        )  # fmt: skip
+        for name in excluded if self.live is not None else ():
+            if getattr(self, name) != getattr(Identify, name):
+                what = "files" if name == "sources" else f"--{name.replace('_', '-')}"
+                raise TwinError(f"--live {self.live}: measures a linear model; it excludes {what}")
 
     @property
     def extras(self) -> tuple[str, ...]:
@@ -192,7 +244,7 @@ class Compare(Columns, Output, Parameters):
 
 @dataclass(frozen=True)
 class History(Output):
-    """Compare the recordings of one board over time with the model of the first one."""
+    """Compare the recordings of one board over time with the model beside them."""
 
     group: ClassVar[str] = "history"
 

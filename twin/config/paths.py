@@ -53,18 +53,34 @@ def point_latest(path: Path) -> None:
     """Let `latest-NAME` lead to a result with a dated name, if it was written.
 
     A symbolic link, or a hard link where the system grants none (Windows); left out where the
-    folder takes neither.
+    folder takes neither, or has something else of that name.
     """
     if (match := _DATED.fullmatch(path.stem)) is None or not path.exists():
         return
     link = path.with_name(f"{LATEST}{match['name']}{path.suffix}")
     beside = path.with_name(f".{link.name}-{os.getpid()}")
     with suppress(OSError):
+        if os.path.lexists(link) and not _leads_to(link, match["name"]):
+            return
         try:
-            beside.symlink_to(path.name)
-        except OSError:
-            beside.hardlink_to(path)
-        beside.replace(link)
+            try:
+                beside.symlink_to(path.name)
+            except OSError:
+                beside.hardlink_to(path)
+            beside.replace(link)
+        finally:
+            beside.unlink(missing_ok=True)  # also left by a rename over another link of the file
+
+
+def _leads_to(link: Path, name: str) -> bool:
+    """Whether this is a link to a result with a dated name, in its own folder."""
+    folder = link.parent
+    if link.is_symlink():
+        paths = [folder / link.readlink()]
+    else:
+        paths = [p for p in folder.iterdir() if p.is_file() and p.samefile(link)]
+    found = (_DATED.fullmatch(path.stem) for path in paths if path.parent == folder)
+    return any(match is not None and match["name"] == name for match in found)
 
 
 def writable(path: Path, *suffixes: str, force: bool = False) -> Path:

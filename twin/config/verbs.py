@@ -45,7 +45,7 @@ VERBS = (
     Verb("step", Step, "twin.experiments.step:step"),
     Verb("mirror", Mirror, "twin.experiments.mirror:mirror"),
     Verb("calibrate", Calibrate, "twin.experiments.calibrate:calibrate"),
-    Verb("identify", Identify, "twin.evaluation.identify:identify"),
+    Verb("identify", Identify, "twin.cli.live:identify"),
     Verb("compare", Compare, "twin.evaluation.compare:compare"),
     Verb("history", History, "twin.evaluation.history:history"),
     Verb("report", Report, "twin.evaluation.report:write_report"),

@@ -114,6 +114,10 @@ class CompareResult(Result):
             rows += self.drift.rows()
         if self.explanation is not None:
             rows += self.explanation.rows()
+        if self.drift is not None and self.explanation is not None:
+            rows.append(
+                ("", "drift is of changes during the run, the shares of constant differences")
+            )
         rows += [("fit not counted", f"{axis}: {why}") for axis, why in c.uncounted.items()]
         rows += [("WARNING", w) for w in self.warnings]
         if self.limit is not None:

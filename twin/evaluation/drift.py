@@ -13,6 +13,7 @@ from analysis.estimate import AxisDrift, Change, Model, Property, drift
 from analysis.recording import Recording, TimeSeries
 from hardware.frames import AXES
 from twin.config.result import Rows
+from twin.errors import TwinError
 from twin.evaluation.motions import LATER, lagging
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
@@ -34,9 +35,9 @@ SEEN_ZERO = replace(ZERO, sigma=math.radians(0.1))  # of the gimbal
 LAG = Property("lag", "ms", 1e3, 0.0, 2e-3)
 SERVO = (
     ZERO,
-    Property("speed", "", 1.0, 1.0, 0.015),
-    Property("backlash", "°", DEGREES, 0.0, math.radians(0.1)),
-    Property("friction", "", 1.0, 1.0, 0.2),
+    Property("speed", "", 1.0, 1.0, 0.015, lowest=0.1),
+    Property("backlash", "°", DEGREES, 0.0, math.radians(0.1), lowest=0.0),
+    Property("friction", "", 1.0, 1.0, 0.2, lowest=0.0),
 )
 VOLTAGE, BACKLASH = "gimbal_servo_voltage", "gimbal_backlash"
 FRICTION = tuple(f"gimbal_servo_{a}.frictionloss" for a in AXES)
@@ -124,12 +125,15 @@ def run_drift(
 
     Raises
     ------
-    TwinError, AnalysisError : a recording that lacks what this needs, or is too short
+    TwinError, AnalysisError : a recording that lacks what this needs, is too short, or moves no
+        axis
     """
     measured, command = recording["gimbal/measured"], recording["gimbal/command"]
     shadow = recording.properties.get("shadow")
     linkage = isinstance(shadow, dict) and shadow.get("gimbal") == "linkage"
     moved = [k for k in range(len(AXES)) if len(command.changes(k))]
+    if not moved:
+        raise TwinError("no axis moves: the command never changes, so nothing can be estimated")
     time = np.asarray(measured.time)
     axes = {}
     with compiled():
@@ -142,7 +146,8 @@ def run_drift(
         for k in moved:
             model = _model(k, time, source)
             values = np.asarray(measured.values[:, k])
-            axes[AXES[k]] = drift(AXES[k], time, values, model, properties)
+            commanded = np.asarray(command.time)[command.changes(k)]
+            axes[AXES[k]] = drift(AXES[k], time, values, model, properties, commanded)
     return RunDrift(properties, axes)
 
 
@@ -168,8 +173,8 @@ def _of_linkage(run: Resimulation) -> tuple[tuple[Property, ...], Source]:
     properties = tuple(replace(p, value=own.get(p.name, p.value)) for p in SERVO)
 
     def variant(zero: float, speed: float, backlash: float, rubbing: float) -> Variant:
-        parameters = {VOLTAGE: volts * max(speed, 0.1), BACKLASH: max(backlash, 1e-6)}
-        rubs = {n: f * max(rubbing, 0.0) for n, f in zip(FRICTION, friction, strict=True)}
+        parameters = {VOLTAGE: volts * speed, BACKLASH: max(backlash, 1e-6)}
+        rubs = {n: f * rubbing for n, f in zip(FRICTION, friction, strict=True)}
         return Variant(parameters | rubs, shaft=zero)
 
     @cache

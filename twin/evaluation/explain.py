@@ -97,7 +97,10 @@ class RunExplanation:
             rms, rest, noise = (f"{v * DEGREES:.3f}°" for v in (a.rms, a.rest, a.noise))
             text = f"{rms} rms, {100 * a.explained:.0f} % of its square explained"
             rows.append((f"{a.axis} difference", text))
-            rows += [(f"{a.axis} {s.effect}", f"{100 * s.share:.0f} %: {s.text}") for s in a.shares]
+            for s in a.shares:
+                part, whole = 100 * s.share, 100 * s.share * a.explained
+                text = f"{part:.0f} % of that, {whole:.0f} % of the whole: {s.text}"
+                rows.append((f"{a.axis} {s.effect}", text))
             rows.append(
                 (f"{a.axis} unexplained", f"{rest} rms; the readings have {noise} of noise")
             )

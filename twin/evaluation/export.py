@@ -52,7 +52,7 @@ def export(config: Export) -> ExportResult:
     kind = config.to
     if config.recording.suffix != ".rrd":
         raise TwinError(f"{config.recording}: must be a recording (.rrd)")
-    out = config.out or config.recording.with_suffix(f".{kind}")
+    out = config.out or config.recording.resolve().with_suffix(f".{kind}")
     out = named(out, "export", f".{kind}", force=config.force)
     write(
         _writer(kind),

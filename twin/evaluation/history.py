@@ -1,4 +1,4 @@
-"""`twin history FOLDER`: one board's recordings over time, against the model of the first."""
+"""`twin history FOLDER`: one board's recordings over time, against a model."""
 
 import json
 import math
@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from analysis.comparison import errors
-from analysis.estimate import AxisDrift, Property
+from analysis.estimate import AxisDrift
 from analysis.recording import Recording, read
 from analysis.report import Line, Panel, Plot, Section, Table, render
 from analysis.schema import AnalysisError
+from hardware.frames import AXES
 from twin.config import History
 from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
@@ -23,6 +24,8 @@ from twin.evaluation.drift import RunDrift, run_drift
 OF_CALIBRATION = ("gain", "zero")
 LIMIT = 3.0  # standard deviations, as of a control chart (Shewhart, 1931)
 DAY = 86400.0  # s
+LINKAGE = "of the first recording, simulated with each one's commands"
+OTHER = "of each recording, by the motion recorded beside it"
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Entry:
     Attributes
     ----------
     date : when it was made [s since 1970]; of the file where the run did not keep real time
-    fit : of each axis to the model of the first recording [%]
+    fit : of each axis to the model [%]
     """
 
     file: Path
@@ -57,6 +60,7 @@ class HistoryResult(Result):
     left_out : files without what this needs, and why
     due : properties of the calibration that left their interval, and when they will
     page : control charts
+    model : what the recordings are compared with
     """
 
     board: str
@@ -64,11 +68,13 @@ class HistoryResult(Result):
     left_out: tuple[str, ...]
     due: tuple[str, ...]
     page: Path
+    model: str
 
     def as_dict(self) -> dict[str, object]:
         """JSON values in SI."""
         return {
             "board": self.board,
+            "model": self.model,
             "recordings": [
                 {"file": str(e.file), "date": e.date, "fit": e.fit, **e.drift.as_dict()}
                 for e in self.entries
@@ -80,7 +86,7 @@ class HistoryResult(Result):
 
     def rows(self) -> Rows:
         """A line for each recording, one for each property that left its interval."""
-        rows = [("board", self.board)]
+        rows = [("board", self.board), ("model", self.model)]
         for e in self.entries:
             fits = ", ".join(f"{a} {v:.1f} %" for a, v in e.fit.items())
             rows.append((e.day, f"fit {fits}; {e.file.name}"))
@@ -88,7 +94,9 @@ class HistoryResult(Result):
         rows += [("left out", text) for text in self.left_out]
         rows += [("CALIBRATION DUE", text) for text in self.due]
         if not self.due:
-            rows.append(("calibration", "not due: gain and zero are within their intervals"))
+            rows.append(
+                ("calibration", "not due: gain and zero are as at first, within their intervals")
+            )
         return [*rows, ("page", str(self.page))]
 
 
@@ -106,6 +114,7 @@ def history(config: History) -> HistoryResult:
     board, own = _of_one_board(runs, config)
     own.sort(key=lambda run: _date(*run))
     shadow = own[0][1].properties["shadow"]
+    assert isinstance(shadow, dict)  # by `_runs`
     entries = []
     for file, recording in own:
         same = replace(recording, properties={**recording.properties, "shadow": shadow})
@@ -117,8 +126,9 @@ def history(config: History) -> HistoryResult:
         entries.append(Entry(file, _date(file, recording), drift, _fits(recording, drift)))
     if not entries:
         raise TwinError(f"twin history {config.folder}: {left_out[-1]}")
-    result = HistoryResult(board, tuple(entries), tuple(left_out), due(entries), out)
-    render(sections(entries), f"History of board {board}", out, result.as_dict())
+    model = LINKAGE if shadow.get("gimbal") == "linkage" else OTHER
+    result = HistoryResult(board, tuple(entries), tuple(left_out), due(entries), out, model)
+    render(sections(entries, model), f"History of board {board}", out, result.as_dict())
     point_latest(out)
     return result
 
@@ -206,22 +216,28 @@ def outside(entry: Entry) -> list[str]:
 
 
 def due(entries: Sequence[Entry]) -> tuple[str, ...]:
-    """Why the calibration is due, or when it will be by the trend of gain and zero."""
+    """Why the calibration is due, or when it will be by the trend of gain and zero.
+
+    Of each axis the last recording counts in which it moved.
+    """
     found = []
-    last = entries[-1]
-    for axis in last.drift.axes:
+    for axis in AXES:
+        last = next((e for e in reversed(entries) if axis in e.drift.axes), None)
+        if last is None:
+            continue
         for k, p in enumerate(last.drift.properties):
             if p.name not in OF_CALIBRATION:
                 continue
             value, sigma = _last(last.drift.axes[axis], k)
-            if abs(value - p.value) > LIMIT * sigma:
-                found.append(f"{axis}: {p.name} {p.text(value)}, of {p.text(p.value)}")
-            elif (days := _days_left(entries, axis, k, p)) is not None:
+            first, _ = _last(next(e for e in entries if axis in e.drift.axes).drift.axes[axis], k)
+            if abs(value - first) > LIMIT * sigma:
+                found.append(f"{axis}: {p.name} {p.text(value)}, at first {p.text(first)}")
+            elif (days := _days_left(entries, axis, k)) is not None:
                 found.append(f"{axis}: {p.name} leaves its interval in about {days:.0f} days")
     return tuple(found)
 
 
-def _days_left(entries: Sequence[Entry], axis: str, k: int, p: Property) -> float | None:
+def _days_left(entries: Sequence[Entry], axis: str, k: int) -> float | None:
     """Days until a trend that is certain reaches the limit; None without one."""
     runs = [e for e in entries if axis in e.drift.axes]
     time = np.array([e.date for e in runs]) / DAY
@@ -232,11 +248,11 @@ def _days_left(entries: Sequence[Entry], axis: str, k: int, p: Property) -> floa
     if abs(slope) < LIMIT * math.sqrt(cov[0, 0]):
         return None
     sigma = _last(runs[-1].drift.axes[axis], k)[1]
-    left = (math.copysign(LIMIT * sigma, slope) - (offset - p.value)) / slope
+    left = (math.copysign(LIMIT * sigma, slope) - (offset - values[0])) / slope
     return float(left) if left > 0.0 else None
 
 
-def sections(entries: Sequence[Entry]) -> tuple[Section, ...]:
+def sections(entries: Sequence[Entry], model: str) -> tuple[Section, ...]:
     """Control charts of all properties, and the table of the recordings."""
     properties = entries[0].drift.properties
     start = entries[0].date
@@ -257,8 +273,8 @@ def sections(entries: Sequence[Entry]) -> tuple[Section, ...]:
             limit = np.full(2, (p.value + side * p.sigma) * p.scale)
             lines.append(Line("limit of the model", span, limit, "command", row, "dash"))
     caption = (
-        "Estimates of each recording with 95 % intervals, against the model of the first; dashed:"
-        " three standard deviations of the model."
+        f"Estimates of each recording with 95 % intervals, against the model {model}; dashed: three"
+        " standard deviations of the model."
     )
     chart = Plot("properties", caption, "days since the first recording", tuple(panels),
                  tuple(lines), panel_height=150)  # fmt: skip
@@ -272,7 +288,7 @@ def sections(entries: Sequence[Entry]) -> tuple[Section, ...]:
         )
         for e in entries
     )
-    table = Table(head, rows, "Fit of the measured angle to the model of the first recording.")
+    table = Table(head, rows, f"Fit of the measured angle to the model {model}.")
     return (
         Section("chart", "Control charts", (), (chart,)),
         Section("recordings", "Recordings", (), (table,)),

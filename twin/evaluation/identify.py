@@ -150,7 +150,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
             runs, poles, zeros, _delay(config.delay),
             servo=(config.structure == "best" or config.structure) if config.servo else False,
             coupling=config.coupling,
-            max_delay=_longest(config),
+            max_delay=longest(config),
         )  # fmt: skip
         fits = [fit_to(model, [r])[0] for r in held_back]
     still = [
@@ -206,7 +206,7 @@ def _information(config: Identify) -> InformationResult:
     source = given(config, config.sources)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = expectations(source.runs, config.poles, max_delay=_longest(config))
+        found = expectations(source.runs, config.poles, max_delay=longest(config))
     return InformationResult(found, tuple(r.name for r in source.runs), source.doubts)
 
 
@@ -219,7 +219,8 @@ def _delay(text: str) -> Literal["free"] | float:
         raise TwinError(f"--delay {text}: must be 'free', or seconds") from None
 
 
-def _longest(config: Identify) -> float | None:
+def longest(config: Identify) -> float | None:
+    """The longest delay that is searched [s]; None for that of the search."""
     return None if config.max_delay_ms is None else 1e-3 * config.max_delay_ms
 
 
@@ -230,7 +231,7 @@ def _order(config: Identify, runs: list[Measurement]) -> tuple[int, int, tuple[O
     from analysis.identify import own_records, select_order
 
     chosen = [
-        select_order(own_records(runs, k), delay=_delay(config.delay), max_delay=_longest(config))
+        select_order(own_records(runs, k), delay=_delay(config.delay), max_delay=longest(config))
         for k in range(len(runs[0].outputs))
     ]
     (poles, zeros), scores = max(chosen, key=lambda c: (sum(c[0]), c[0]))

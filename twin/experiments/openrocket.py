@@ -64,7 +64,8 @@ class ImportResult(Result):
 def _beside(own: float, stored: float | None, unit: str) -> str:
     if stored is None:
         return f"{own:.4g} {unit}; the design stores none to compare"
-    return f"{own:.4g} {unit}, OpenRocket {stored:.4g} {unit}: {100 * (own / stored - 1):+.2f} %"
+    text = f"{own:.4g} {unit}, OpenRocket {stored:.4g} {unit}"
+    return f"{text}: {100 * (own / stored - 1):+.2f} %" if stored > 0 else text
 
 
 def import_design(config: Settings) -> ImportResult:

@@ -12,6 +12,9 @@ from analysis.recording.lock import claim
 from twin.errors import TwinError
 from twin.viewer.process import LOOPBACK
 
+# bytes of the blueprint: 34 kB with one signal, 123 kB with those of a flight
+ROOM, ROOM_EACH = 40_000, 4_000
+
 
 class RecorderError(TwinError):
     """A recording that cannot be written, as one line."""
@@ -46,7 +49,7 @@ def json_text(properties: Mapping[str, object]) -> str:
         raise RecorderError(f"the properties of a run must be JSON values: {error}") from None
 
 
-def claimed(path: Path, partial: Path) -> IO[bytes]:
+def claimed(path: Path, partial: Path, signals: int) -> IO[bytes]:
     """Mark the file as being written; returns the open mark.
 
     Raises
@@ -60,6 +63,7 @@ def claimed(path: Path, partial: Path) -> IO[bytes]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         mark = claim(partial)
+        _refuse_full(mark, partial, ROOM + ROOM_EACH * signals)
         if os.name != "posix":  # an open file could not be renamed there
             mark.close()
     except BlockingIOError:
@@ -68,6 +72,19 @@ def claimed(path: Path, partial: Path) -> IO[bytes]:
         reason = getattr(error, "strerror", None) or error
         raise RecorderError(f"cannot record to {path}: {reason}") from None
     return mark
+
+
+def _refuse_full(mark: IO[bytes], partial: Path, room: int) -> None:
+    """Reserve and release room for the blueprint: Rerun waits for ever where it does not fit."""
+    if not hasattr(os, "posix_fallocate"):
+        return
+    try:
+        os.posix_fallocate(mark.fileno(), 0, room)
+        os.ftruncate(mark.fileno(), 0)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        mark.close()
+        raise
 
 
 def refuse_taken(port: int) -> None:

@@ -11,6 +11,7 @@ import rerun_bindings
 from analysis import schema
 
 Sinks = list[rr.FileSink | rr.GrpcServerSink]
+_abandoned: list[rr.RecordingStream] = []
 
 
 def begin(stream: rr.RecordingStream, sinks: Sinks, look: rrb.Blueprint) -> None:
@@ -54,7 +55,8 @@ def _stored(look: rrb.Blueprint) -> Iterator[rerun_bindings.PyMemorySinkStorage]
 
 def release() -> None:
     """End the threads of all streams that are disconnected and that nothing refers to."""
-    rerun_bindings.flush_and_cleanup_orphaned_recordings()
+    if not _abandoned:  # Rerun would flush those as well, and fail or wait for ever
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()
 
 
 def abandon(stream: rr.RecordingStream) -> None:
@@ -65,4 +67,5 @@ def abandon(stream: rr.RecordingStream) -> None:
     """
     for held in (stream, stream.to_native()):
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(held))
+    _abandoned.append(stream)
     rr.unregister_shutdown()

@@ -74,7 +74,7 @@ class Recorder(Sink):
         self._poses = None if model is None else Poses(model, pose_period_ns)
         names = [s.name for s in self._signals]
         self._look = Look(names, self._poses, model, live=serve is not None)
-        self._mark = claimed(self.path, self._partial)  # late: a killed run leaves it empty
+        self._mark = claimed(self.path, self._partial, len(names))  # late: killed, it is empty
         self._texts: list[tuple[str, int, str, str]] = []
         self._last_wall = 0
         self._reached = 0

@@ -1,8 +1,10 @@
 """`twin mechanism build` and `twin meshes`: the model of a gimbal, and its printable parts."""
 
+import filecmp
 import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from twin.config.mechanism import Mechanism as Settings
 from twin.config.mechanism import Meshes
@@ -57,29 +59,24 @@ def built(config: Settings) -> BuildResult:
     size = read(config.file)
     out = config.out or Path("runs") / f"{config.file.stem}.xml"
     out = writable(out, ".xml", force=config.force)
-    parts = write(size, out)
+    parts = write(size, out, force=config.force)
     x, y = size.rods
     return BuildResult(str(out), tuple(map(str, parts)), (x * 1e3, y * 1e3))
 
 
-def write(size: Dimensions, out: Path) -> tuple[Path, ...]:
+def write(size: Dimensions, out: Path, *, force: bool = False) -> tuple[Path, ...]:
     """MJCF of a mechanism at `out`, its parts in the folder of that name without extension.
+
+    Parameters
+    ----------
+    force : replace other parts of these names
 
     Raises
     ------
-    TwinError : a part cannot be drawn, or a file in its place cannot be used
+    TwinError : a part cannot be drawn, or a file in its place cannot be used or replaced
     """
     folder = out.with_suffix("")
-    folder.mkdir(parents=True, exist_ok=True)
-    part = out.with_name(f"{out.stem}.partial.xml")  # MuJoCo goes by the ending
-    part.write_text(mjcf(size, folder.name), encoding="utf-8")
-    try:
-        found = _drawn(part, folder, dict(size.stl))
-    except TwinError:
-        part.unlink()
-        raise
-    part.replace(out)
-    return found
+    return _saved(folder, out, mjcf(size, folder.name), dict(size.stl), force)
 
 
 def draw(config: Meshes) -> BuildResult:
@@ -87,7 +84,8 @@ def draw(config: Meshes) -> BuildResult:
 
     Raises
     ------
-    TwinError : a mechanism without the names that the parts are drawn around
+    TwinError : a mechanism without the names that the parts are drawn around, or a file in the
+        place of a part
     """
     out = config.out or Path("runs") / "parts"
     try:
@@ -98,21 +96,55 @@ def draw(config: Meshes) -> BuildResult:
     if file.suffix.lower() == ".toml":
         size = read(file)
         model = writable(out / f"{file.stem}.xml", ".xml", force=config.force)
-        model.write_text(mjcf(size, "."), encoding="utf-8")
-        return BuildResult(str(out), tuple(map(str, _drawn(model, out, dict(size.stl)))))
-    return BuildResult(str(out), tuple(map(str, _drawn(file, out, {}))))
+        parts = _saved(out, model, mjcf(size, "."), dict(size.stl), config.force)
+    else:
+        parts = _saved(out, file, None, {}, config.force)
+    return BuildResult(str(out), tuple(map(str, parts)))
 
 
-def _drawn(model: Path, folder: Path, own: dict[str, Path]) -> tuple[Path, ...]:
-    """Parts of a model, drawn or copied from the builder's own files."""
+def _saved(
+    folder: Path, model: Path, text: str | None, own: dict[str, Path], force: bool
+) -> tuple[Path, ...]:
+    """Draw the parts beside their place, and move them there where nothing else is lost.
+
+    Parameters
+    ----------
+    model : MJCF that is written with `text`, or read where that is None
+    own : the builder's own files, by part
+    """
     from meshes import MeshError, check
     from meshes.generate import generate
 
     try:
-        written = generate(folder, model)
-        for name, file in own.items():
-            check(file)
-            shutil.copyfile(file, written[name])
+        with TemporaryDirectory(
+            dir=folder if folder.is_dir() else folder.parent, prefix=".parts-"
+        ) as place:
+            source = model
+            if text is not None:
+                source = Path(place) / model.name
+                source.write_text(text, encoding="utf-8")
+            drawn = generate(Path(place), source)
+            for name, file in own.items():
+                check(file)
+                shutil.copyfile(file, drawn[name])
+            moves = [(part, folder / part.name) for part in drawn.values()]
+            for part, target in moves:
+                _check_target(part, target, own, force)
+            for part, target in moves:
+                part.replace(target)
+            if text is not None:
+                source.replace(model)
     except (MeshError, OSError) as error:
         raise TwinError(str(error)) from None
-    return tuple(written.values())
+    return tuple(target for _, target in moves)
+
+
+def _check_target(part: Path, target: Path, own: dict[str, Path], force: bool) -> None:
+    """Refuse to replace a builder's own part, and without `force` any other part."""
+    if not target.is_file():
+        writable(target, force=force)
+        return
+    if any(target.samefile(file) for file in own.values()):
+        raise TwinError(f"--out: {target} is an own part and would be replaced; give another --out")
+    if not filecmp.cmp(part, target, shallow=False):
+        writable(target, force=force)

@@ -160,15 +160,15 @@ class _Editor:
             joint.set(key, _text(float(joint.get(key, "0")) * strength))
         reach = max(0.5, REACH * size.stroke * size.lever / size.horn)
         motor.set("ctrlrange", _text((-reach, reach)))
-        for name in ("servo_motor_constant", "servo_gain", "servo_rate_gain"):
-            numeric = self._root.find(f".//numeric[@name='{name}']")
+        # another winding of the same motor: its no-load speed, supply / constant, stays
+        scales = ("resistance", 1 / strength), ("gain", strength), ("rate_gain", strength)
+        for name, scale in scales:
+            numeric = self._root.find(f".//numeric[@name='servo_{name}']")
             assert numeric is not None
-            numeric.set("data", _text(float(numeric.get("data", "0")) * strength))
-        constant = _text(0.38 * strength)
-        motor.set("motorconst", f"{constant} {constant}")
+            numeric.set("data", _text(float(numeric.get("data", "0")) * scale))
+        motor.set("resistance", _text(10 / strength))
         # velocity gain: K²/R and the rate gain, as `apply_servo` has it
-        gain, rate = _text(1.8 * strength), _text(0.01444 * strength**2 + 0.008 * strength)
-        motor.set("controller", f"{gain} 0 {rate} 10.5 0 4.8")
+        motor.set("controller", f"{_text(1.8 * strength)} 0 {_text(0.02244 * strength)} 10.5 0 4.8")
 
 
 def _text(value: object) -> str:

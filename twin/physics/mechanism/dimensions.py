@@ -31,7 +31,7 @@ class Servo:
     ears : length over the ears [m]
     screws : distance of the holes in the ears [m]
     flange : middle of the ears behind the top of the case [m]
-    torque : at stall [N m]
+    torque : at stall [N m]; the no-load speed is that of the default servo
     """
 
     length: Annotated[float, SIZE] = 0.0228

@@ -14,6 +14,8 @@ from twin.physics.vehicle.design import VehicleError
 
 LARGEST_FILE: Final = 20_000_000  # bytes; the largest of 40 public designs has 0.9 MB
 LARGEST_XML: Final = 40_000_000
+# zipfile expands other kinds without regard to the length asked for
+BOUNDED: Final = zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED
 DOCUMENT: Final = "rocket.ork"  # in the archive, beside textures and thumbnails
 
 
@@ -47,7 +49,10 @@ def _xml(data: bytes) -> bytes:
         designs = [DOCUMENT] if DOCUMENT in names else [n for n in names if n.endswith(".ork")]
         if not designs:
             raise zipfile.BadZipFile(f"it holds no {DOCUMENT}")
-        with archive.open(designs[0]) as stream:
+        info = archive.getinfo(designs[0])
+        if info.compress_type not in BOUNDED:
+            raise zipfile.BadZipFile("its document must be stored or deflated, as OpenRocket does")
+        with archive.open(info) as stream:
             return _bounded(stream)
 
 

@@ -198,7 +198,8 @@ class _Import:
             width = part.size("diameter")
             if part.tag == "streamer":  # a circle of the strip's area
                 width = math.sqrt(4 / math.pi * part.size("striplength") * part.size("stripwidth"))
-            event, delay = part.word("deployevent", "ejection"), part.size("deploydelay")
+            opens = self._deployment(part)
+            event, delay = opens.word("deployevent", "ejection"), opens.size("deploydelay")
             if width <= 0 or event not in ("apogee", "altitude", "ejection"):
                 self._left.append(f"{part.name}: opens at {event[:40]!r}, not in this description")
                 continue
@@ -210,11 +211,19 @@ class _Import:
                     diameter=width,
                     drag=part.size("cd", CHUTE_DRAG),
                     position=min(max(part.start, 0.0), self._tail),
-                    height=part.size("deployaltitude") if event == "altitude" else None,
+                    height=opens.size("deployaltitude") if event == "altitude" else None,
                     delay=self._delay() + delay if event == "ejection" else None,
                 )
             )
         return found
+
+    def _deployment(self, part: Part) -> Part:
+        """Where a parachute's event stands: in the default configuration's own, if it has one."""
+        chosen = self._configuration()
+        for item in part.element.iterfind("deploymentconfiguration"):
+            if item.get("configid") == chosen:
+                return Part(item, part.name)
+        return part
 
     def _delay(self) -> float:
         """Delay of the ejection charge of the default configuration's motor [s]."""

@@ -6,6 +6,7 @@ from typing import Final
 from twin.physics.openrocket.tree import Part, corners
 from twin.physics.vehicle.design import Body, FinSet, Plan, Section, VehicleError
 from twin.physics.vehicle.design import Part as Kind
+from twin.physics.vehicle.planform import PlanForm
 from twin.physics.vehicle.profile import Shape
 
 KINDS: Final[dict[str, Kind]] = {
@@ -42,10 +43,15 @@ def body(part: Part) -> Body:
 
 
 def fin_set(part: Part) -> FinSet:
-    """Shape of a fin set, without its mass."""
+    """Shape of a fin set, without its mass.
+
+    Raises
+    ------
+    VehicleError : its plan form has no area
+    """
     shape = PLANS[part.tag]
     points = corners(part) if shape == "points" else ()
-    return FinSet(
+    fins = FinSet(
         count=float(part.count),
         thickness=part.size("thickness"),
         shape=shape,
@@ -59,3 +65,6 @@ def fin_set(part: Part) -> FinSet:
         section=SECTIONS.get(part.word("crosssection", "square"), "square"),
         mass=0.0,
     )
+    if not PlanForm.of(fins).area() > 0:
+        raise VehicleError(f"{part.name}: its plan form has no area; give it a root and a height")
+    return fins

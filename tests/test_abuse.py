@@ -1,0 +1,81 @@
+"""A small fixed sample of `make abuse`, and that its driver notices what it should."""
+
+import pytest
+
+from tests.abuse import runs, texts
+from tests.abuse.__main__ import KINDS
+from tests.abuse.attempt import Attempt, abuse, save, table
+from tests.twin.test_mutations import KINDS as FILES
+from twin.errors import TwinError
+
+SAMPLE = {
+    "frames": (texts.codec, 300),
+    "settings": (texts.settings, 200),
+    **{kind: (texts.files(kind), 15) for kind in FILES if KINDS[kind][1] > 300},
+}
+
+
+def test_a_fixed_sample_of_abuse_has_no_failures(tmp_path):
+    rows = abuse(SAMPLE, 1, tmp_path / "abuse")
+    assert [row.attempts for row in rows] == [count for _, count in SAMPLE.values()]
+    assert [text for row in rows for _, text in row.failed] == []
+
+
+def planted(*outcomes):
+    def attempts(chance, folder):
+        for name, outcome in outcomes:
+            yield Attempt(name, outcome, name.encode())
+
+    return attempts
+
+
+def raising(error):
+    def act():
+        raise error
+
+    return act
+
+
+def test_the_driver_counts_and_keeps_what_fails_and_nothing_else(tmp_path):
+    kinds = {
+        "valid": (planted(("read", dict), ("refused", raising(TwinError("x: too long")))), 2),
+        "wrong": (
+            planted(
+                ("crash", raising(KeyError("nozzle"))),
+                ("lines", raising(TwinError("x:\ntoo long"))),
+                ("exit", raising(SystemExit(3))),
+            ),
+            3,
+        ),
+    }
+    rows = abuse(kinds, 1, tmp_path / "abuse")
+    assert [line.split()[:3] for line in table(rows).splitlines()[1:]] == [
+        ["valid", "2", "0"],
+        ["wrong", "3", "3"],
+        ["all", "5", "3"],
+    ]
+    save(rows, tmp_path / "failures")
+    kept = sorted(p.name for p in (tmp_path / "failures").iterdir())
+    assert kept == [f"wrong-{k}.{kind}" for k in range(3) for kind in ("input", "txt")]
+    assert (tmp_path / "failures/wrong-0.input").read_bytes() == b"crash"
+    assert "KeyError: 'nozzle'" in (tmp_path / "failures/wrong-0.txt").read_text()
+
+
+@pytest.mark.parametrize("value", [float("nan"), [1.0, float("inf")], {"a": (float("-inf"),)}])
+def test_a_reader_that_takes_nonsense_is_a_failure(tmp_path, monkeypatch, value):
+    monkeypatch.setitem(FILES, "motor", (".eng", lambda _: b"x", lambda _: value, 1))
+    (row,) = abuse({"motor": (texts.files("motor"), 2)}, 1, tmp_path / "abuse")
+    assert "not finite" in row.failed[0][1]
+
+
+def test_a_result_that_does_not_open_and_a_changed_input_are_failures(tmp_path):
+    (tmp_path / "own.toml").write_text("a = 1")
+    inputs = runs.outputs_of.state(tmp_path)
+    runs._whole(tmp_path, inputs)
+    (tmp_path / "result.json").write_text('{"a": ')
+    with pytest.raises(ValueError, match="Expecting value"):
+        runs._whole(tmp_path, inputs)
+    (tmp_path / "result.json").unlink()
+    (tmp_path / "own.toml").write_text("")
+    with pytest.raises(AssertionError):
+        runs._whole(tmp_path, inputs)

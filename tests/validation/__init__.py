@@ -1,0 +1,1 @@
+"""The claims of the documentation measured against independent truths: `make validate`."""
