@@ -37,7 +37,7 @@ test-long: env test-tools
 mutate: env test-tools
 	$(BIN)/python -m tests.mutation
 
-# Hostile files, frames, peers, faults, full disks and signals; SHORT=1 takes three minutes.
+# Hostile files, frames, peers, faults, full disks and signals; SHORT=1 goes once around.
 abuse: env
 	$(BIN)/python -m tests.abuse $(if $(SHORT),--short)
 
