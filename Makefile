@@ -79,10 +79,11 @@ generated: env
 	$(BIN)/python .ci/protocol.py
 	$(BIN)/python .ci/licences.py
 
-# Renews the pinned lock; needs uv. The lock carries no registry address.
+# Renews the pinned lock; needs uv. The lock carries no registry address. KEEP=1 keeps the versions that it has.
+LOCKED := dev docs report sysid mcap usd
 lock:
-	uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
-	  --no-header --no-annotate --no-emit-index-url --extra dev --extra report --extra sysid pyproject.toml -o .ci/lock.txt
+	uv pip compile --quiet $(if $(KEEP),,--upgrade) --universal --python-version 3.11 --generate-hashes \
+	  --no-header --no-annotate --no-emit-index-url $(LOCKED:%=--extra %) pyproject.toml -o .ci/lock.txt
 
 clean:
 	rm -rf $(VENV) build dist
