@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long mutate abuse test-tools bench validate lint format meshes docs-check generated lock clean
+.PHONY: env run test test-long mutate abuse test-tools bench validate lint format meshes docs docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -57,6 +57,7 @@ lint: env
 	$(BIN)/python .ci/states.py --check
 	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
+	@$(MAKE) --no-print-directory docs
 	@bash .ci/test-tools cppcheck
 	@bash .ci/cppcheck
 
@@ -71,6 +72,11 @@ docs-check: env
 	$(BIN)/python .ci/states.py --check
 	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
+
+# The documentation as a site in build/docs; every warning is an error.
+docs: env
+	$(BIN)/python -m sphinx -qEW --keep-going -c docs . build/docs
+	@echo "docs: build/docs/index.html"
 
 # Writes what is generated: the typed signatures, the state diagrams, the tables of messages, the licences.
 generated: env
