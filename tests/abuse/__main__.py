@@ -7,6 +7,7 @@ of each kind in a folder. The long form goes on for `--minutes`.
 import argparse
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -45,6 +46,7 @@ def main() -> int:
     if options.sample:
         kinds = {kind: (make, max(2, count // 20)) for kind, (make, count) in kinds.items()}
     minutes = 0.0 if options.short or options.sample else options.minutes
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     folder = Path(tempfile.mkdtemp(prefix="abuse-"))  # forked verbs would remove a temporary one
     try:
         rows = abuse(kinds, options.seed, folder, minutes, options.jobs, _progress)

@@ -128,19 +128,24 @@ def abuse(
     context, waiting, rows = get_context("fork"), list(kinds), {}
     seconds = 60 * minutes * jobs / max(len(kinds), 1)
     busy: dict[Connection, tuple[str, ForkProcess]] = {}
-    while waiting or busy:
-        while waiting and len(busy) < jobs:
-            kind = waiting.pop(0)
-            ours, theirs = context.Pipe(duplex=False)
-            arguments = (theirs, kind, *kinds[kind], seed, folder / kind, seconds)
-            process = context.Process(target=_send, args=arguments)
-            process.start()
-            theirs.close()
-            busy[ours] = kind, process
-        for line in wait(list(busy)):
-            kind, process = busy.pop(line)
-            rows[kind] = _received(line, kind, process, folder / kind)
-            progress(rows[kind])
+    try:
+        while waiting or busy:
+            while waiting and len(busy) < jobs:
+                kind = waiting.pop(0)
+                line, theirs = context.Pipe(duplex=False)
+                arguments = (theirs, kind, *kinds[kind], seed, folder / kind, seconds)
+                process = context.Process(target=_send, args=arguments)
+                process.start()
+                theirs.close()
+                busy[line] = kind, process
+            for line in wait(list(busy)):
+                kind, process = busy.pop(line)
+                rows[kind] = _received(line, kind, process, folder / kind)
+                progress(rows[kind])
+    finally:
+        for _, process in busy.values():
+            process.terminate()
+            process.join()
     return [rows[kind] for kind in kinds]
 
 

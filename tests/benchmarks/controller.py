@@ -61,6 +61,7 @@ def _environment() -> Iterator[Row]:
         out = Path(folder, "f.rrd")
 
         def flight(duration: float) -> float:
+            out.unlink(missing_ok=True)
             began = time.process_time()
             fly(Fly(gimbal="transfer-function", duration_s=duration, out=out))
             return time.process_time() - began

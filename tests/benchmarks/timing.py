@@ -51,8 +51,8 @@ class Row:
         return self.least is None or self.value >= self.least
 
     def __str__(self) -> str:
-        limit = f"≤ {self.most:g}" if self.most is not None else ""
-        limit = f"≥ {self.least:g}" if self.least is not None else limit
+        limit = f"≤ {_digits(self.most)}" if self.most is not None else ""
+        limit = f"≥ {_digits(self.least)}" if self.least is not None else limit
         value = "not measured" if self.value is None else f"{_digits(self.value)} {self.unit}"
         of = ("" if x is None else _digits(x) for x in (self.of_limit, self.of_peer))
         shares = "".join(f"{text:>10}" for text in of)
