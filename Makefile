@@ -41,8 +41,11 @@ mutate: env test-tools
 abuse: env
 	$(BIN)/python -m tests.abuse $(if $(SHORT),--short)
 
-bench: env
-	$(BIN)/python -m tests.benchmarks
+# One table of speeds as ratios to limits and peers, and the same as runs/bench.json.
+bench: env test-tools
+	@bash .ci/test-tools rt-tests
+	@mkdir -p runs
+	$(BIN)/python -m tests.benchmarks --json runs/bench.json
 
 # Measures the claims against independent truths and renews docs/validation.md.
 validate: env
