@@ -7,7 +7,7 @@ averages out: a potentiometer that drifts slowly leaves it, whatever gyro and se
 from dataclasses import dataclass, field
 from math import asin, cos
 
-from hardware.frames import Triple
+from hardware.frames import Pair, Triple
 from hardware.parts import STANDARD_GRAVITY
 
 AVERAGE = 1.5  # s
@@ -45,8 +45,7 @@ class Gravity:
         """
         if not abs(force[2]) > UPRIGHT:
             return
-        x = _tilt(force)
-        y = asin(_unit((-force[0] if force[2] > 0 else force[0]) / cos(x)))
+        x, y = tilts(force)
         x -= _tilt(base)
         first = self.age == 0.0
         self.age += dt
@@ -60,6 +59,12 @@ class Gravity:
     def departed(self, i: int) -> float:
         """How far potentiometer `i` has left gravity since it was learned; 0 before [rad]."""
         return self.mean[i] - self.reference[i] if self.age > LEARNED else 0.0
+
+
+def tilts(force: Triple) -> Pair:
+    """Turn of a holder about x and y by the reading of its accelerometer, at rest [rad]."""
+    x = _tilt(force)
+    return x, asin(_unit((-force[0] if force[2] > 0 else force[0]) / cos(x)))
 
 
 def _tilt(force: Triple) -> float:
