@@ -278,6 +278,8 @@ def _record(config: Compare, file: Path, pair: _Pair, drift: "RunDrift | None") 
         more = drift.signals(pair.run.recording["gimbal/measured"])
         rows = np.hstack([rows, *(_placed(reference.time, *given) for given in more.values())])
         signals += more
+        events += [(0.0, f"from the start: {t}", "INFO") for d in drift.axes.values()
+                   for t in d.differs]  # fmt: skip
         events += [(c.noticed, c.text, "WARN") for c in drift.changes]
     with Recorder(file, signals=signals, properties=properties, drain_ns=8_000_000_000) as recorder:
         for when, text, level in sorted(events, key=lambda e: e[0]):
