@@ -74,7 +74,8 @@ def fly(
         flight, track = Flight(plant, target), Track(plant, s.rows.command, pilot.error)
         if recorder is not None:
             flight.announce = recorder.event
-        s.rehearse(_pilot(plant, programme, s.tick_ns))
+        if s.real_time:
+            s.rehearse(_pilot(plant, programme, s.tick_ns))
         powered = _powered(turntable, flight.burnout_ns)
         duration_ns = round(config.duration_s * 1e9)
         outcome = None

@@ -9,10 +9,18 @@ from numpy.typing import NDArray
 
 from analysis.compiled import njit
 from twin.config.result import Rows
+from twin.control.attitude import LARGEST_COMMAND
 from twin.errors import TwinError
-from twin.physics import aerodynamics as air
-from twin.physics.aerodynamics.atmosphere import COLUMNS
-from twin.plant.authority import control_config, numeric
+from twin.physics.aerodynamics.atmosphere import (
+    COLUMNS,
+    DENSITY,
+    TEMPERATURE,
+    density,
+    profile_at,
+    sound,
+    speed_of_sound,
+)
+from twin.plant.authority import numeric
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
@@ -163,7 +171,8 @@ class Track:
     @property
     def limit(self) -> float:
         """Largest command of an axis by the attitude loop [rad]."""
-        return control_config(self._model).limit
+        limit = numeric(self._model, "control_limit")
+        return LARGEST_COMMAND if limit is None else float(limit[0])
 
     @property
     def ticks(self) -> Array:
@@ -241,18 +250,13 @@ class Track:
         )
         if enabled is None or altitude is None or not enabled[0]:
             return np.zeros(len(ticks)), np.zeros(len(ticks))
-        z = ticks[:, POSITION][:, 2]
+        z = np.ascontiguousarray(ticks[:, POSITION][:, 2])
         profile = numeric(self._model, "air_profile")
         if profile is None:
-            laws = (air.density, air.speed_of_sound)
-            rho, sound = (np.array([f(h + altitude[0]) for h in z]) for f in laws)
+            rho, sound = _standard_air(z, altitude[0])
         else:
             _check_top(profile, float(z.max()))
-            rho, kelvin = (
-                np.array([air.profile_at(profile, column, h) for h in z])
-                for column in (air.DENSITY, air.TEMPERATURE)
-            )
-            sound = air.sound(kelvin)
+            rho, sound = _profile_air(z, profile)
         return 0.5 * rho * ticks[:, AIRSPEED] ** 2, ticks[:, AIRSPEED] / sound
 
     def _saturation(self, burning: Array) -> float | None:
@@ -271,6 +275,25 @@ def keep(row: Array, time_ns: int, v: Views) -> None:
     row[7], row[8] = v.airspeed[0], v.attack[0]
     row[9], row[10] = v.command[0], v.command[1]
     row[11] = v.error[0] * v.error[0] + v.error[1] * v.error[1]
+
+
+@njit()
+def _standard_air(z: Array, altitude: float) -> tuple[Array, Array]:
+    """Density [kg/m³] and speed of sound [m/s] at heights above ground [m]."""
+    rho, sound = np.empty_like(z), np.empty_like(z)
+    for k in range(z.size):
+        rho[k], sound[k] = density(z[k] + altitude), speed_of_sound(z[k] + altitude)
+    return rho, sound
+
+
+@njit()
+def _profile_air(z: Array, profile: Array) -> tuple[Array, Array]:
+    """The same in a profile of the air."""
+    rho, speed = np.empty_like(z), np.empty_like(z)
+    for k in range(z.size):
+        rho[k] = profile_at(profile, DENSITY, z[k])
+        speed[k] = sound(profile_at(profile, TEMPERATURE, z[k]))
+    return rho, speed
 
 
 def _at(time: float, times: Array, values: Array) -> float:

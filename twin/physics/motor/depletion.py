@@ -76,6 +76,11 @@ class Depletion:
             model.body_ipos[body], model.body_inertia[body],
         )  # fmt: skip
 
+    def burnt(self, t: float) -> float:
+        """Fraction of the propellant gone at simulation time t [s], 0 to 1."""
+        fuel = self.fuel
+        return float(_burnt(t, fuel.curve, fuel.fixed[0])) if fuel.chain.size else 0.0
+
     def update(self, t: float) -> None:
         """Rewrite the propellant as of simulation time t [s], and all masses above it."""
         if self.fuel.chain.size:
@@ -91,7 +96,7 @@ def _chain(model: mujoco.MjModel, body: int) -> NDArray[np.int64]:
 
 @njit(nogil=True)
 def _burnt(t: float, curve: Array, ignition: float) -> float:
-    """Fraction of the propellant gone at simulation time t [s], 0 to 1."""
+    """`Depletion.burnt` with a thrust curve, see `Fuel`."""
     since = t - ignition
     time = curve[0]
     if since <= time[0]:
