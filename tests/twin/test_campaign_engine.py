@@ -20,8 +20,10 @@ from twin.campaigns.store import Store, column
 from twin.campaigns.study import read
 from twin.config import Fly
 from twin.config.campaign import Campaign
-from twin.errors import TwinError
+from twin.errors import DivergenceError, TwinError
+from twin.experiments.flight_ticks import compiled_ticks
 from twin.experiments.flights import fly
+from twin.experiments.fly import fly as once
 from twin.plant.compiled import compiled
 
 MIXED = """
@@ -104,6 +106,41 @@ def test_rows_equal_single_flights_to_the_last_bit(tmp_path):
 @pytest.mark.slow
 def test_two_hundred_rows_of_mixed_gimbals_and_vehicles_equal_single_flights(tmp_path):
     compared(tmp_path, n=200, duration=10.0)
+
+
+def _figures(config: Fly) -> dict[str, object] | str:
+    try:
+        result = once(config, recorded=False).as_dict()
+    except DivergenceError as error:
+        return str(error)
+    return {k: v for k, v in result.items() if k not in ("physics_s", "cpu_s", "wall_s")}
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"programme": "point", "target_range_m": 3.0, "duration_s": 2.0},
+        {"programme": "step", "gimbal": "transfer-function", "at_s": 0.1, "integrator": "rk4"},
+        {"gimbal": "linkage", "control_hz": 50.0, "launch": "hand"},
+        {"vehicle": MJCF / "examples" / "flights" / "valetudo.toml"},
+        {"set": {"gimbal_closure_limit": 3e-6}},  # the rods come apart
+        {"programme": "point", "set": {"wind_speed": 2000.0}},  # past the stops
+    ],
+)
+def test_ticks_in_compiled_code_equal_those_in_python(settings, monkeypatch):
+    config = Fly.of({"duration_s": 0.3, **settings})
+    ends = []
+
+    def noted(*given):
+        ends.append(compiled_ticks(*given))
+        return ends[-1]
+
+    with compiled():
+        monkeypatch.setattr("twin.experiments.fly.compiled_ticks", noted)
+        quick = _figures(config)
+        assert None not in ends  # it was flown there
+        monkeypatch.setattr("twin.experiments.fly.compiled_ticks", lambda *_: None)
+        assert _figures(config) == quick
 
 
 def test_a_campaign_writes_rows_and_answers(tmp_path):

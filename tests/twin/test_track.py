@@ -31,7 +31,7 @@ def test_a_thrown_point_has_the_figures_of_the_parabola():
     plant = SimpleNamespace(
         model=model, twin=twin, signals=views, position=np.zeros(3), velocity=np.zeros(3), time_ns=0
     )
-    track = Track(plant, np.zeros(2))
+    track = Track(plant, np.zeros(2), np.zeros(2))
     start, dt = model.qpos0[:3].copy(), 0.004
     steps = round(2 * 40 / G / dt)
     for k in range(steps + 1):
