@@ -15,10 +15,9 @@ from hardware.faults import (
     Reading,
     Remedy,
     ServoLimits,
-    tilts,
 )
 from hardware.faults.memory import number
-from hardware.frames import GimbalState, HardwareError, Pair, SensorFrame, Triple
+from hardware.frames import GimbalState, HardwareError, Pair, SensorFrame, Triple, tilts
 from hardware.fusion.base import BaseMap
 from hardware.fusion.commands import Commands, tolerances
 from hardware.fusion.kalman import (
