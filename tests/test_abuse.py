@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from tests.abuse import runs, texts
+from tests.abuse import endurance, runs, texts
 from tests.abuse.__main__ import KINDS
 from tests.abuse.attempt import Attempt, abuse, save, table
 from tests.twin.test_mutations import KINDS as FILES
@@ -76,6 +76,12 @@ def test_an_attempt_that_ends_the_process_is_a_failure_of_its_kind_alone(tmp_pat
     rows = abuse({"crash": (crash, 2), "next": (planted(("read", dict)), 1)}, 1, tmp_path / "abuse")
     assert [(row.attempts, len(row.failed)) for row in rows] == [(1, 1), (1, 0)]
     assert rows[0].failed[0] == ("kill", b"kill", "ended the process, exit code -9")
+
+
+def test_memory_that_grows_after_the_first_tenth_is_a_failure():
+    warm = [*range(100), *[100] * 900]
+    assert endurance.grown(warm) == ""
+    assert endurance.grown([size + k / 20 for k, size in enumerate(warm)]).startswith("memory grew")
 
 
 def test_a_result_that_does_not_open_and_a_changed_input_are_failures(tmp_path):

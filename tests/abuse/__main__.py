@@ -1,7 +1,7 @@
 """Hostile input: python -m tests.abuse [--short | --sample] [--seed N] [--minutes M] [--only TEXT]
 
 Prints attempts and failures by kind; exits with 1 if anything failed, with the first failing inputs
-of each kind in a folder. The long form goes on for `--minutes`.
+of each kind in a folder. The long form goes on for `--minutes`, then simulates an hour.
 """
 
 import argparse
@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.abuse import runs, texts
+from tests.abuse import endurance, runs, texts
 from tests.abuse.attempt import Kind, Row, abuse, save, table
 from tests.twin.test_mutations import KINDS as FILES
 
@@ -26,7 +26,7 @@ KINDS: dict[str, tuple[Kind, int]] = {
     "outputs": (runs.outputs, 60),
     "faults": (runs.faults, 100),
     "peers": (runs.peers, 200),
-    "full disk": (runs.disk, 45),
+    "full disk": (runs.disk, 32),
     "signals": (runs.kills, 60),
 }
 
@@ -50,6 +50,8 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="abuse-"))  # forked verbs would remove a temporary one
     try:
         rows = abuse(kinds, options.seed, folder, minutes, options.jobs, _progress)
+        if minutes and options.only in "simulated hour":
+            rows.append(endurance.row(folder))
     finally:
         shutil.rmtree(folder)
     print(table(rows))
