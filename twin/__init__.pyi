@@ -41,6 +41,7 @@ def calibrate(
     gimbal: str = ...,
     mechanism: str | PathLike[str] | None = ...,
     switch_deg: tuple[float, float, float, float] | None = ...,
+    minimal: bool = ...,
     repeats: int = ...,
     seed: int = ...,
 ) -> CalibrationResult: ...
@@ -313,6 +314,7 @@ def rig(
     scene: Literal['bench', 'turntable'] = ...,
     mechanism: str | PathLike[str] | None = ...,
     seed: int = ...,
+    minimal: bool = ...,
     duration_s: float | None = ...,
 ) -> None: ...
 def step(
