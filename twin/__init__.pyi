@@ -112,6 +112,7 @@ def doctor(
     *,
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    port: str | None = ...,
     compile: bool = ...,
 ) -> DoctorResult: ...
 def export(
