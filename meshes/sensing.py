@@ -26,13 +26,16 @@ def shaft(drawing: Drawing) -> Solid:
 
 def cradle(drawing: Drawing) -> Solid:
     """Seat of a potentiometer of the y axis, glued over both edges of the ring; terminals aft."""
-    half, tall, thick, _, _ = drawing.numeric("print_potentiometer")
+    half, tall, thick, radius, _ = drawing.numeric("print_potentiometer")
     _, outer, height, _, _ = drawing.numeric("print_ring")
     wall = drawing.numeric("print_wall")[0]
     case, size = drawing.geom("potentiometer_y_a"), drawing.geom_size("potentiometer_y_a")
     face, rail = case[1] - size[1], half + PLAY + wall
     solid = box((-rail, outer - 1.6, -tall), (rail, face + 0.7 * thick, tall))
     solid -= box((-half - PLAY, face, -9), (half + PLAY, 40, 9))
+    # without the film of 0.1 mm that is left in front of the ring
+    solid -= box((-half + wall, face - wall, -height), (half - wall, 40, height))
+    solid -= rod((0, 0, 0), (0, 40, 0), radius + FREE)
     seat = height + PLAY
     return solid - (disc(outer + 0.05, -seat, seat) + disc(outer - 1.4, -9, 9))
 

@@ -30,6 +30,7 @@ from hardware.frames import AXES, POTENTIOMETER_NAMES, Pair
 from hardware.parts import POTENTIOMETER_TRAVEL
 
 LARGEST_SPREAD = radians(0.4)  # of one switch's approaches; dead band and quantisation give 0.1°
+SHORTEST_TURN = 0.65  # of a track of 240°; a rotary sensor's of 333° ± 5 % shows 0.68 of it
 TILT_TOLERANCE = 0.1  # scale ±3 % and across ±2 %, MPU-6050 product specification 6.2, twice
 GYRO_TOLERANCE = 0.06  # scale ±3 % by the data sheet, and as much again
 PASSES = 2  # the other axis's angle enters little: 0.1° of it moves a linearised angle by 0.01°
@@ -205,7 +206,7 @@ def _check_axis(index: int, axis: Axis, log: Log, rig: CalibrationRig) -> None:
             _check_tilt(index, float(axis.value[k]), rig)
             continue
         turned = abs(axis.value[k]) * POTENTIOMETER_TRAVEL
-        if not 0.8 < turned < 1.25:
+        if not SHORTEST_TURN < turned < 1.25:
             apart = degrees(rig.switch_angle[2 * index] - rig.switch_angle[2 * index + 1])
             raise CalibrationError(
                 f"{name} turned {apart * turned:.1f}° between switches "

@@ -36,7 +36,7 @@ _HOLDER_IMU = int(Flags.HOLDER_IMU)  # an enum's `&` takes 1 µs
 # Of a rig without potentiometers: 0.28° by the data sheet's 400 µg/√Hz behind the low-pass, twice,
 # because the low-pass correlates readings; in motion the holder accelerates as well
 RESTING, TRAVELLING = radians(0.5), radians(20.0)
-MOVING, SETTLED = radians(4.0), 0.06  # rad/s, s
+MOVING, SETTLED, GATE = radians(4.0), 0.06, 3.0  # rad/s, s, σ
 _MAP_ANGLE = radians(5.0)  # at which a calibration's uncertainty is evaluated
 
 
@@ -230,9 +230,16 @@ class Fusion:
         )
 
     def _tilt(self, reading: Reading) -> float:
-        """Variance of the accelerometer's tilt [rad²]: in motion it shows the motion as well."""
-        pace = max(abs(v) for v in self.filter.state[RATE::STATES])
-        self._moved = 0.0 if pace > MOVING else self._moved + reading.dt
+        """Variance of the accelerometer's tilt [rad²]: in motion it shows the motion as well.
+
+        A beginning motion shows there before the gyro's low-pass has passed it.
+        """
+        x = self.filter.state
+        pace = max(abs(v) for v in x[RATE::STATES])
+        away = max(abs(reading.angle[2 * k] - x[STATES * k + ANGLE]) for k in range(2))
+        bound = GATE * sqrt(RESTING**2 + max(self.filter.angle_variance()))
+        still = pace < MOVING and away < bound
+        self._moved = self._moved + reading.dt if still else 0.0
         sigma = RESTING if self._moved > SETTLED else TRAVELLING
         return sigma * sigma
 

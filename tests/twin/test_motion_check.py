@@ -155,3 +155,10 @@ def test_healthy_units_pass(units):
     for unit in units:
         with compiled(), open_rig(RigOptions("emulator", unit=unit, check=True), None) as seat:
             assert len(seat.notices) == 1
+
+
+def test_a_rig_whose_potentiometers_are_all_open_is_pointed_to_the_minimal_calibration():
+    options = RigOptions("emulator", minimal=True, check=True)
+    with pytest.raises(CheckError, match="open; check the 5 V.*calibrate --minimal"), compiled():
+        with open_rig(options, None):
+            pass

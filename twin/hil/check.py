@@ -4,7 +4,14 @@ from dataclasses import dataclass
 from math import degrees, radians
 
 from hardware.events import Event
-from hardware.frames import AXES, SERVO_NAMES, GimbalCommand, HardwareError, Pair
+from hardware.frames import (
+    AXES,
+    POTENTIOMETER_NAMES,
+    SERVO_NAMES,
+    GimbalCommand,
+    HardwareError,
+    Pair,
+)
 from twin.errors import CheckError
 from twin.hil.gimbal import COMMAND_NS, RigGimbal
 
@@ -19,6 +26,10 @@ CROSS = 0.35  # of the other axis
 SPREAD = radians(0.3)  # of the middle between two steps: weight of the motor, noise
 
 Response = tuple[Pair, Pair]
+ABSENT = (
+    "check the 5 V of the potentiometers; a rig without them needs the --calibration that"
+    " twin calibrate --minimal writes"
+)
 HELP = "check plugs, power, horns and --calibration, or give --no-check"
 
 
@@ -66,7 +77,9 @@ def check_motion(seat: RigGimbal) -> None:
         counted = sensors if problem else [f for f in named if f.sensor in SERVO_NAMES]
         problem = ", ".join(f"{f.sensor} {f.kind}" for f in counted)
     if problem:
-        raise CheckError(f"motion check: {problem}; {HELP}")
+        absent = sum(f.kind == "open" and f.sensor in POTENTIOMETER_NAMES for f in named)
+        remedy = HELP if absent < len(POTENTIOMETER_NAMES) else ABSENT
+        raise CheckError(f"motion check: {problem}; {remedy}")
     seat.notices.append(MotionChecked((response[0][0], response[1][1])))
 
 
