@@ -52,6 +52,7 @@ def campaign(
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     workers: int | None = ...,
+    ray: str | None = ...,
     fail_if: tuple[str, ...] = ...,
     reweight: str | None = ...,
     paths: int = ...,

@@ -26,6 +26,9 @@ class Campaign(Output):
     _: KW_ONLY
     workers: Annotated[int, Range(1, 256)] | None = None
     """Processes that fly at the same time; one for each processor if omitted."""
+    ray: str | None = None
+    """Fly with Ray on several machines: HOST:PORT of a running cluster, or `local` for one on this
+    machine; needs the extra `cluster`."""
     fail_if: Texts = ()
     """Condition on a statistic, for example "hit_rate < 0.95": exit code 1 where its interval
     confirms it, 3 where it is undecided. Added to those of the study. Repeatable."""
@@ -53,5 +56,7 @@ class Campaign(Output):
                 if self.run is None
                 else f"twin campaign {self.action}: takes no run number ({self.run})"
             )
+        if self.ray is not None and self.action not in ("run", "resume"):
+            raise TwinError(f"--ray {self.ray}: is for `twin campaign run` and `resume`")
         if self.reweight is not None and self.action != "report":
             raise TwinError(f"--reweight {self.reweight}: is for `twin campaign report`")
