@@ -22,10 +22,11 @@ from twin.campaigns.result import CampaignResult, Verdict
 from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs, flown
 from twin.campaigns.statistic import FEWEST, Condition, Estimate, condition
-from twin.campaigns.store import Store, column, counted
+from twin.campaigns.store import Store, column, counted, study_of
 from twin.campaigns.study import Stop, Study, read
 from twin.campaigns.vary import shown
 from twin.config.campaign import Campaign
+from twin.config.paths import dated
 from twin.errors import TwinError
 from twin.experiments.flight import FlightResult
 from twin.experiments.fly import fly
@@ -40,6 +41,9 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     ------
     TwinError : in one line, what is wrong
     """
+    folder = Path(config.study)
+    if (folder / "campaign.json").exists():  # results stand for their study
+        config = replace(config, study=study_of(folder), out=config.out or folder)
     study = read(config.study)
     if config.action == "refly":
         return _refly(config, study)
@@ -209,7 +213,9 @@ def _refly(config: Campaign, study: Study) -> FlightResult:
     if run >= runs.count:
         raise TwinError(f"run {run}: must be below {runs.count}, the runs of {study.name}")
     folder = Path("runs") / study.name
-    out = config.out or folder / f"run-{run}.rrd"
+    out = config.out or folder
+    if out.suffix != ".rrd":
+        out = dated(out, f"run-{run}", ".rrd")
     for rows in dict.fromkeys((out.parent, folder)):
         if (rows / "campaign.json").exists():  # another study's run would not be that of the row
             _store(replace(config, out=rows), study, runs).check()

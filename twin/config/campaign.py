@@ -19,8 +19,8 @@ class Campaign(Output):
     """run: fly the study from the beginning; resume: fly what is missing; report: write the page
     again from the rows there are; refly: fly one run again with a full recording."""
     study: Annotated[str, POSITIONAL]
-    """Study file (.toml), or a shipped study: dispersion, limits, mechanism, servos,
-    gains."""
+    """Study file (.toml), or a shipped study: dispersion, limits, mechanism, servos, gains; or the
+    folder of its results."""
     run: Annotated[Annotated[int, Range(0, 10**9)] | None, POSITIONAL] = None
     """Number of the run, for `refly`."""
     _: KW_ONLY
@@ -40,7 +40,8 @@ class Campaign(Output):
     force: Flag = False
     """Start again in a folder that has runs, or replace any recording with `refly`."""
     out: Path | None = None
-    """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write."""
+    """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write;
+    run-NUMBER with the date in the folder of the results if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect.
