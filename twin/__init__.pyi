@@ -53,6 +53,7 @@ def campaign(
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     workers: int | None = ...,
+    ray: str | None = ...,
     fail_if: tuple[str, ...] = ...,
     reweight: str | None = ...,
     paths: int = ...,

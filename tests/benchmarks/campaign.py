@@ -69,23 +69,25 @@ def scaling() -> Iterator[Row]:
             pass
         return work(run)
 
-    seconds = []
+    seconds, used = [], []
     for workers in (1, 2):
         with tempfile.TemporaryDirectory() as folder:
             s = study(Path(folder), text)
             work = place(s, Runs(s))
-            began = time.perf_counter()
+            began, before = time.perf_counter(), _processor()
             flown(s, Path(folder, "out"), busy, workers)
             seconds.append(time.perf_counter() - began)
+            used.append(_processor() - before)
     share = seconds[0] / seconds[1] / 2
     claim = "throughput of two processes over twice that of one"
     yield Row(claim, share, least=0.9, peer=1.0, note="one process")
+    yield Row("the same by processor time a run", used[0] / used[1], least=0.9, peer=1.0)
 
 
 def scale() -> Iterator[Row]:
     """Cost of a stand-in run in campaigns of 100 to 100 000, and their memory."""
-    costs = []
-    for n in (100, 10_000, 100_000):
+    sizes, costs = (100, 10_000, 100_000), []
+    for n in sizes:
         with tempfile.TemporaryDirectory() as folder:
             s = study(Path(folder), linear(n))
             before = _processor()
@@ -96,6 +98,10 @@ def scale() -> Iterator[Row]:
     for n, cost in zip(("100", "10⁴", "10⁵"), costs, strict=True):
         note = "a flight to a point 500 m away"
         yield Row(f"engine a run, {n} runs", cost * 1e3, "ms", peer=flight * 1e3, note=note)
+    (_, some, many), (_, less, more) = sizes, costs
+    added = (more * many - less * some) / (many - some)
+    yield Row("engine a further run", added * 1e3, "ms", peer=flight * 1e3, note=note)
+    yield Row("engine at the start, once", (less - added) * some, "s")
     spread = (flight + max(costs)) / (flight + min(costs)) - 1.0
     yield Row("spread of a run with its flight, 10² to 10⁵ runs", 100 * spread, "%", most=10)
     own, forked = (

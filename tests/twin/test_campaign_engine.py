@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import signal
 import time
 from dataclasses import replace
@@ -151,10 +152,12 @@ def test_a_campaign_writes_rows_and_answers(tmp_path):
     assert (result.runs, result.planned, result.new) == (3, 3, 3)
     assert result.answers.outcomes == {"time": 3}
     assert result.answers.estimates["fast_rate"].value == 1.0
-    again = campaign(Campaign("resume", place_of, out=tmp_path / "out", paths=2))
+    results = str(tmp_path / "out")  # stands for the study
+    again = campaign(Campaign("resume", results, paths=2))
     assert (again.runs, again.new) == (3, 0)
     assert Path(again.recording).stat().st_size > 1000
-    flight = campaign(Campaign("refly", place_of, 1, out=tmp_path / "one.rrd"))
+    flight = campaign(Campaign("refly", results, 1))
+    assert re.fullmatch(r"run-1-\d{8}-\d{6}\.rrd", Path(flight.recording).name)
     s = read(place_of)
     rows = Store(tmp_path / "out", s, 3, {c: str if c in ("gimbal", "vehicle") else float
                                           for c in Runs(s).columns}).table()  # fmt: skip

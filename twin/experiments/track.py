@@ -30,6 +30,8 @@ TIME, POSITION, VELOCITY, AIRSPEED, ATTACK, COMMAND, ERROR = (
 )  # fmt: skip
 WIDTH: Final = 12
 AT_LIMIT: Final = 1e-6  # rad
+TURN: Final = 0.5  # s, over which the direction of the path changes by more than the nose swings
+HALF_NS: Final = 5e-10  # s; times are rounded
 WORTH: Final = 0.1  # of the largest dynamic pressure, below which no angle of attack counts
 
 
@@ -50,6 +52,10 @@ class Figures:
     max_angle_of_attack_deg : of the ascent after the rail, where the dynamic pressure is at least
         a tenth of its largest
     gimbal_saturation : share of the burn in which a command is at the limit of its axis
+    control_margin : share of the stroke that the larger of both commands leaves in 95 % of the burn
+    turn_radius_m : smallest of the path under power in free flight, over `TURN` seconds: way over
+        change of its direction (the mean of 1/curvature; E. Kreyszig, Advanced Engineering
+        Mathematics, 10th ed., §9.5); None where the motor burned no longer
     downrange_m : level distance from the launch point at the end
     end_east_m, end_north_m : the place of the end, from the launch point
     impact_speed_m_s : at the last tick before the ground; None where it was not reached
@@ -68,6 +74,8 @@ class Figures:
     max_dynamic_pressure_pa: float
     max_angle_of_attack_deg: float | None
     gimbal_saturation: float | None
+    control_margin: float | None
+    turn_radius_m: float | None
     downrange_m: float
     end_east_m: float
     end_north_m: float
@@ -98,6 +106,10 @@ class Figures:
             rows.append(("", f"angle of attack {self.max_angle_of_attack_deg:.2f}°"))
         if self.gimbal_saturation is not None:
             rows.append(("gimbal at limit", f"{self.gimbal_saturation:.1%} of the burn"))
+        if self.control_margin is not None:
+            rows.append(("stroke left", f"{self.control_margin:.0%} in 95 % of the burn"))
+        if self.turn_radius_m is not None:
+            rows.append(("smallest turn", f"{self.turn_radius_m:.0f} m radius under power"))
         end = (
             f"{self.downrange_m:.0f} m ({self.end_east_m:.0f} m east, {self.end_north_m:.0f} north)"
         )
@@ -217,6 +229,8 @@ class Track:
             max_dynamic_pressure_pa=float(pressure.max()),
             max_angle_of_attack_deg=_largest_degrees(up[free:][fast[free:]][:, ATTACK]),
             gimbal_saturation=self._saturation(ticks[time <= burnout]),
+            control_margin=self._margin(ticks[time <= burnout]),
+            turn_radius_m=_turn_radius(ticks[free:][time[free:] <= burnout]),
             downrange_m=math.hypot(east, north),
             end_east_m=east,
             end_north_m=north,
@@ -264,6 +278,26 @@ class Track:
             return None
         limit = self.limit - AT_LIMIT
         return float((np.abs(burning[:, COMMAND]) >= limit).any(axis=1).mean())
+
+    def _margin(self, burning: Array) -> float | None:
+        if self._plant.twin.gimbal == "fixed" or not len(burning):
+            return None
+        largest = np.abs(burning[:, COMMAND]).max(axis=1)
+        return float(1.0 - np.quantile(largest, 0.95) / self.limit)
+
+
+def _turn_radius(flown: Array) -> float | None:
+    """Smallest radius of the turns of a path over `TURN` [m]; very large where it is straight."""
+    time = flown[:, TIME]
+    first = np.flatnonzero(time <= time[-1] - TURN) if len(time) else np.empty(0, np.int64)
+    if not first.size:
+        return None
+    last = np.searchsorted(time, time[first] + TURN - HALF_NS)
+    speed = np.linalg.norm(flown[:, VELOCITY], axis=1)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])
+    a, b = flown[first, VELOCITY], flown[last, VELOCITY]
+    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+    return float(((way[last] - way[first]) / np.maximum(angle, 1e-9)).min())
 
 
 @njit(nogil=True)
