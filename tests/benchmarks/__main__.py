@@ -2,7 +2,7 @@
 
 import sys
 
-from tests.benchmarks import campaign, controller, desk, flight, process, realtime
+from tests.benchmarks import campaign, controller, desk, flight, process, realtime, rocketpy_flights
 
 
 def main() -> int:
@@ -14,6 +14,7 @@ def main() -> int:
         "process": process.table,
         "desk": desk.table,
         "realtime": realtime.table,
+        "rocketpy": rocketpy_flights.table,
     }
     for name in sys.argv[1:] or sections:
         for line in sections[name]():
