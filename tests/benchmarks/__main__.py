@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from tests.benchmarks import campaign, controller, desk, flight, process, realtime
+from tests.benchmarks import campaign, controller, desk, flight, process, realtime, rocketpy_flights
 from tests.benchmarks.timing import HEAD, Row, missed
 
 SECTIONS = {
@@ -23,6 +23,7 @@ SECTIONS = {
     "process": process.table,
     "desk": desk.table,
     "realtime": realtime.table,
+    "rocketpy": rocketpy_flights.table,
 }
 
 
