@@ -213,8 +213,8 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
     reach = float(np.abs(record.command.column(command)).max())
     if reach > _TURNED:
         text = (
-            f"command '{command}' reaches {reach:.3g} rad, {np.degrees(reach):.0f} degrees: is it in"
-            " degrees? give its unit"
+            f"command '{command}' reaches {reach:.3g} rad, {np.degrees(reach):.0f} degrees: is it "
+            "in degrees? give its unit"
         )
         return [text]
     if not 1.0 / _USUAL < gain < _USUAL:

@@ -1,4 +1,6 @@
-"""Coverage of 95 % intervals: python -m tests.benchmarks.coverage [SEEDS] [--first SEED] [--only KIND]
+"""Coverage of 95 % intervals of identified figures.
+
+python -m tests.benchmarks.coverage [SEEDS] [--first SEED] [--only KIND]
 
 Records of every kind whose intervals differ: exact stamps, commands and readings dated up to 0.3 ms
 off, noise of an autoregression, a potentiometer quieter than its step, two axes with a coupling
