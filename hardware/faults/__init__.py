@@ -2,15 +2,12 @@
 
 from hardware.faults.actuation import Actuation
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
-from hardware.faults.gravity import tilts
 from hardware.faults.monitor import Monitor
-from hardware.faults.parity import RAIL
 from hardware.faults.servo import ServoLimits, Tolerance
 from hardware.faults.states import SENSORS, TRANSITIONS, Fault, Sign, State
 
 __all__ = [
     "POTENTIOMETERS",
-    "RAIL",
     "SENSORS",
     "TRANSITIONS",
     "Actuation",
@@ -23,5 +20,4 @@ __all__ = [
     "Sign",
     "State",
     "Tolerance",
-    "tilts",
 ]

@@ -17,7 +17,7 @@ from hardware.faults.axis import DRIFT, FADING, LAG, LEAK, MOSTLY, SMOOTHING, ST
 from hardware.faults.evidence import Prediction, Reading, Remedy
 from hardware.faults.gravity import Gravity
 from hardware.faults.memory import filled, number
-from hardware.faults.parity import RAIL, Parity
+from hardware.faults.parity import Parity
 from hardware.faults.states import (
     GYRO,
     NAMED,
@@ -31,6 +31,7 @@ from hardware.faults.states import (
 )
 from hardware.faults.tracks import DOUBTFUL
 from hardware.frames import Pair, Triple
+from hardware.parts import RAIL
 
 SETTLING = 1.5  # s; the gyro's bias is not yet known before
 LEARNING = 0.4  # s; over which it is averaged at first

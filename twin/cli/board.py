@@ -4,11 +4,10 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Literal
 
-from hardware.faults import RAIL
 from hardware.firmware.build import build_hash
 from hardware.frames import POTENTIOMETER_NAMES, SensorFrame
 from hardware.link import Link
-from hardware.parts import MPU6050, SUCCESSORS
+from hardware.parts import MPU6050, RAIL, SUCCESSORS
 from hardware.protocol import Board, Flags, Hello
 from hardware.rig import Rig
 

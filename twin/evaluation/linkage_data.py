@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from analysis.identify.pulses import PulseFrames, fitted, lateness, pulse_frames
 from analysis.linkage.problem import LinkageError, Moves
 from analysis.recording import Measurement
-from hardware.faults import RAIL
 from hardware.frames import AXES
+from hardware.parts import RAIL
 from twin.physics.mechanism import Kinematics
 
 Array = NDArray[np.float64]
