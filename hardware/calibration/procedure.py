@@ -13,8 +13,8 @@ from hardware.calibration.errors import CalibrationError
 from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
 from hardware.calibration.result import Calibration
 from hardware.calibration.solve import solve
-from hardware.frames import AXES, Pair, SensorFrame, tilts
-from hardware.parts import RAIL
+from hardware.frames import AXES, Pair, SensorFrame
+from hardware.parts import RAIL, tilts
 
 Steps = Generator[Pair, SensorFrame, None]
 

@@ -6,8 +6,8 @@ averages out: a potentiometer that drifts slowly leaves it, whatever gyro and se
 
 from dataclasses import dataclass, field
 
-from hardware.frames import Triple, tilts
-from hardware.parts import STANDARD_GRAVITY
+from hardware.frames import Triple
+from hardware.parts import STANDARD_GRAVITY, tilts
 
 AVERAGE = 1.5  # s
 LEARNING, ADAPTING = 1.0, 60.0  # s; of the constant difference, at first and later

@@ -29,6 +29,7 @@ from hardware.fusion.kalman import (
     GimbalFilter,
     Noise,
 )
+from hardware.parts import tilts
 from hardware.protocol import Flags
 
 LARGEST, SLACK = 1e6, 1e-9  # of a restored state, and of a covariance's negative eigenvalue

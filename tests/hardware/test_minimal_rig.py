@@ -9,9 +9,8 @@ import pytest
 from hardware.calibration import CalibrationError, CalibrationRig, Procedure
 from hardware.calibration.file import from_dict, to_dict
 from hardware.emulator import Injection, sample_rig
-from hardware.faults import tilts
 from hardware.frames import POTENTIOMETER_NAMES, SensorFrame
-from hardware.parts import STANDARD_GRAVITY
+from hardware.parts import STANDARD_GRAVITY, tilts
 from tests.hardware.trial import calibrate, run
 
 PARAMETERS = sample_rig(4)

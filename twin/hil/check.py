@@ -1,9 +1,11 @@
 """Motion check before a run: small commands to each axis, and whether the right one follows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, radians
 
 from hardware.events import Event
+from hardware.faults import Fault
 from hardware.frames import (
     AXES,
     POTENTIOMETER_NAMES,
@@ -77,10 +79,14 @@ def check_motion(seat: RigGimbal) -> None:
         counted = sensors if problem else [f for f in named if f.sensor in SERVO_NAMES]
         problem = ", ".join(f"{f.sensor} {f.kind}" for f in counted)
     if problem:
-        absent = sum(f.kind == "open" and f.sensor in POTENTIOMETER_NAMES for f in named)
-        remedy = HELP if absent < len(POTENTIOMETER_NAMES) else ABSENT
-        raise CheckError(f"motion check: {problem}; {remedy}")
+        raise CheckError(f"motion check: {problem}; {remedy(named)}")
     seat.notices.append(MotionChecked((response[0][0], response[1][1])))
+
+
+def remedy(named: Sequence[Fault]) -> str:
+    """Return what to do about a failed check, by the faults that are named."""
+    absent = sum(f.kind == "open" and f.sensor in POTENTIOMETER_NAMES for f in named)
+    return HELP if absent < len(POTENTIOMETER_NAMES) else ABSENT
 
 
 def wrong_motion(response: Response, gain: float = 0.0) -> str:
