@@ -252,7 +252,7 @@ class History(Output):
     """Folder with recordings (.rrd) of a rig that has a model beside it."""
     _: KW_ONLY
     board: str | None = None
-    """Serial number of the board, where the folder holds recordings of several."""
+    """Serial number of the board, or its beginning, where the folder holds several boards."""
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     out: Path | None = None

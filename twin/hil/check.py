@@ -137,5 +137,7 @@ def _held(seat: RigGimbal, angle: Pair) -> Pair:
             for state in seat.rig.states:
                 x, y, count = x + state.angle[0], y + state.angle[1], count + 1
     if count < FEWEST:
-        raise HardwareError("the rig sends no readings during the motion check; check its cable")
+        raise HardwareError(
+            "the rig sends no readings during the motion check; check its sensors and supply"
+        )
     return x / count, y / count
