@@ -1,9 +1,6 @@
 """Frozen values exchanged by the seats of the loop: command, sensor frame, gimbal state."""
 
 from dataclasses import dataclass
-from math import asin, cos
-
-from hardware.parts import STANDARD_GRAVITY
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
@@ -92,18 +89,3 @@ class SensorFrame:
     switches: tuple[bool, bool, bool, bool]
     joystick: Pair
     flags: int
-
-
-def tilts(force: Triple) -> Pair:
-    """Turn of a holder about x and y by the reading of its accelerometer, at rest [rad]."""
-    x = _tilt(force)
-    return x, asin(_unit((-force[0] if force[2] > 0 else force[0]) / cos(x)))
-
-
-def _tilt(force: Triple) -> float:
-    """Turn about x, by y alone: z adds little near the vertical [rad]."""
-    return asin(_unit(force[1] if force[2] > 0 else -force[1]))
-
-
-def _unit(force: float) -> float:
-    return min(max(force / STANDARD_GRAVITY, -1.0), 1.0)

@@ -17,7 +17,7 @@ from hardware.faults import (
     ServoLimits,
 )
 from hardware.faults.memory import number
-from hardware.frames import GimbalState, HardwareError, Pair, SensorFrame, Triple, tilts
+from hardware.frames import GimbalState, HardwareError, Pair, SensorFrame, Triple
 from hardware.fusion.base import BaseMap
 from hardware.fusion.commands import Commands, tolerances
 from hardware.fusion.kalman import (
