@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from twin.errors import TwinError
 from twin.physics import aerodynamics as air
@@ -84,9 +85,14 @@ class Stability:
 
     def neutral_angle(self) -> float:
         """Angle of attack beyond which the air turns the nose away [rad]; π/2 if it never does."""
-        angles = np.linspace(ROOT, np.pi / 2, 20_000)
+        angles = np.linspace(ROOT, np.pi / 2, 200)
         righting = np.array([sum(self.moment(a)) for a in angles]) > 0
-        return 0.0 if not righting[0] else float(angles[np.argmin(np.append(righting[:-1], False))])
+        if not righting[0]:
+            return 0.0
+        if righting[:-1].all():
+            return float(angles[-1])
+        first = int(np.argmin(righting))
+        return float(brentq(lambda a: sum(self.moment(a)), angles[first - 1], angles[first]))
 
 
 @dataclass(frozen=True)
