@@ -1,5 +1,6 @@
 """What a recording says about the run that made it, and the recorder that writes it."""
 
+import functools
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -77,11 +78,16 @@ def _properties(config: Run, verb: str, twin: TwinModel) -> dict[str, object]:
     return {
         "command": verb,
         "configuration": settings,
-        "versions": {name: version(name) for name in VERSIONS},
+        "versions": {**_versions()},
         "model_sha256": twin.sha256,
         "seed": config.seed,
         "files": files_of(config),
     }
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in VERSIONS}
 
 
 def _shadow(config: Run, shadow: "Shadow | None") -> dict[str, object] | None:

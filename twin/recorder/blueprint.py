@@ -1,6 +1,7 @@
 """Blueprint of a recording: views of the signals that were recorded."""
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -99,7 +100,8 @@ def build(content: Content, *, brief: bool = False) -> rrb.Blueprint:
     A layout of all tabs takes 0.5 MB of the file.
     """
     body: rrb.View | rrb.Container = _left(content)
-    if tabs := _tabs(content)[: 1 if brief else None]:  # there may be signals without plots only
+    # there may be signals without plots only
+    if tabs := list(itertools.islice(_tabs(content), 1 if brief else None)):
         body = rrb.Horizontal(body, rrb.Tabs(*tabs, active_tab=0), column_shares=[9, 11])
     return rrb.Blueprint(
         body,
@@ -115,10 +117,16 @@ def build(content: Content, *, brief: bool = False) -> rrb.Blueprint:
     )
 
 
-def _tabs(content: Content) -> list[rrb.View | rrb.Container]:
+def _tabs(content: Content) -> Iterator[rrb.View | rrb.Container]:
+    for title, views in _titled(content):
+        if views:
+            yield rrb.Vertical(*views, name=title, row_shares=[_share(v) for v in views])
+
+
+def _titled(content: Content) -> Iterator[tuple[str, list[rrb.View]]]:
     has = set(content.signals)
-    found = [_main(content)]
-    found.append(("Attitude", _overlays("Attitude", _ATTITUDE, content)))
+    yield _main(content)
+    yield "Attitude", _overlays("Attitude", _ATTITUDE, content)
     for title, rows in _TABS:
         views: list[rrb.View] = []
         if title == "Flight" and content.profile is not None:
@@ -128,18 +136,14 @@ def _tabs(content: Content) -> list[rrb.View | rrb.Container]:
         for name, members in rows:
             if there := [m for m in members if m in has]:
                 views.append(plots.all_components(name, there, content.known))
-        found.append((title, views))
+        yield title, views
     estimates = [s for s in content.signals if s.startswith("shadow/estimate/")]
     for first in range(0, len(estimates), MOST_PLOTS):
         some = estimates[first : first + MOST_PLOTS]
-        found.append(
-            ("Estimates", [plots.all_components(style.last(s), [s], content.known) for s in some])
+        yield (
+            "Estimates",
+            [plots.all_components(style.last(s), [s], content.known) for s in some],
         )
-    return [
-        rrb.Vertical(*views, name=title, row_shares=[_share(v) for v in views])
-        for title, views in found
-        if views
-    ]
 
 
 def _share(view: rrb.View) -> float:

@@ -1,5 +1,6 @@
 """Colours, widths and names of the lines of every signal."""
 
+import functools
 from dataclasses import dataclass
 
 import rerun as rr
@@ -46,7 +47,14 @@ class Lines:
 
     def archetype(self) -> rr.SeriesLines:
         """Return it as Rerun takes it."""
-        return rr.SeriesLines(names=self.names, colors=self.colors, widths=self.widths)
+        return _series(tuple(self.names), tuple(self.colors), tuple(self.widths))
+
+
+@functools.cache  # a run shows each in its first layout, its data and its last layout
+def _series(
+    names: tuple[str, ...], colors: tuple[Color, ...], widths: tuple[float, ...]
+) -> rr.SeriesLines:
+    return rr.SeriesLines(names=names, colors=colors, widths=widths)
 
 
 def last(name: str) -> str:
