@@ -118,7 +118,7 @@ def test_rao_garnier_benchmark_is_unbiased():
 
 
 def test_a_delay_of_many_samples_is_found():
-    error, bound, _ = studies.benchmark_study(2, *studies.DELAYED)
+    error, bound, _ = studies.benchmark_study(2, *studies.DELAYED, samples=2000)
     assert (np.abs(error) < 4.0 * bound).all()
 
 

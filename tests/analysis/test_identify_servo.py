@@ -62,7 +62,7 @@ def test_a_linear_fit_of_the_real_servo_is_flagged(runs):
 
 
 def test_a_simulated_limit_is_found_and_the_linear_fit_flagged():
-    found = studies.limited_study(0)
+    found = studies.limited_study(0, 7.0)
     assert found["limit error"] <= 0.01
     assert found["frequency error"] <= 0.01
     assert found["flagged"]

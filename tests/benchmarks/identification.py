@@ -247,10 +247,10 @@ RAO_GARNIER = ((-6400.0, 1600.0), (1.0, 5.0, 408.0, 416.0, 1600.0), 0.0, 0.01)
 DELAYED = ((2.0,), (0.25, 0.7, 1.0), 0.836, 0.05)
 
 
-def benchmark_study(seed, num, den, delay, period, ratio=10.0):
+def benchmark_study(seed, num, den, delay, period, ratio=10.0, samples=6000):
     """One seed of a classical benchmark: parameters' errors and Cramér–Rao deviations."""
     rng = np.random.default_rng(seed)
-    u = prbs() if len(den) > 3 else prbs(hold=20)[:6000]
+    u = prbs() if len(den) > 3 else prbs(hold=20)[:samples]
     t = np.arange(len(u)) * period
     fine = 50 if delay else 1
     held = np.repeat(u, fine)

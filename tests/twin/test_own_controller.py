@@ -28,11 +28,11 @@ GUSTS = {"wind_speed": 6.0, "wind_turbulence": 0.2}
 MODEL = {"gimbal": "transfer-function"}
 FLIGHTS = {
     "whole flight, doublet in gusts": MODEL | {"programme": "doublet", "set": GUSTS, "seed": 5},
-    "whole flight, linkage, step": {"programme": "step"},
+    "linkage, step": {"programme": "step", "at_s": 1.0, "duration_s": 4.0},
     "point": MODEL | {"programme": "point", "off_axis_deg": (10.0, 5.0), "duration_s": 10.0},
     "hold": {"duration_s": 2.0},
-    "rig": {"programme": "step", "at_s": 1.0, "gimbal": "emulator", "duration_s": 2.0},
-    "base gyro": {"attitude": "base-gyro", "gimbal": "emulator", "duration_s": 1.0},
+    "rig": {"programme": "step", "at_s": 1.0, "gimbal": "emulator", "duration_s": 1.5},
+    "base gyro": {"attitude": "base-gyro", "gimbal": "emulator", "duration_s": 0.3},
 }
 
 

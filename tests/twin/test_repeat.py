@@ -22,7 +22,7 @@ def flights(tmp_path_factory):
     out = tmp_path_factory.mktemp("repeat") / "flights"
     return repeat(
         Fly(
-            gimbal="emulator", unit=4, repeat=3, programme="step", at_s=1.0, duration_s=4.0, out=out
+            gimbal="emulator", unit=4, repeat=3, programme="step", at_s=0.5, duration_s=2.5, out=out
         )
     )
 
@@ -103,7 +103,7 @@ def test_gusts_make_every_flight_another(tmp_path):
 def test_parameters_of_servos_stay_with_the_seats_that_have_servos(tmp_path):
     result = repeat(
         Fly(
-            gimbal="emulator", repeat=2, duration_s=0.5, out=tmp_path,
+            gimbal="emulator", repeat=2, duration_s=0.1, out=tmp_path,
             set=("gimbal_servo_gain=1.5", "wind_speed=2"),
         )
     )  # fmt: skip
@@ -130,7 +130,7 @@ def test_a_rig_that_fails_at_once_is_named_and_not_compared(capsys, tmp_path):
 def test_a_turntables_flights_are_compared_with_models_that_turn_the_same_way(tmp_path):
     result = repeat(
         Fly(
-            gimbal="emulator", attitude="base-gyro", programme="step", at_s=0.5, duration_s=2.0,
+            gimbal="emulator", attitude="base-gyro", programme="step", at_s=0.2, duration_s=0.8,
             repeat=2, out=tmp_path,
         )
     )  # fmt: skip
