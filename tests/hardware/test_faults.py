@@ -17,7 +17,7 @@ from hardware.protocol import Flags, default_config
 from hardware.rig import in_process
 from tests.hardware.trial import random_steps, run
 
-SEED, ONSET, END = 21, 3.0, 5.0
+SEED, ONSET, END = 21, 2.0, 4.0
 
 
 def _run(fault, seed=SEED):
@@ -104,17 +104,17 @@ def test_sag_is_named_too_where_both_potentiometers_turn_in_the_same_sense():
 
 @pytest.mark.parametrize(("dlpf", "period"), [(2, 2), (5, 2), (6, 2), (6, 5)])
 def test_gyro_at_rest_behind_a_slow_low_pass_is_not_frozen(dlpf, period):
-    device = Emulator(injections=(parse("gyro:frozen@12"),), seed=1)
+    device = Emulator(injections=(parse("gyro:frozen@6"),), seed=1)
     rig = in_process(device)
     rig.connect()
     rig.configure(replace(default_config(), dlpf=dlpf, telemetry_period_ms=period))
     changes = []
     rig.fusion.monitor.listener = lambda *change: changes.append((device.time_us, *change))
-    while device.time_us < 12.3e6:
+    while device.time_us < 6.3e6:
         device.advance_us(2000)
         rig.poll()
     assert {change[1] for change in changes} == {"gyro"}
-    assert min(change[0] for change in changes) > 12e6
+    assert min(change[0] for change in changes) > 6e6
     assert rig.health == "gyro frozen"
 
 
@@ -154,9 +154,9 @@ def _steps(kind, fault, seconds):
 
 @pytest.mark.parametrize("kind", _both_rigs())
 def test_unplugged_imu_is_named_until_it_is_back(kind):
-    device, rig, seen = _steps(kind, "imu:unplug:0.5@3", 6.5)
+    device, rig, seen = _steps(kind, "imu:unplug:0.5@1.5", 4.8)
     assert set(seen) == {"ok", "gyro frozen"}
-    assert 3.0 < seen["gyro frozen"] < 3.06  # ten frames without it
+    assert 1.5 < seen["gyro frozen"] < 1.56  # ten frames without it
     assert rig.health == "ok"
     truth, _ = device.truth()
     assert np.abs(np.subtract(rig.state.angle, truth)).max() < radians(0.3)
@@ -174,10 +174,10 @@ def test_unplugged_base_imu_loses_its_flag_and_leaves_the_gimbal_alone(kind):
     rig.close()
 
 
-@pytest.mark.parametrize("start", [1.9995, 2.0005])  # between two frames, and in one's middle
+@pytest.mark.parametrize("start", [0.9995, 1.0005])  # between two frames, and in one's middle
 @pytest.mark.parametrize("kind", _both_rigs())
 def test_rig_comes_back_after_a_reset_of_the_board(kind, start):
-    device, rig, seen = _steps(kind, f"supply:reset@{start}", 4.0)
+    device, rig, seen = _steps(kind, f"supply:reset@{start}", 3.0)
     assert rig.session == 2
     assert rig.health == "ok"
     assert "rig syncing" in seen
