@@ -201,7 +201,7 @@ def test_the_gyro_filter_delay_is_taken_out():
 
 def test_held_out_steps_choose_the_true_order():
     rng = np.random.default_rng(9)
-    r = studies.servo_record(rng, studies.Gimbal(40.0, 0.6, 0.02, 1.0), duration=5.0)
+    r = studies.servo_record(rng, studies.Gimbal(40.0, 0.6, 0.02, 1.0), duration=3.5)
     chosen, scores = select_order([r], ((1, 0), (2, 0), (3, 0)))
     assert chosen == (2, 0)
     assert len(scores) == 3

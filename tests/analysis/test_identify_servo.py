@@ -143,7 +143,7 @@ def test_zeros_and_servo_exclude_each_other():
 def test_an_identified_servo_is_flown_as_the_structure_it_was_found_to_be(structure):
     """The file's own simulation against the identification's; steps of 1 ms, hence 0.5 % of 0.2."""
     g = studies.Gimbal(45.0, 0.8, 0.012, 1.0)
-    r = studies.servo_record(np.random.default_rng(3), g, duration=6.0)
+    r = studies.servo_record(np.random.default_rng(3), g, duration=4.0)
     model = identify([r], servo=structure)
     flown = model.to_transfer_function()
     assert flown.servo is not None

@@ -85,7 +85,7 @@ def strip_error(name: str, still_places: int = 25) -> float:
 @pytest.mark.parametrize(
     ("name", "still_places"),
     [
-        ("vehicle.xml", 9),
+        ("vehicle.xml", 5),
         pytest.param("vehicle.xml", 25, marks=pytest.mark.slow),
         pytest.param("examples/large_rocket.xml", 25, marks=pytest.mark.slow),
     ],

@@ -77,7 +77,7 @@ def figures(file: Path, gimbal: str, folder: Path) -> dict[str, float]:
     ("description", "written", "gimbal"),
     [
         ("reference.toml", "../vehicle.xml", "transfer-function"),
-        ("reference.toml", "../vehicle.xml", "linkage"),
+        pytest.param("reference.toml", "../vehicle.xml", "linkage", marks=pytest.mark.slow),
         ("large_rocket.toml", "large_rocket.xml", "linkage"),
     ],
 )
