@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mujoco.batch import Batch
 
-from tests.benchmarks.timing import Row
+from tests.benchmarks.timing import row
 from tests.twin.campaigns import flown, linear, place, study
 from twin.campaigns.runs import Runs
 from twin.config import Fly
@@ -29,13 +29,13 @@ SIMS = 4
 MACHINES, CORES, FLIGHTS = 100, 2, 10_000_000
 
 
-def table() -> Iterator[Row]:
+def table() -> Iterator[str]:
     """Lines of the table."""
     for part in SECTIONS.values():
         yield from part()
 
 
-def physics() -> Iterator[Row]:
+def physics() -> Iterator[str]:
     """A row against the bare steps of the same model, in processor time."""
     for gimbal in ("linkage", "transfer-function"):
         config = Fly(gimbal=gimbal, programme="point", off_axis_deg=(20, 5), duration_s=LONGEST_S)
@@ -55,11 +55,10 @@ def physics() -> Iterator[Row]:
                     fly(config, recorded=False)
 
             share = min(_used(whole) / _used(bare) for _ in range(3))
-        claim = f"a row, processor time over that of bare batch steps, {gimbal}"
-        yield Row(claim, share, "×", most=1.2, peer=1.0, note="bare batch steps")
+        yield row(f"a row over bare batch steps, {gimbal}", f"{share:.2f}", "≤ 1.2", share <= 1.2)
 
 
-def scaling() -> Iterator[Row]:
+def scaling() -> Iterator[str]:
     """Throughput of two processes over that of one."""
     text = linear(64)
 
@@ -78,11 +77,10 @@ def scaling() -> Iterator[Row]:
             flown(s, Path(folder, "out"), busy, workers)
             seconds.append(time.perf_counter() - began)
     share = seconds[0] / seconds[1] / 2
-    claim = "throughput of two processes over twice that of one"
-    yield Row(claim, share, least=0.9, peer=1.0, note="one process")
+    yield row("scaling from one to two processes", f"{share:.2f}", "≥ 0.9", share >= 0.9)
 
 
-def scale() -> Iterator[Row]:
+def scale() -> Iterator[str]:
     """Cost of a stand-in run in campaigns of 100 to 100 000, and their memory."""
     costs = []
     for n in (100, 10_000, 100_000):
@@ -93,19 +91,21 @@ def scale() -> Iterator[Row]:
             costs.append((_processor() - before) / n)
             assert len(list(store.present())) == store.parts
     flight = _flight()
-    for n, cost in zip(("100", "10⁴", "10⁵"), costs, strict=True):
-        note = "a flight to a point 500 m away"
-        yield Row(f"engine a run, {n} runs", cost * 1e3, "ms", peer=flight * 1e3, note=note)
+    shown = ", ".join(f"{c * 1e3:.2f}" for c in costs)
+    yield row("engine a run, 100, 10⁴, 10⁵ runs", f"{shown} ms", "", True)
     spread = (flight + max(costs)) / (flight + min(costs)) - 1.0
-    yield Row("spread of a run with its flight, 10² to 10⁵ runs", 100 * spread, "%", most=10)
+    yield row(
+        "a run with its flight, 10² to 10⁵ runs", f"{spread:.1%}", "within 10 %", spread <= 0.1
+    )
     own, forked = (
         resource.getrusage(who).ru_maxrss / 1024
         for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     )
     most = max(own, forked)
-    yield Row("memory with 10⁵ runs, largest process", most, "MB", most=1000)
+    yield row("memory with 10⁵ runs, largest process", f"{most:.0f} MB", "< 1 GB", most < 1000)
     days = FLIGHTS * (flight + costs[-1]) / MACHINES / CORES / 86_400
-    yield Row(f"10⁷ flights, {MACHINES} machines of {CORES} cores, days", days)
+    parts = f"{flight:.2f} s of flight and {costs[-1] * 1e3:.2f} ms of engine a run"
+    yield row(f"10⁷ flights, {MACHINES} machines of {CORES} cores", f"{days:.2f} days", parts, True)
 
 
 def _flight() -> float:
@@ -116,7 +116,7 @@ def _flight() -> float:
         return min(_used(lambda: fly(config, recorded=False)) for _ in range(3))
 
 
-def prompt() -> Iterator[Row]:
+def prompt() -> Iterator[str]:
     """Thirty judged flights from prompt to prompt."""
     shipped = Path(__file__).parents[2] / "twin" / "campaigns" / "studies" / "dispersion.toml"
     with tempfile.TemporaryDirectory() as folder:
@@ -130,7 +130,7 @@ def prompt() -> Iterator[Row]:
                            capture_output=True)  # fmt: skip
             seconds.append(time.perf_counter() - began)
     best = min(seconds)
-    yield Row("30 judged flights, prompt to prompt", best, "s", most=10)
+    yield row("30 judged flights, prompt to prompt", f"{best:.1f} s", "≤ 10 s", best <= 10)
 
 
 def _used(action: Callable[[], object]) -> float:
