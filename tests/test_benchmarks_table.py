@@ -1,4 +1,4 @@
-"""The benchmarks' table: ratios to limit and peer, misses, and a section that cannot be measured."""
+"""The table of benchmarks: ratios to limit and peer, misses, a section that cannot be measured."""
 
 import json
 
