@@ -41,6 +41,7 @@ def calibrate(
     gimbal: str = ...,
     mechanism: str | PathLike[str] | None = ...,
     switch_deg: tuple[float, float, float, float] | None = ...,
+    minimal: bool = ...,
     repeats: int = ...,
     seed: int = ...,
 ) -> CalibrationResult: ...
@@ -112,6 +113,7 @@ def doctor(
     *,
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    port: str | None = ...,
     compile: bool = ...,
 ) -> DoctorResult: ...
 def export(
@@ -139,7 +141,7 @@ def fly(
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
     model: str | PathLike[str] | None = ...,
-    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
+    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] | None = ...,
     dt: float | None = ...,
     clock: Literal['lockstep', 'wall'] | None = ...,
     seed: int = ...,
@@ -252,7 +254,7 @@ def mirror(
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
     model: str | PathLike[str] | None = ...,
-    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
+    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] | None = ...,
     dt: float | None = ...,
     clock: Literal['lockstep', 'wall'] | None = ...,
     seed: int = ...,
@@ -314,6 +316,7 @@ def rig(
     scene: Literal['bench', 'turntable'] = ...,
     mechanism: str | PathLike[str] | None = ...,
     seed: int = ...,
+    minimal: bool = ...,
     duration_s: float | None = ...,
 ) -> None: ...
 def step(
@@ -331,7 +334,7 @@ def step(
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
     model: str | PathLike[str] | None = ...,
-    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
+    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] | None = ...,
     dt: float | None = ...,
     clock: Literal['lockstep', 'wall'] | None = ...,
     seed: int = ...,

@@ -114,6 +114,8 @@ MISTAKES = [
     ("fly --gimbal", "--gimbal: its value is missing"),
     ("fly --off-axis-deg 1", "--off-axis-deg: 2 values are needed"),
     ("fly --integrator ab9", "--integrator ab9: must be one of 'implicitfast'"),
+    ("vehicle", "twin vehicle needs one of show, build, import (`twin vehicle --help`"),
+    ("mechanism", "twin mechanism needs one of show, check, build, search"),
 ]
 
 

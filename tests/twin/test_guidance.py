@@ -89,6 +89,18 @@ def closest(off, wind, azimuth, gusts, seed, gimbal="transfer-function"):
     return min(away)
 
 
+def random_case(seed):
+    """Direction in the cone of 30° [°], wind [m/s] and its azimuth; every second wind is 8 m/s."""
+    rng = np.random.default_rng(seed)
+    angle, off, azimuth = (
+        rng.uniform(0, 2 * np.pi),
+        30 * np.sqrt(rng.uniform()),
+        rng.uniform(0, 2 * np.pi),
+    )
+    place = (off * math.cos(angle), off * math.sin(angle))
+    return place, 8.0 if seed % 2 else rng.uniform(0.0, 8.0), azimuth
+
+
 @pytest.mark.parametrize("off", [(0, 0), (0, 30)], ids=str)
 def test_passes_within_1_m_in_8_m_s_of_wind_from_behind_with_gusts(off):
     assert closest(off, 8.0, 0.0, 0.2, seed=1) < 1.0
@@ -97,17 +109,9 @@ def test_passes_within_1_m_in_8_m_s_of_wind_from_behind_with_gusts(off):
 @pytest.mark.slow
 @pytest.mark.parametrize("gimbal", ["transfer-function", "linkage"])
 def test_passes_within_1_m_anywhere_in_the_cone_in_any_wind_up_to_8_m_s(gimbal):
-    """40 seeds: direction in the cone, wind and its azimuth are random, gusts 20 %."""
+    """40 seeds; `python -m tests.benchmarks.point` flies others."""
     for seed in range(40):
-        rng = np.random.default_rng(seed)
-        angle, off, azimuth = (
-            rng.uniform(0, 2 * np.pi),
-            30 * np.sqrt(rng.uniform()),
-            rng.uniform(0, 2 * np.pi),
-        )
-        place = (off * math.cos(angle), off * math.sin(angle))
-        wind = 8.0 if seed % 2 else rng.uniform(0.0, 8.0)
-        assert closest(place, wind, azimuth, 0.2, seed, gimbal) < 1.0, seed
+        assert closest(*random_case(seed), 0.2, seed, gimbal) < 1.0, seed
 
 
 def test_the_nose_gives_the_wanted_acceleration_across_the_path_in_wind():

@@ -6,6 +6,7 @@ import inspect
 import io
 import re
 import textwrap
+from collections.abc import Callable
 from dataclasses import MISSING, field, fields, make_dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -28,7 +29,7 @@ TYRO = {
 }
 MISTAKE = 2  # tyro's exit code for arguments that it cannot use
 # tyro's messages, and the same in the words of this program
-PLAINER = (
+PLAINER: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (
         r"no type matching \{?FLOAT(?: FLOAT)+\}? could be instantiated from \[(.*?)\]\.?",
         r"\1: must be as many numbers as the help shows",
@@ -45,6 +46,10 @@ PLAINER = (
     (
         r"invalid choice '(.*?)' for argument '(.*?)'\. Expected one of \((.*?)\)\.?",
         r"\2 \1: must be one of \3",
+    ),
+    (
+        r"Missing from (twin [\w-]+): \{([\w,]+)\}.*",
+        lambda missing: f"{missing[1]} needs one of {missing[2].replace(',', ', ')}",
     ),
 )
 

@@ -81,10 +81,12 @@ class Model(Parameters):
     model: Path | None = None
     """Identified model (JSON): the gimbal of `--gimbal transfer-function`, or the model of the rig
     that its timing verdict uses; the shipped model if omitted."""
-    integrator: Integrator = "implicitfast"
-    """Numerical integrator of the physics."""
+    integrator: Integrator | None = None
+    """Numerical integrator of the physics; if omitted, rk4 for the flight of a vehicle without
+    moving parts, implicitfast otherwise."""
     dt: Step | None = None
-    """Physics time step [s]; the scene's own (1 ms) if omitted."""
+    """Physics time step [s]; if omitted, the control period for the flight of a vehicle without
+    moving parts with rk4, the scene's own (1 ms) otherwise."""
 
 
 @dataclass(frozen=True, kw_only=True)

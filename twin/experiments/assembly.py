@@ -2,19 +2,18 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import mujoco
 
 from twin.config import TURNTABLE, Fly, Run
 from twin.config.seats import MODELS, OF_SERVOS, is_rig
 from twin.errors import TwinError
 from twin.plant import integrators
-from twin.plant.authority import numeric
-from twin.plant.model import ModelConfig, Seat, load
+from twin.plant.model import ModelConfig, Seat, TwinModel, digest, load
 from twin.plant.plant import Plant
 from twin.plant.release import Release
+from twin.plant.smooth import LONGEST, applies, on_elastic_rail
 
 if TYPE_CHECKING:
     from hardware.calibration import Calibration
@@ -51,10 +50,26 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
             seed=config.seed,
         )
     )
+    integrator, twin = _method(config, twin)
     integrators.check_step(
-        config.integrator, twin.mj.opt.timestep, ramp=_on_elastic(twin.mj), rods=twin.mj.neq > 0
+        integrator, twin.mj.opt.timestep, ramp=on_elastic_rail(twin.mj), rods=twin.mj.neq > 0
     )
-    return Plant(twin, config.integrator, _release(config))
+    return Plant(twin, integrator, _release(config))
+
+
+def _method(config: Run, twin: TwinModel) -> tuple[str, TwinModel]:
+    """Integrator of a run, and its model with the step that belongs to it.
+
+    `twin.plant.smooth` makes Runge-Kutta steps of a whole control period accurate for a vehicle
+    without moving parts; docs/convergence.md has the errors of each choice.
+    """
+    smooth = isinstance(config, Fly) and applies(twin.mj)
+    integrator = config.integrator or ("rk4" if smooth else "implicitfast")
+    if smooth and integrator == "rk4" and config.dt is None and isinstance(config, Fly):
+        tick = 1.0 / config.control_hz
+        twin.mj.opt.timestep = round(1e9 * tick / math.ceil(tick / LONGEST - 1e-9)) * 1e-9
+        twin = replace(twin, sha256=digest(twin.mj))
+    return integrator, twin
 
 
 def _of_the_launch(config: Run) -> dict[str, float]:
@@ -82,12 +97,6 @@ def _refuse_servos(
                 f"{flag} {name} needs {needed}: an identified model has no servos, rods or"
                 " backlash, so the parameter would have no effect"
             )
-
-
-def _on_elastic(model: mujoco.MjModel) -> bool:
-    """Whether the vehicle starts on an elastic rail."""
-    parts = [numeric(model, f"ramp_{name}") for name in ("length", "stiffness")]
-    return all(part is not None and part[0] > 0.0 for part in parts)
 
 
 def _of_the_plant(config: Run) -> dict[str, float]:

@@ -19,6 +19,7 @@ from twin.plant.flow import Flow
 from twin.plant.model import TwinModel
 from twin.plant.release import Release
 from twin.plant.rods import Rods
+from twin.plant.smooth import Smooth, applies
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,8 @@ class Plant:
     Attributes
     ----------
     renewal_ns : longest time between two updates of the propellant mass [ns]
+    divides : whether Runge-Kutta steps of a vehicle without moving parts are divided where its
+        forces change, and the propellant mass is that of the middle of each
     position, velocity, attitude, rate : views of the vehicle's state, as `VehicleState`
     gimbal_angle, gimbal_rate : (2,) views of the gimbal joints; zeros of a fixed motor [rad, rad/s]
     closure : (2,) gap of the two rod loops at the last `derive` [m]; zeros without rods
@@ -69,6 +72,7 @@ class Plant:
     """
 
     renewal_ns = RENEWAL_NS
+    divides = True
 
     def __init__(
         self, twin: TwinModel, integrator: str = "implicitfast", release: Release | None = None
@@ -91,6 +95,9 @@ class Plant:
         self._stops = self._read_stops()
         self._measured: tuple[Pair, Pair] | None = None
         self._holds_ns = 0
+        self._smooth: Smooth | None = None
+        if self.divides and integrator == "rk4" and self.has_vehicle and applies(self.model):
+            self._smooth = Smooth(self.model, self.position, self.velocity)
         self.reset()
 
     def _view(self) -> None:
@@ -173,6 +180,8 @@ class Plant:
         if self._release is not None and self.has_vehicle:
             self._release.apply(self.attitude, self.velocity, self.rate)
         self._stepper = self._stepper.fresh()
+        if self._smooth is not None:
+            self._smooth.reset()
         self.steps = 0
         self._measured, self._holds_ns = None, 0
         mujoco.mj_forward(self.model, self.data)
@@ -240,9 +249,12 @@ class Plant:
 
     def _move(self, n: int) -> None:
         """Take `n` steps with constant propellant mass."""
-        self._propellant.update(self.time_ns * 1e-9)
         began = time.thread_time()
-        self._stepper.step(self.model, self.data, n)
+        if self._smooth is None:
+            self._propellant.update(self.time_ns * 1e-9)
+            self._stepper.step(self.model, self.data, n)
+        else:
+            self._step_smoothly(self._smooth, n)
         # mj_step leaves poses at its beginning; those recorded belong to its end
         mujoco.mj_kinematics(self.model, self.data)
         self.computing_s += time.thread_time() - began
@@ -260,7 +272,7 @@ class Plant:
         Afterwards set `steps`, and call `judge` with how it ended.
         """
         functions = stepping.functions()
-        if functions is None or self._flow is None or self.follows:
+        if functions is None or self._flow is None or self.follows or self._smooth is not None:
             return None
         if not isinstance(self._stepper, integrators.Native):
             return None
@@ -287,6 +299,15 @@ class Plant:
             self._left_stops(*self.gimbal_angle.tolist())
         if ended == stepping.APART:
             self._came_apart(*self.closure.tolist())
+
+    def _step_smoothly(self, smooth: Smooth, n: int) -> None:
+        for k in range(self.steps, self.steps + n):
+            t = k * self.dt_ns * 1e-9
+            for h in smooth.lengths(t, self.dt_ns * 1e-9):
+                self._propellant.update(t + 0.5 * h)
+                self._stepper.step(self.model, self.data, 1, h)
+                t += h
+            self.data.time = (k + 1) * self.dt_ns * 1e-9
 
     @property
     def landed(self) -> bool:

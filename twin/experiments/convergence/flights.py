@@ -48,6 +48,7 @@ class StudyPlant(Plant):
     """
 
     renewal_ns = INTERVAL_NS
+    divides = False
 
     def advance(self, n: int) -> None:
         """Take `n` physics steps without memory of earlier ones."""

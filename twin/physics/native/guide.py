@@ -2,8 +2,8 @@
 
 With `ramp_stiffness` the rail is elastic; with 0 it is rigid: the forces are those that keep both
 lugs on the line under all that acts on the vehicle, by inverse dynamics of one rigid body, with a
-feedback whose corner follows the time step. A rigid rail therefore limits no step, and its feedback
-only has to remove what the gimbal's own motion adds.
+feedback whose corner follows the time step down to 1 ms. A rigid rail therefore limits no step, and
+its feedback only has to remove what the gimbal's own motion adds.
 """
 
 from typing import Final
@@ -156,7 +156,7 @@ def _rigid(m: int, d: int, data: Array, index: Array, body: int) -> None:
     u = ramp.rail(value(data, index, _ELEVATION), azimuth)
     com = vector(floats(d, _COM, 3 * nbody), body)
     inertia = floats(d, _CRB, 10 * nbody)[10 * body : 10 * body + 10]
-    mass, w = inertia[9], ramp.FEEDBACK / number(m, TIMESTEP)
+    mass, w = inertia[9], min(ramp.FEEDBACK / number(m, TIMESTEP), ramp.CORNER)
 
     low, offset_low = _lug(d, nbody, body, lugs[0], foot)
     high, offset_high = _lug(d, nbody, body, lugs[1], foot)

@@ -14,6 +14,9 @@ REST = 1e-3  # m; travel over which the foot of a rigid rail ceases to carry the
 # corner of a rigid rail's feedback, in radians per step: a double pole at -0.2/dt lies inside the
 # stability region of every integrator here, Adams-Bashforth 4 (-0.3) being the narrowest
 FEEDBACK = 0.2
+# rad/s; that of a step of 1 ms also for finer ones: with a corner that grows without end, a fading
+# rail would hold ever longer, and flights would not converge as their steps become finer
+CORNER = 200.0
 STEEPEST = np.pi / 2 + 1e-5  # rad; 90 degrees, also where they are written with five digits
 
 

@@ -1,0 +1,99 @@
+"""Passive flights beside RocketPy's, one process each, in processor time.
+
+RocketPy is not a dependency: it is used where this interpreter has it, or the one that the
+environment variable ROCKETPY_PYTHON names.
+"""
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.benchmarks.timing import Row
+from twin.config import Fly
+from twin.experiments.fly import fly
+from twin.plant.compose import MJCF
+
+PEER = Path(__file__).with_name("rocketpy_peer.py")
+VALETUDO = MJCF / "examples" / "flights" / "valetudo.toml"
+ROUNDS, FLIGHTS = 5, 3
+RATES = (250.0, 50.0)  # Hz
+
+
+def table() -> Iterator[Row]:
+    """Figures of the table: ratios of the medians of rounds that take turns."""
+    peer = _peer()
+    if peer is None:
+        yield Row("passive flights", None, note="skipped: rocketpy is not installed")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for rate in RATES:
+            _flown(rate, None)  # compiles
+        rounds = [_round(Path(folder, "flight.rrd")) for _ in range(ROUNDS)]
+    median = {k: statistics.median(r[k] for r in rounds) for k in rounds[0]}
+    theirs = median.pop("peer")
+    name = f"RocketPy {peer['version']}, build excluded"
+    for (rate, recorded), ours in median.items():
+        least = 1.5 if recorded else 5.0
+        what = f"passive flights at {rate:g} Hz, {'recorded' if recorded else 'not recorded'}"
+        limit = least if rate == RATES[-1] else None
+        yield Row(what, theirs / ours, "×", least=limit, peer=1.0, note=name)
+    flown, converged = peer["flown"], peer["converged"]
+    yield Row("apogee, RocketPy to its converged", _percent(flown[0], converged[0]), "%")
+    finest = fly(_config(250.0, dt=0.001), recorded=False).figures
+    for rate in RATES:
+        error = _percent(_flown(rate, None)[1], finest.apogee_m)
+        yield Row(f"apogee, twin at {rate:g} Hz to 1 ms", error, "%", most=0.01)
+    yield Row("apogee, twin to RocketPy", _percent(finest.apogee_m, converged[0]), "%", most=1.0)
+
+
+def _percent(value: float, of: float) -> float:
+    return 100.0 * abs(value / of - 1.0)
+
+
+def _round(out: Path) -> dict[object, float]:
+    """Processor time of one flight [s], of the peer and at every rate, recorded or not."""
+    spent: dict[object, float] = {"peer": float((_peer() or {})["flight_s"])}
+    for rate in RATES:
+        for recorded in (False, True):
+            spent[rate, recorded] = min(
+                _flown(rate, out if recorded else None)[0] for _ in range(FLIGHTS)
+            )
+    return spent
+
+
+def _config(rate: float, out: Path | None = None, dt: float | None = None) -> Fly:
+    return Fly(vehicle=VALETUDO, control_hz=rate, out=out, dt=dt, force=True)
+
+
+def _flown(rate: float, out: Path | None) -> tuple[float, float]:
+    """Processor time of one flight, build included [s], and its apogee [m]."""
+    if out is not None:
+        out.unlink(missing_ok=True)
+    began = time.process_time()
+    result = fly(_config(rate, out), recorded=out is not None)
+    return time.process_time() - began, float(result.figures.apogee_m or 0.0)
+
+
+def _peer() -> dict[str, object] | None:
+    """What the peer prints, or None where no interpreter has RocketPy."""
+    python = os.environ.get("ROCKETPY_PYTHON", sys.executable)
+    known = subprocess.run(
+        [python, "-P", "-c", "import rocketpy"], capture_output=True, check=False
+    )
+    if known.returncode:
+        return None
+    command = [python, "-P", str(PEER), str(FLIGHTS)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    peer: dict[str, object] = json.loads(done.stdout)
+    return peer
+
+
+if __name__ == "__main__":
+    for figure in table():
+        print(figure, flush=True)
