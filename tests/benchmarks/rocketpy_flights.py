@@ -37,7 +37,7 @@ def table() -> Iterator[str]:
         rounds = [_round(Path(folder, "flight.rrd")) for _ in range(ROUNDS)]
     median = {k: statistics.median(r[k] for r in rounds) for k in rounds[0]}
     theirs = median.pop("peer")
-    claim = f"RocketPy {peer['version']}: Valetudo to the ground, build excluded"
+    claim = f"RocketPy {peer['version']}: Valetudo to the ground, build included"
     yield row(claim, f"{theirs:.3f} s", "(for comparison)", True)
     for (rate, recorded), ours in median.items():
         bound = 1.5 if recorded else 5.0
