@@ -13,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from tests.benchmarks.timing import row
 from twin.config import Fly
@@ -81,7 +82,7 @@ def _flown(rate: float, out: Path | None) -> tuple[float, float]:
     return time.process_time() - began, float(result.figures.apogee_m or 0.0)
 
 
-def _peer() -> dict[str, object] | None:
+def _peer() -> dict[str, Any] | None:
     """What the peer prints, or None where no interpreter has RocketPy."""
     python = os.environ.get("ROCKETPY_PYTHON", sys.executable)
     known = subprocess.run(
@@ -91,7 +92,7 @@ def _peer() -> dict[str, object] | None:
         return None
     command = [python, "-P", str(PEER), str(FLIGHTS)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    peer: dict[str, object] = json.loads(done.stdout)
+    peer: dict[str, Any] = json.loads(done.stdout)
     return peer
 
 
