@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long mutate abuse test-tools bench validate lint format meshes docs-check generated lock clean
+.PHONY: env run test test-long mutate abuse test-tools bench validate lint format meshes docs docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -41,8 +41,11 @@ mutate: env test-tools
 abuse: env
 	$(BIN)/python -m tests.abuse $(if $(SHORT),--short)
 
-bench: env
-	$(BIN)/python -m tests.benchmarks
+# One table of speeds as ratios to limits and peers, and the same as runs/bench.json.
+bench: env test-tools
+	@bash .ci/test-tools rt-tests
+	@mkdir -p runs
+	$(BIN)/python -m tests.benchmarks --json runs/bench.json
 
 # Measures the claims against independent truths and renews docs/validation.md.
 validate: env
@@ -57,6 +60,7 @@ lint: env
 	$(BIN)/python .ci/states.py --check
 	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
+	@$(MAKE) --no-print-directory docs
 	@bash .ci/test-tools cppcheck
 	@bash .ci/cppcheck
 
@@ -72,6 +76,11 @@ docs-check: env
 	$(BIN)/python .ci/protocol.py --check
 	$(BIN)/python .ci/docs_check.py
 
+# The documentation as a site in build/docs; every warning is an error.
+docs: env
+	$(BIN)/python -m sphinx -qEW --keep-going -c docs . build/docs
+	@echo "docs: build/docs/index.html"
+
 # Writes what is generated: the typed signatures, the state diagrams, the tables of messages, the licences.
 generated: env
 	$(BIN)/python .ci/stub.py
@@ -79,10 +88,11 @@ generated: env
 	$(BIN)/python .ci/protocol.py
 	$(BIN)/python .ci/licences.py
 
-# Renews the pinned lock; needs uv. The lock carries no registry address.
+# Renews the pinned lock; needs uv. The lock carries no registry address. KEEP=1 keeps the versions that it has.
+LOCKED := dev docs report sysid mcap usd
 lock:
-	uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
-	  --no-header --no-annotate --no-emit-index-url --extra dev --extra report --extra sysid pyproject.toml -o .ci/lock.txt
+	uv pip compile --quiet $(if $(KEEP),,--upgrade) --universal --python-version 3.11 --generate-hashes \
+	  --no-header --no-annotate --no-emit-index-url $(LOCKED:%=--extra %) pyproject.toml -o .ci/lock.txt
 
 clean:
 	rm -rf $(VENV) build dist

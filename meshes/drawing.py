@@ -74,3 +74,7 @@ class Drawing:
     def numeric(self, name: str) -> list[float]:
         """Values of a `<numeric>` that holds lengths [mm]."""
         return [float(v) * MILLIMETRE for v in self.model.numeric(name).data]
+
+    def has(self, numeric: str) -> bool:
+        """Whether the model has a `<numeric>` of that name."""
+        return bool(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_NUMERIC, numeric) >= 0)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from meshes import parts, rig
+from meshes import parts, rig, sensing
 from meshes.drawing import MJCF, Drawing
 from meshes.errors import MeshError
 from meshes.solids import Solid
@@ -18,7 +18,15 @@ PARTS: Mapping[str, tuple[str, Callable[[Drawing], Solid]]] = {
     "holder": ("mechanism", parts.holder),
     "horn": ("mechanism", parts.horn),
     "rod_end": ("mechanism", parts.rod_end),
+    "potentiometer_shaft": ("mechanism", sensing.shaft),
+    "potentiometer_y": ("mechanism", sensing.cradle),
+    "potentiometer_x": ("bench", sensing.saddle),
     "calibration_rig": ("bench", rig.calibration_rig),
+}
+# parts that a mechanism without this numeric does without
+OPTIONAL: Mapping[str, str] = {
+    "potentiometer_shaft": "print_potentiometer",
+    "potentiometer_y": "print_potentiometer",
 }
 
 
@@ -28,7 +36,7 @@ def generate(folder: Path = HERE, mechanism: Path | None = None) -> dict[str, Pa
     Parameters
     ----------
     mechanism : MJCF with the names of the reference mechanism, drawn in its place, without the
-        calibration rig, which belongs to the reference bench
+        parts of the reference bench: calibration rig and potentiometers of the x axis
 
     Raises
     ------
@@ -42,6 +50,8 @@ def generate(folder: Path = HERE, mechanism: Path | None = None) -> dict[str, Pa
         file = mechanism or MJCF / f"{model}.xml"
         try:
             drawing = drawings.setdefault(model, Drawing.read(file))
+            if name in OPTIONAL and not drawing.has(OPTIONAL[name]):
+                continue
             solid = draw(drawing)
         except (KeyError, ValueError) as error:
             reason = " ".join(str(error).split())[:200]

@@ -1,8 +1,11 @@
 """A small fixed sample of `make abuse`, and that its driver notices what it should."""
 
+import os
+import signal
+
 import pytest
 
-from tests.abuse import runs, texts
+from tests.abuse import endurance, runs, texts
 from tests.abuse.__main__ import KINDS
 from tests.abuse.attempt import Attempt, abuse, save, table
 from tests.twin.test_mutations import KINDS as FILES
@@ -18,7 +21,7 @@ SAMPLE = {
 def test_a_fixed_sample_of_abuse_has_no_failures(tmp_path):
     rows = abuse(SAMPLE, 1, tmp_path / "abuse")
     assert [row.attempts for row in rows] == [count for _, count in SAMPLE.values()]
-    assert [text for row in rows for _, text in row.failed] == []
+    assert [text for row in rows for *_, text in row.failed] == []
 
 
 def planted(*outcomes):
@@ -65,7 +68,20 @@ def test_the_driver_counts_and_keeps_what_fails_and_nothing_else(tmp_path):
 def test_a_reader_that_takes_nonsense_is_a_failure(tmp_path, monkeypatch, value):
     monkeypatch.setitem(FILES, "motor", (".eng", lambda _: b"x", lambda _: value, 1))
     (row,) = abuse({"motor": (texts.files("motor"), 2)}, 1, tmp_path / "abuse")
-    assert "not finite" in row.failed[0][1]
+    assert "not finite" in row.failed[0][2]
+
+
+def test_an_attempt_that_ends_the_process_is_a_failure_of_its_kind_alone(tmp_path):
+    crash = planted(("read", dict), ("kill", lambda: os.kill(os.getpid(), signal.SIGKILL)))
+    rows = abuse({"crash": (crash, 2), "next": (planted(("read", dict)), 1)}, 1, tmp_path / "abuse")
+    assert [(row.attempts, len(row.failed)) for row in rows] == [(1, 1), (1, 0)]
+    assert rows[0].failed[0] == ("kill", b"kill", "ended the process, exit code -9")
+
+
+def test_memory_that_grows_after_the_first_tenth_is_a_failure():
+    warm = [*range(100), *[100] * 900]
+    assert endurance.grown(warm) == ""
+    assert endurance.grown([size + k / 20 for k, size in enumerate(warm)]).startswith("memory grew")
 
 
 def test_a_result_that_does_not_open_and_a_changed_input_are_failures(tmp_path):

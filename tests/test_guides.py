@@ -11,7 +11,7 @@ from twin.cli.main import main
 GUIDES = ROOT / "docs" / "guides"
 PAGES = sorted(p.stem for p in GUIDES.glob("*.md") if p.stem != "README")
 QUICK = ("inspect", "own_mechanism")  # a second each; the others are long, `make test-long`
-BLOCK = re.compile(r"(?:Save as `([\w.]+)`:\n\n)?^```(sh|python)\n(.*?)^```", re.DOTALL | re.M)
+BLOCK = re.compile(r"(?:Save as `([\w.]+)`:\n\n)?^```(sh|python|toml)\n(.*?)^```", re.DOTALL | re.M)
 
 
 def follow(page: str, folder) -> int:

@@ -41,6 +41,7 @@ def calibrate(
     gimbal: str = ...,
     mechanism: str | PathLike[str] | None = ...,
     switch_deg: tuple[float, float, float, float] | None = ...,
+    minimal: bool = ...,
     repeats: int = ...,
     seed: int = ...,
 ) -> CalibrationResult: ...
@@ -52,6 +53,7 @@ def campaign(
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     workers: int | None = ...,
+    ray: str | None = ...,
     fail_if: tuple[str, ...] = ...,
     reweight: str | None = ...,
     paths: int = ...,
@@ -111,6 +113,7 @@ def doctor(
     *,
     vehicle: str | PathLike[str] | None = ...,
     mechanism: str | PathLike[str] | None = ...,
+    port: str | None = ...,
     compile: bool = ...,
 ) -> DoctorResult: ...
 def export(
@@ -313,6 +316,7 @@ def rig(
     scene: Literal['bench', 'turntable'] = ...,
     mechanism: str | PathLike[str] | None = ...,
     seed: int = ...,
+    minimal: bool = ...,
     duration_s: float | None = ...,
 ) -> None: ...
 def step(

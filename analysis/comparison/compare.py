@@ -26,7 +26,7 @@ class Errors(Plain):
     Attributes
     ----------
     rmse, mae, worst : of the difference [rad]
-    fit : NRMSE fit, 100·(1 − |difference|/|reference − mean|) [%]
+    fit : NRMSE fit, `100·(1 − |difference|/|reference − mean|)` [%]
     vaf : variance accounted for, 100·(1 − var(difference)/var(reference)) [%]
     """
 

@@ -1,7 +1,15 @@
 """Online estimation: properties of a gimbal beside its model, and their drift."""
 
 from analysis.estimate.drift import AxisDrift, Change, Model, drift
-from analysis.estimate.recursive import Information, Property, Track, fitted, information, track
+from analysis.estimate.recursive import (
+    Information,
+    Property,
+    Track,
+    fitted,
+    information,
+    scatter,
+    track,
+)
 
 __all__ = [
     "AxisDrift",
@@ -13,5 +21,6 @@ __all__ = [
     "drift",
     "fitted",
     "information",
+    "scatter",
     "track",
 ]

@@ -1,4 +1,8 @@
-"""Drift of a gimbal from its model: what changed, since when, and by how much."""
+"""Drift of a gimbal during a run: what changed, since when, and by how much.
+
+A gimbal is compared with its model where it is within the model's intervals at first, and with its
+own beginning where it is not. What the model cannot follow widens the intervals.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,6 +20,7 @@ from analysis.estimate.recursive import (
     Track,
     fitted,
     information,
+    scatter,
     track,
 )
 
@@ -23,12 +28,13 @@ LIMIT = 3.0  # standard deviations of estimate and model together
 LASTS = 4  # blocks in a row beyond the limit
 AFTER = 16  # blocks after the alarm whose readings still count for the size of the change
 FIRST = 16  # blocks before the first verdict
+BEGINNING = 20  # blocks of motion that show how a gimbal differs from its model from the start
+UNFITTED = 10.0  # times the model's interval that a gimbal which it was not fitted to may differ
 MOST = 6  # changes of one axis
 APART = 1.2  # explained by the best property over what the next explains
 LEAST = 2.0  # standard deviations of new value and model together; a smaller change is none
 SETTLED = 1.0  # s after a command, in which the motion shows the properties
 AROUND = 0.5  # s about a change, whose readings belong to neither side
-AT_ONCE = 1.0  # s of motion; a change this early was there from the start
 REFINED = 2  # Gauss-Newton steps
 
 # motion (n,) of an axis with its properties (k,), and its derivatives by them (n, k)
@@ -45,13 +51,13 @@ class _Alarm(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One property that left the interval of the model.
+    """One property that changed during a run.
 
     Attributes
     ----------
     axis : `x` or `y`
     what : the property
-    since : when it changed; 0 where it differed from the start [s]
+    since : when it changed [s]
     noticed : when that was certain [s]
     before, after : its values
     sigma : standard deviation of the new value, the model's own included
@@ -70,9 +76,8 @@ class Change:
         """The change on one line."""
         p = self.what
         half = 1.96 * self.sigma * p.scale
-        when = f"since {self.since:.1f} s" if self.since > 0.0 else "from the start"
         old, new = p.text(self.before), p.text(self.after)
-        return f"{self.axis}: {p.name} {old} → {new} ± {half:.2f}, {when}"
+        return f"{self.axis}: {p.name} {old} → {new} ± {half:.2f}, since {self.since:.1f} s"
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +90,14 @@ class AxisDrift:
     changes : in the order they were noticed
     motion : of the model with its properties as they were found [rad] (n,)
     band : half width of its 95 % prediction interval [rad] (n,)
+    differs : properties outside the model's intervals from the start, one line each
     """
 
     track: Track
     changes: tuple[Change, ...]
     motion: Array
     band: Array
+    differs: tuple[str, ...] = ()
 
 
 def drift(
@@ -101,7 +108,7 @@ def drift(
     properties: Sequence[Property],
     commanded: Array | None = None,
 ) -> AxisDrift:
-    """Estimate the properties of one axis over time and name those that leave their interval.
+    """Estimate the properties of one axis over time and name those that change during the run.
 
     After a change the model moves with the new value, so that the next is noticed beside it.
 
@@ -117,37 +124,35 @@ def drift(
     ------
     AnalysisError : a record shorter than ten seconds
     """
-    prior = np.array([p.sigma for p in properties])
-    lowest = np.array([p.lowest for p in properties])
+    given = _Given(
+        time, measured, model, properties,
+        np.ones(len(time), bool) if commanded is None else _moving(time, commanded),
+    )  # fmt: skip
+    prior, lowest = given.prior, given.lowest
     level = np.array([p.value for p in properties])
-    levels: list[tuple[float, Array]] = [(0.0, level)]
     first, _ = model(level)
+    start, spreads = given.beginning(level)
+    # a model that was not fitted allows constant differences of any size
+    apart = prior if np.array_equal(start, level) else UNFITTED * prior
+    levels: list[tuple[float, Array]] = [(0.0, start)]
     changes: list[Change] = []
     begin = 0
-    moving = np.ones(len(time), bool) if commanded is None else _moving(time, commanded)
     while True:
-        motion, slope = _pieces(levels, time, model)
-        residual = measured - motion
-        for since, _ in levels[1:]:
-            residual[np.abs(time - since) < AROUND] = np.nan
-        info = _within(information(time, residual, slope), time, moving)
+        info, slope = given.beside(levels)
         seen = track(info, prior)
         room = lowest - levels[-1][1]
-        alarm = _alarm(info, seen, prior, room, begin) if len(changes) < MOST else None
+        alarm = _alarm(info, seen, prior, apart, room, begin) if len(changes) < MOST else None
         if alarm is None:
             break
-        at, start, k = alarm
-        new, sigma = _refined(
-            levels[-1][1], k, (start, at), time, measured, model, prior, lowest, moving
-        )
+        at, begun, k = alarm
+        rows = slice(begun + round(AROUND / BLOCK), at + 1 + AFTER)
+        new, sigma = given.refined(levels[-1][1], [k], rows)
         before, after = float(levels[-1][1][k]), float(new[k])
         begin = at
-        spread = math.hypot(sigma, prior[k])
+        spread = math.hypot(float(sigma[k]), prior[k])
         if abs(after - before) < LEAST * spread:
             continue
-        since = float(info.time[start]) - BLOCK
-        since = 0.0 if since - (info.time[0] - BLOCK) <= AT_ONCE else since
-        noticed = float(info.time[at])
+        since, noticed = float(info.time[begun]) - BLOCK, float(info.time[at])
         changes.append(Change(axis, properties[k], since, noticed, before, after, spread))
         levels.append((since, new))
     band = 1.96 * np.sqrt((slope**2) @ prior**2 + info.noise**2)
@@ -157,7 +162,62 @@ def drift(
         value=np.maximum(shown.value + _held(levels, shown.time), lowest),
         sigma=np.hypot(shown.sigma, prior),
     )
-    return AxisDrift(shown, tuple(changes), first, band)
+    differs = tuple(
+        f"{axis}: {p.name} {p.text(v)} ± {1.96 * s * p.scale:.2f} ({p.text(p.value)} in the model)"
+        for p, v, s in zip(properties, start.tolist(), spreads.tolist(), strict=True)
+        if abs(v - p.value) > LIMIT * s
+    )
+    return AxisDrift(shown, tuple(changes), first, band, differs)
+
+
+class _Given:
+    """Readings of one axis and its model; parameters as of `drift`."""
+
+    def __init__(
+        self,
+        time: Array,
+        measured: Array,
+        model: Model,
+        properties: Sequence[Property],
+        moving: NDArray[np.bool_],
+    ) -> None:
+        self._time, self._measured, self._model, self._moving = time, measured, model, moving
+        self.prior = np.array([p.sigma for p in properties])
+        self.lowest = np.array([p.lowest for p in properties])
+
+    def beginning(self, level: Array) -> tuple[Array, Array]:
+        """Properties at the beginning of the run, and their standard deviations with the model's.
+
+        They are the model's where the readings are within its intervals.
+        """
+        rows = slice(0, BEGINNING)
+        info, _ = self.beside([(0.0, level)])
+        value, sigma = fitted(info, rows, UNFITTED * self.prior)
+        if np.any(np.abs(value) > LIMIT * np.hypot(sigma, self.prior)):
+            level, sigma = self.refined(level, range(len(level)), rows)
+        return level, np.hypot(sigma, self.prior)
+
+    def beside(self, levels: Sequence[tuple[float, Array]]) -> tuple[Information, Array]:
+        """What the readings show beside the properties in force, and the derivatives (n, k)."""
+        motion, slope = _pieces(levels, self._time, self._model)
+        residual = self._measured - motion
+        for since, _ in levels[1:]:
+            residual[np.abs(self._time - since) < AROUND] = np.nan
+        info = _within(information(self._time, residual, slope), self._time, self._moving)
+        return info.widened(scatter(info, UNFITTED * self.prior)), slope
+
+    def refined(self, level: Array, free: Sequence[int], rows: slice) -> tuple[Array, Array]:
+        """Properties with the free ones fitted to some blocks, and their standard deviations."""
+        new, sigma = level.copy(), self.prior
+        columns = list(free)
+        prior = self.prior.copy()
+        prior[columns] *= 100.0 if len(columns) == 1 else UNFITTED
+        for _ in range(REFINED):
+            info, _ = self.beside([(0.0, new)])
+            step, sigma = fitted(info, rows, prior)
+            new = new.copy()
+            new[columns] = np.maximum(new[columns] + step[columns], self.lowest[columns])
+        return new, sigma
 
 
 def _moving(time: Array, commanded: Array) -> NDArray[np.bool_]:
@@ -201,11 +261,14 @@ def _held(levels: Sequence[tuple[float, Array]], time: Array) -> Array:
     return np.array([level for _, level in levels])[np.maximum(at, 0)]
 
 
-def _alarm(info: Information, seen: Track, prior: Array, room: Array, begin: int) -> _Alarm | None:
+def _alarm(
+    info: Information, seen: Track, prior: Array, apart: Array, room: Array, begin: int
+) -> _Alarm | None:
     """The first change that is certain, possible and can be told from the others.
 
     Parameters
     ----------
+    apart : standard deviations of constant differences
     room : from the level to the lowest value of each property, negative
     """
     far = (np.abs(np.maximum(seen.value, room)) / np.hypot(seen.sigma, prior)).max(axis=1)
@@ -214,7 +277,7 @@ def _alarm(info: Information, seen: Track, prior: Array, room: Array, begin: int
     for at in np.flatnonzero(row):
         if at < begin + FIRST:
             continue
-        gains, starts = _explained(info, prior, room, begin, int(at))
+        gains, starts = _explained(info, prior, apart, room, begin, int(at))
         best, next_best = np.argsort(gains)[::-1][:2]
         if gains[best] > APART * gains[next_best]:
             return _Alarm(int(at), int(starts[best]), int(best))
@@ -222,44 +285,18 @@ def _alarm(info: Information, seen: Track, prior: Array, room: Array, begin: int
 
 
 def _explained(
-    info: Information, prior: Array, room: Array, begin: int, at: int
+    info: Information, prior: Array, apart: Array, room: Array, begin: int, at: int
 ) -> tuple[Array, NDArray[np.int64]]:
     """What a step of each property explains at most, and the first block of that step.
 
-    Beside constant differences of all properties that the model's intervals allow.
+    Beside constant differences of all properties.
     """
     rows = slice(begin, at + 1)
     normal, right = (np.cumsum(v[rows][::-1], axis=0)[::-1] for v in (info.normal, info.right))
-    inverse = np.linalg.inv(normal[0] + np.diag(prior**-2.0))
+    inverse = np.linalg.inv(normal[0] + np.diag(apart**-2.0))
     free = np.einsum("bkk->bk", normal) - np.einsum("bik,ij,bjk->bk", normal, inverse, normal)
     rest = right - normal @ (inverse @ right[0])
     free = np.maximum(free, prior**-2.0)
     step = np.maximum(rest / free, room)
     gain = (2.0 * rest - free * step) * step
     return gain.max(axis=0), begin + gain.argmax(axis=0)
-
-
-def _refined(
-    level: Array,
-    k: int,
-    blocks: tuple[int, int],
-    time: Array,
-    measured: Array,
-    model: Model,
-    prior: Array,
-    lowest: Array,
-    moving: NDArray[np.bool_],
-) -> tuple[Array, float]:
-    """Properties with the changed one corrected, and the standard deviation of that."""
-    rows = slice(blocks[0] + round(AROUND / BLOCK), blocks[1] + 1 + AFTER)
-    new, sigma = level.copy(), 0.0
-    free = prior.copy()
-    free[k] *= 100.0  # the model says nothing about a changed one
-    for _ in range(REFINED):
-        motion, slope = model(new)
-        info = _within(information(time, measured - motion, slope), time, moving)
-        step, sigmas = fitted(info, rows, free)
-        new = new.copy()
-        new[k] = max(new[k] + step[k], lowest[k])
-        sigma = float(sigmas[k])
-    return new, sigma

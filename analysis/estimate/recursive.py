@@ -7,11 +7,12 @@ Identification, 2nd ed., 11.2), and the model's own interval enters as one obser
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from analysis.array import Array
 from analysis.schema import AnalysisError
@@ -20,6 +21,7 @@ BLOCK = 0.25  # s
 MEMORY = 6.0  # s; time constant of forgetting
 FEWEST = 40  # blocks of motion
 LONG = 20  # blocks; shorter fits would take the slow part of the noise for motion
+WINDOW = 8  # blocks of one estimate of the scatter
 LARGEST_MEMORY = 0.995  # of the noise, from sample to sample
 
 
@@ -67,6 +69,10 @@ class Information:
     right: Array
     noise: float
     count: int
+
+    def widened(self, by: float) -> "Information":
+        """The same with standard deviations as many times as large."""
+        return replace(self, normal=self.normal / by**2, right=self.right / by**2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +146,26 @@ def fitted(info: Information, rows: slice, prior: Array) -> tuple[Array, Array]:
     """Estimate of some blocks without forgetting, and its standard deviations, (k,) each."""
     inverse = np.linalg.inv(info.normal[rows].sum(axis=0) + np.diag(prior**-2.0))
     return inverse @ info.right[rows].sum(axis=0), np.sqrt(np.diag(inverse))
+
+
+def scatter(info: Information, prior: Array) -> float:
+    """How many times as much estimates of short windows scatter as the noise alone would make them.
+
+    What the model cannot follow scatters them more. By the median of the differences of successive
+    windows, as the moving range of a control chart, which one change does not raise; 1 at least.
+    """
+    count = len(info.time) // WINDOW
+    if count < 2:
+        return 1.0
+    rows = [slice(WINDOW * i, WINDOW * (i + 1)) for i in range(count)]
+    normal = np.array([info.normal[r].sum(axis=0) for r in rows])
+    right = np.array([info.right[r].sum(axis=0) for r in rows])
+    inverse = np.linalg.inv(normal + np.diag(prior**-2.0))
+    step = np.diff(np.einsum("wij,wj->wi", inverse, right), axis=0)
+    spread = inverse @ normal @ inverse
+    own = np.linalg.pinv(spread[1:] + spread[:-1], hermitian=True)
+    square = np.einsum("wi,wij,wj->w", step, own, step)
+    return max(1.0, math.sqrt(float(np.median(square)) / chi2.median(len(prior))))
 
 
 def _white(values: Array, memory: float) -> Array:

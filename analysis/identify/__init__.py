@@ -9,7 +9,7 @@ from analysis.identify.information import Expectation, expectations
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.order import OrderScore, select_order
 from analysis.identify.prediction import fit_to, predict
-from analysis.identify.pulses import by_pulses
+from analysis.identify.pulses import by_frames, by_pulses
 
 __all__ = [
     "FIGURES",
@@ -23,6 +23,7 @@ __all__ = [
     "Plant",
     "ServoBounds",
     "Wish",
+    "by_frames",
     "by_pulses",
     "cross_gains",
     "expectations",

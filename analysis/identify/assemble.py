@@ -20,7 +20,7 @@ def assemble(
     for r in records:
         (a_rows, a), (r_rows, v) = _readings(r, r.angle, axis), _readings(r, r.rate, axis)
         u, free = r.command, r.initial == "free"
-        parts.append(Part(r.time, u.time, u.values, a_rows, r_rows, free, r.slack, r.doubt))
+        parts.append(Part(r.time, u.time, u.values, a_rows, r_rows, free, r.slack, r.doubt, r.late))
         angle.append(a)
         rate.append(v)
     counts = [len(x) for x in angle + rate]

@@ -13,6 +13,7 @@ from analysis.recording.measurements import Measurement
 DEGREES = 180.0 / np.pi
 _USUAL = 1.5  # a gimbal turns about as far as commanded
 _SURELY = 1.05  # within this one no gimbal is known, and two units are
+_TURNED = np.pi / 2.0  # rad; no gimbal is commanded so far
 _NEAR = 1.2  # a ratio within this factor of 57.3 is degrees, not an unusual gimbal
 _FEWEST_CHANGES = 2
 _RESTING = 10  # readings before a single step
@@ -185,6 +186,8 @@ def _degrees(ratio: float) -> float | None:
 def check_gain(gain: float, record: Measurement, command: str, axis: str) -> list[str]:
     """Refuse a gain that is a unit and not a gimbal, unless the units were given; or doubt it.
 
+    A wrong unit of both sides leaves the gain alone: then the size of the commands is doubted.
+
     Raises
     ------
     IdentificationError : gains near 57.3 (degrees per radian) and 0.0175, of units assumed
@@ -205,6 +208,13 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
         text = (
             f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, negative: the axis "
             "moves against its command; a loop closed over it diverges"
+        )
+        return [text]
+    reach = float(np.abs(record.command.column(command)).max())
+    if reach > _TURNED:
+        text = (
+            f"command '{command}' reaches {reach:.3g} rad, {np.degrees(reach):.0f} degrees: is it "
+            "in degrees? give its unit"
         )
         return [text]
     if not 1.0 / _USUAL < gain < _USUAL:

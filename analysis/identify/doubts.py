@@ -16,6 +16,7 @@ from analysis.identify.uncertainty import Uncertainty
 from analysis.recording.measurements import Measurement
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
+_GOOD = 95.0  # from here on what the model lacks is small, and the intervals allow for it
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
 _FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
 
@@ -107,8 +108,11 @@ def warnings_of(
     found = []
     if not axis.converged:
         found.append(f"{name}: the search did not settle; treat the figures as a guess")
-    found += _fit_warnings(axis, name) + _residual_warnings(axis, name)
-    if axis.disagree:
+    lacking = not _fit(axis) >= _GOOD
+    found += _fit_warnings(axis, name, lacking=lacking)
+    if lacking:
+        found += _residual_warnings(axis, name)
+    if axis.disagree and lacking:
         found.append(
             f"{name}: steps disagree {axis.spread:.1f} times more than their noise"
             + (
@@ -125,17 +129,26 @@ def warnings_of(
     return found
 
 
-def _fit_warnings(axis: AxisEvidence, name: str) -> list[str]:
-    found = []
-    both = {
+def _fits(axis: AxisEvidence) -> dict[str, list[float]]:
+    """Of each sensor those of the records that show any."""
+    return {
         what: [f for f in fits if np.isfinite(f)]
         for what, fits in (("angle", axis.fit_angle), ("rate", axis.fit_rate))
     }
-    fit = float(np.median([f for fits in both.values() for f in fits] or [np.nan]))
-    if not fit >= _POOR and not _noise_alone(axis):
-        text = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both.items() if fits)
+
+
+def _fit(axis: AxisEvidence) -> float:
+    """Median over records and sensors [%]."""
+    return float(np.median([f for fits in _fits(axis).values() for f in fits] or [np.nan]))
+
+
+def _fit_warnings(axis: AxisEvidence, name: str, *, lacking: bool) -> list[str]:
+    found = []
+    if not _fit(axis) >= _POOR and not _noise_alone(axis):
+        both = _fits(axis).items()
+        text = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both if fits)
         found.append(f"{name}: poor fit ({text}); another order, or something unmodelled")
-    if axis.saturation.saturated:
+    if axis.saturation.saturated and lacking:
         found.append(
             f"{name}: rate-limited, the speed grows with the amplitude to the power "
             f"{axis.saturation.exponent:.2f}, not 1; a linear natural frequency means little, "

@@ -6,6 +6,7 @@ solved for in every step (variable projection: G. H. Golub, V. Pereyra, SIAM J. 
 parameters is that of the whole problem).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -68,7 +69,8 @@ class Problem:
     @property
     def doubt(self) -> float:
         """How far the stamps of all commands may be off together [s], root mean square."""
-        return max(p.doubt for p in self.parts)
+        # the wait for frames is one rig's: the record that shows most of it counts
+        return math.hypot(max(p.doubt for p in self.parts), min(p.late for p in self.parts))
 
     def channels(self, columns: tuple[int, ...], zeros: tuple[int, ...]) -> "Problem":
         """The same samples, for the channels of some commands only, with these numbers of zeros."""

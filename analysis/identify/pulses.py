@@ -9,7 +9,8 @@ and clock are one counter. Where the stamps contradict that, as after the clock 
 phase is taken from the readings that first show a new pulse, and is good to half a reading.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,8 @@ PULSE, CLOCK = "sensors/pulse", "sensors/device_time"
 FLAGS, PULSE_UNTIMED = "sensors/flags", 1 << 8  # `hardware.protocol` Flags
 _FEWEST = 4  # frames with a new pulse
 _GAP = 1.5  # readings; a pulse seen after a longer one may be older
+_EQUAL = 1e-6  # s; stamps that are one instant
+_TRIAL = 2.5e-4  # s; to which that way is searched
 _LATEST = 0.008  # s; a command on its way to the device: wire, loop, interrupt
 _POWERS = 3  # the linkage's bend; beyond, 0.002° on the shipped one
 _TICK = 0.5e-6  # s; of the timer that makes the pulses
@@ -91,6 +94,54 @@ def by_pulses(run: Measurement) -> Measurement:
     )
 
 
+def by_frames(runs: Sequence[Measurement]) -> list[Measurement]:
+    """The runs with each command dated by the pulse frame that took it up, a mean wait earlier.
+
+    A mean wait alone is not the wait of each command: their scatter is 6 ms, and the mean of late
+    answers is a smeared one, which a model of two poles takes for another delay and damping. An
+    identified delay then still counts from the commands; frequency and damping are the gimbal's.
+    Runs without timed pulses, or whose pulses follow other commands, are returned unchanged.
+    """
+    both = [_taken(r) for r in runs]
+    waits = [w for t in both if t is not None for w in t[1]]
+    found = []
+    for run, taken in zip(runs, both, strict=True):
+        if taken is None:
+            found.append(run)
+            continue
+        frames, own = taken
+        period = FRAME * frames.pace
+        # of waits spread evenly over a frame the middle is the mean, and known to what is left of
+        # a frame; runs whose ways to the device differ are looked at one by one
+        every = waits if np.ptp(waits) <= period else own
+        wait, left = 0.5 * (min(every) + max(every)), max(period - float(np.ptp(every)), 0.0)
+        values = run.command.held(frames.begin - min(own) + _EQUAL)
+        found.append(
+            replace(
+                run,
+                command=replace(run.command, time=frames.begin - wait, values=values),
+                angle=frames.dated(run.angle),
+                rate=frames.dated(run.rate),
+                late=math.hypot(left, _TRIAL) / math.sqrt(12.0),
+            )
+        )
+    return found
+
+
+def _taken(run: Measurement) -> "tuple[PulseFrames, Array] | None":
+    """Pulse frames, and how long each change of a command waited for its own [s]."""
+    try:
+        frames = pulse_frames(run.recording, run.inputs, run.name)
+        late = asked(frames, run.command.held, run.name)[1]
+    except IdentificationError:
+        return None
+    at = run.command.time[run.command.changes()]
+    row = np.searchsorted(frames.begin, at + late - _EQUAL)
+    there = (row > 0) & (row < len(frames.begin))
+    waits = frames.begin[row[there]] - at[there]
+    return (frames, waits) if len(waits) else None
+
+
 def pulse_frames(recording: Recording, components: tuple[str, ...], name: str) -> PulseFrames:
     """Pulse frames of a recording with a rig in it.
 
@@ -154,10 +205,10 @@ def lateness(frames: PulseFrames, wanted: Callable[[Array], Array]) -> float:
     ----------
     wanted : times (m,) → the commands that held then (m, k)
     """
-    trials = np.arange(0.0, _LATEST, 2.5e-4)
+    trials = np.arange(0.0, _LATEST, _TRIAL)
     errors = []
     for late in trials:
-        commands = wanted(frames.begin - late)
+        commands = wanted(frames.begin - late + _EQUAL)
         errors.append(float(np.abs(commands - fitted(frames.pulse, commands)).sum()))
     best = np.array(errors) < 1.001 * min(errors) + 1e-9
     return float(trials[best].mean())
@@ -174,7 +225,7 @@ def asked(frames: PulseFrames, wanted: Callable[[Array], Array], name: str) -> t
     IdentificationError : where more than a tenth of the pulses did not follow the commands
     """
     late = lateness(frames, wanted)
-    commands = wanted(frames.begin - late)
+    commands = wanted(frames.begin - late + _EQUAL)
     found = fitted(frames.pulse, commands)
     far = np.abs(commands - found).max(axis=1) > _FAR * float(np.ptp(commands))
     if far.mean() > _MOST_ASTRAY:

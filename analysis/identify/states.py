@@ -25,6 +25,7 @@ class Part:
     free: bool
     slack: float = 0.0
     doubt: float = 0.0  # [s]
+    late: float = 0.0  # [s]
 
 
 def part_states(part: Part, den: Denominator, column: int, delay: float) -> Array:

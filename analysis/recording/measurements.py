@@ -37,6 +37,7 @@ class Measurement:
         the command was only sampled
     stamps : what commands are dated by: when they were given (`exact`), the sample that first
         shows them (`shown`), or half-way between that and the sample before (`sampled`)
+    late : how far all commands may be off together where they wait for pulse frames [s], rms
     units : whether the units of readings and commands were both given, or one was assumed
     name : used in messages and reports
     recording : the recording it was taken from; empty for a table
@@ -55,6 +56,7 @@ class Measurement:
     initial: Initial = "rest"
     slack: float = 0.0
     stamps: InputStamps = "exact"
+    late: float = 0.0
     units: Literal["given", "assumed"] = "assumed"
     name: str = "record"
     recording: Recording = field(default_factory=lambda: Recording({}, {}), repr=False)

@@ -29,6 +29,11 @@ _UNITS = {
 }
 
 
+# of a step; never below zero, nor is the interval of its mean
+_POSITIVE = ("rise_time", "settling_time", "overshoot", "peak", "peak_time", "dead_time")
+_FOLLOWED = 0.5  # of what the largest step moves per command; less is a step within the backlash
+
+
 def cut_steps(
     time: ArrayLike,
     response: ArrayLike,
@@ -66,7 +71,8 @@ def step_figures(steps: Sequence[Step]) -> tuple[Figure, ...]:
     """Mean and interval of every metric over repeats, per approach direction and amplitude.
 
     Directions are `up` and `down`; names read `rise_time up`. Steps of one direction whose
-    amplitudes lie within 5 % are repeats.
+    amplitudes lie within 5 % are repeats. A step within the backlash, which moves less than half of
+    what the largest one moves per command, has a static error and nothing else.
 
     Raises
     ------
@@ -80,6 +86,8 @@ def step_figures(steps: Sequence[Step]) -> tuple[Figure, ...]:
             continue
     if not measured:
         raise AnalysisError(f"none of {len(steps)} steps moves beyond its noise")
+    largest = max(measured, key=lambda m: abs(m.amplitude))
+    measured = [_followed(m, _ratio(largest)) for m in measured]
     figures = []
     for group in _groups(measured):
         amplitude = float(np.mean([m.amplitude for m in group]))
@@ -92,6 +100,9 @@ def step_figures(steps: Sequence[Step]) -> tuple[Figure, ...]:
             if field.name == "peak_time" and np.mean(np.isfinite(values)) <= 0.5:
                 values = []  # what most repeats do not have is noise in the others
             found = over_repeats(name, values, _UNITS[field.name], amplitude)
+            if field.name in _POSITIVE:
+                low, high = found.interval
+                found = replace(found, interval=(0.0 if low < 0.0 else low, high))
             if field.name in ("overshoot", "peak"):
                 found = up_to_hidden(found, group)
             if field.name in ("settling_time", "dead_time") and _wider(field.name, group):
@@ -99,6 +110,18 @@ def step_figures(steps: Sequence[Step]) -> tuple[Figure, ...]:
                 found = replace(found, interval=(math.nan, math.nan))
             figures.append(found)
     return tuple(figures)
+
+
+def _ratio(m: StepMetrics) -> float:
+    """Change per change of the command."""
+    return 1.0 - m.static_error / m.amplitude if m.amplitude else 1.0
+
+
+def _followed(m: StepMetrics, gain: float) -> StepMetrics:
+    """Metrics of a step, without those of a motion where the gimbal did not follow it."""
+    if _ratio(m) / gain > _FOLLOWED:
+        return m
+    return replace(m, hidden=0.0, **dict.fromkeys(_POSITIVE, math.nan))
 
 
 def _wider(name: str, group: Sequence[StepMetrics]) -> bool:

@@ -129,9 +129,11 @@ def solve_axis(t: Table, guess: Array, other: Array) -> Axis:
     problem = _Problem(t, other)
     sigma = np.array([COARSE_SIGMA, 5e-4, 5e-4])
     n, dof = len(t.sign), max(1.0, len(t.sign) - 4.0)
+    # both columns of a rig without potentiometers are one accelerometer: the second hardly counts
+    share = np.array([1.0, 1.0, 1e-3 if rig.minimal else 1.0])
     covariance = np.eye(PARAMETERS)
     for _ in range(6):
-        scale = np.repeat(1 / sigma, n)
+        scale = np.repeat(share / sigma, n)
         r = np.concatenate(problem.residuals(v)) * scale
         J = problem.jacobian(v) * scale[:, None]
         prior = np.zeros((2, PARAMETERS))

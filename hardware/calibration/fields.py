@@ -21,6 +21,8 @@ LIMITS = {
     "deviation_deg": (0.0, 10.0),
     "switch_angle_deg": (-45.0, 45.0),
     "zero": (0.05, 0.95),
+    "zero_deg": (-20.0, 20.0),
+    "scale": (0.5, 2.0),
     "gain_deg": (-3600.0, 3600.0),
     "bias_deg_s": (-500.0, 500.0),
     "matrix": (-2.0, 2.0),

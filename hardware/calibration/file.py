@@ -15,11 +15,12 @@ from hardware.calibration.errors import CalibrationError
 from hardware.calibration.fields import Array, array, covariance, identity, mapping, triangle
 from hardware.calibration.linearisation import HIGHEST_DEGREE, Linearisation, Matrix, Rows
 from hardware.calibration.result import Calibration, Covariance, GyroMap, PotentiometerMap
-from hardware.frames import POTENTIOMETER_NAMES, Pair
+from hardware.frames import AXES, POTENTIOMETER_NAMES, Pair
 
 SCHEMA = "tvc-twin/calibration/2"
 STRAIGHT = "tvc-twin/calibration/1"
 LARGEST_FILE = 64 * 1024
+LARGEST_TILT_ERROR = 0.2  # of the accelerometer's scale
 _US = 1e-6
 _PER_US = radians(1) / _US
 _COMMAND = np.array([_US, _US, _PER_US, _PER_US, _PER_US, _PER_US])  # zero, matrix
@@ -110,20 +111,38 @@ def to_dict(c: Calibration) -> dict[str, Any]:
         "repeatability_deg": [degrees(v) for v in c.repeatability],
         "deviation_deg": [degrees(v) for v in c.deviation],
         "switch_angle_deg": [degrees(v) for v in c.switch_angle],
-        "potentiometers": {
-            name: {
-                "zero": p.zero,
-                "gain_deg": degrees(p.gain),
-                "covariance_deg": _in_units(p.covariance, np.array([1.0, radians(1)])),
-            }
-            for name, p in zip(_NAMES, c.potentiometers, strict=True)
-        },
+        **_angles_dict(c),
         "gyro": {
             "bias_deg_s": [degrees(v) for v in c.gyro.bias],
             "matrix": [list(row) for row in c.gyro.matrix],
             "sigma": c.gyro.sigma,
             "bias_sigma_deg_s": degrees(c.gyro.bias_sigma),
         },
+    }
+
+
+def _angles_dict(c: Calibration) -> dict[str, Any]:
+    """What shows the angles: four potentiometers, or the tilts of a rig without them."""
+    if c.minimal:
+        tilts = {
+            axis: {
+                "zero_deg": degrees(p.zero),
+                "scale": p.gain,
+                "covariance": _in_units(p.covariance, np.array([1.0, 1.0])),
+            }
+            for axis, p in zip(AXES, c.potentiometers[::2], strict=True)
+        }
+        return {"potentiometers": None, "accelerometer": tilts}
+    units = np.array([1.0, radians(1)])
+    return {
+        "potentiometers": {
+            name: {
+                "zero": p.zero,
+                "gain_deg": degrees(p.gain),
+                "covariance_deg": _in_units(p.covariance, units),
+            }
+            for name, p in zip(_NAMES, c.potentiometers, strict=True)
+        }
     }
 
 
@@ -148,8 +167,13 @@ def from_dict(content: object) -> Calibration:
     if schema not in (SCHEMA, STRAIGHT):
         raise CalibrationError(f"schema is {schema!r:.60}, must be {SCHEMA!r}")
     angles = np.radians(array(top, "switch_angle_deg", 4)).tolist()
-    pots = mapping(top.get("potentiometers"), "potentiometers")
-    maps = [_potentiometer(mapping(pots.get(n), f"potentiometers.{n}"), n) for n in _NAMES]
+    minimal = "potentiometers" in top and top["potentiometers"] is None
+    if minimal:
+        tilts = mapping(top.get("accelerometer"), "accelerometer")
+        maps = [_tilt(mapping(tilts.get(n), f"accelerometer.{n}"), n) for n in "xxyy"]
+    else:
+        pots = mapping(top.get("potentiometers"), "potentiometers")
+        maps = [_potentiometer(mapping(pots.get(n), f"potentiometers.{n}"), n) for n in _NAMES]
     return Calibration(
         rig=identity(top.get("rig")),
         zero=_pair(array(top, "zero_us", 2) * _US),
@@ -163,6 +187,7 @@ def from_dict(content: object) -> Calibration:
         repeatability=_pair(np.radians(array(top, "repeatability_deg", 2))),
         deviation=_deviation(top),
         linearisation=_linearisation(top),
+        minimal=minimal,
     )
 
 
@@ -229,6 +254,14 @@ def _potentiometer(entry: dict[str, Any], name: str) -> PotentiometerMap:
     return PotentiometerMap(
         float(array(entry, "zero")), gain, covariance(entry, "covariance_deg", units)
     )
+
+
+def _tilt(entry: dict[str, Any], axis: str) -> PotentiometerMap:
+    scale = float(array(entry, "scale"))
+    if not abs(scale - 1.0) < LARGEST_TILT_ERROR:
+        raise CalibrationError(f"accelerometer.{axis}.scale is {scale:g}, must be near 1")
+    zero = radians(float(array(entry, "zero_deg")))
+    return PotentiometerMap(zero, scale, covariance(entry, "covariance", np.array([1.0, 1.0])))
 
 
 def _in_units(matrix: Covariance, units: Array) -> list[list[float]]:

@@ -29,6 +29,7 @@ class CalibrationRig:
     repeats : approaches per switch and place
     seed : of the random start of each approach, which spreads quantisation evenly
     linearisation : of the mechanism that is calibrated
+    minimal : the rig has no potentiometers; its holder's accelerometer shows the angle at rest
     """
 
     switch_angle: tuple[float, float, float, float] = (
@@ -50,6 +51,7 @@ class CalibrationRig:
     repeats: int = 3
     seed: int = 0
     linearisation: Linearisation = field(default_factory=Linearisation)
+    minimal: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +64,8 @@ class Event:
     closed : it closed, on the way out; else it opened, on the way in
     pulses : in force as it did, moved back by half a step [s]
     settled : in force at rest afterwards, when the sensors were read [s]
-    potentiometer : mean readings at rest [1]
+    potentiometer : mean readings at rest [1]; tilts x, x, y, y by the accelerometer of a rig
+        without potentiometers [rad]
     time : device time, at rest [s]
     gyro : integral of the holder gyro's reading since the start, bias included, at rest [rad]
     came : direction in which the other axis moved last, +1 or −1; 0 where that is not recorded

@@ -14,6 +14,7 @@ from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
 from hardware.calibration.result import Calibration
 from hardware.calibration.solve import solve
 from hardware.frames import AXES, Pair, SensorFrame
+from hardware.parts import RAIL, tilts
 
 Steps = Generator[Pair, SensorFrame, None]
 
@@ -108,6 +109,11 @@ class Procedure:
         end = frame.device_us + 1_000_000
         while frame.device_us < end:
             readings.append(frame.gyro)
+            if not self.rig.minimal and max(frame.potentiometer) < RAIL:
+                raise CalibrationError(
+                    "all four potentiometers read ground: check their 5 V and wipers; a rig"
+                    " without potentiometers is calibrated with --minimal"
+                )
             for name, closed in zip(SWITCHES, frame.switches, strict=True):
                 if closed:
                     raise CalibrationError(
@@ -232,7 +238,7 @@ class Procedure:
         readings, end = [], self._now() + self.rig.reading * 1e6
         while self._now() < end:
             frame = yield self._sent()
-            readings.append(frame.potentiometer)
+            readings.append(_seen(frame) if self.rig.minimal else frame.potentiometer)
         a, b, c, d = np.mean(readings, axis=0).tolist()
         x, y, z = self._integral.tolist()
         self.log.events.append(
@@ -247,3 +253,9 @@ class Procedure:
                 came=self._came,
             )
         )
+
+
+def _seen(frame: SensorFrame) -> tuple[float, float, float, float]:
+    """Tilts of the holder by its accelerometer, in place of the potentiometers (x, x, y, y)."""
+    x, y = tilts(frame.accelerometer)
+    return x, x, y, y

@@ -89,6 +89,8 @@ class Calibration:
     deviation : root mean square of the map against the potentiometers between the switches; play
         that a weight takes up shows here, and a wrong linearisation; zero where unknown [rad]
     linearisation : gimbal angle to linearised angle of this rig's mechanism
+    minimal : the rig has no potentiometers; `potentiometers` are then maps from the tilt that the
+        holder's accelerometer shows [rad], those of an axis alike
     """
 
     rig: int
@@ -103,6 +105,7 @@ class Calibration:
     repeatability: Pair = (0.0, 0.0)
     deviation: Pair = (0.0, 0.0)
     linearisation: Linearisation = field(default_factory=Linearisation)
+    minimal: bool = False
 
     @property
     def zero_covariance(self) -> Covariance:
@@ -124,8 +127,9 @@ class Calibration:
                 " off the shipped mechanism; run `twin calibrate` again for the whole map"
             )
         if worst > LARGEST_DEVIATION:
+            sensor = "accelerometer is" if self.minimal else "potentiometers are"
             return (
-                f"the potentiometers are {degrees(worst):.2f}° (rms) off the calibration between"
+                f"the {sensor} {degrees(worst):.2f}° (rms) off the calibration between"
                 " the limit switches: play, or another mechanism than it was made for"
             )
         return ""

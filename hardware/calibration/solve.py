@@ -30,6 +30,8 @@ from hardware.frames import AXES, POTENTIOMETER_NAMES, Pair
 from hardware.parts import POTENTIOMETER_TRAVEL
 
 LARGEST_SPREAD = radians(0.4)  # of one switch's approaches; dead band and quantisation give 0.1°
+SHORTEST_TURN = 0.65  # of a track of 240°; a rotary sensor's of 333° ± 5 % shows 0.68 of it
+TILT_TOLERANCE = 0.1  # scale ±3 % and across ±2 %, MPU-6050 product specification 6.2, twice
 GYRO_TOLERANCE = 0.06  # scale ±3 % by the data sheet, and as much again
 PASSES = 2  # the other axis's angle enters little: 0.1° of it moves a linearised angle by 0.01°
 
@@ -49,7 +51,7 @@ def solve(log: Log, rig: CalibrationRig, identity: int) -> Calibration:
     if abs(np.linalg.det(matrix)) < 0.5 * abs(matrix[0, 0] * matrix[1, 1]):
         raise CalibrationError("both servos move the same axis; check linkage and servo plugs")
     zero = np.linalg.solve(matrix, np.array([x.value[C], y.value[C]]))
-    maps = _maps(x) + _maps(y)
+    maps = _maps(x, minimal=rig.minimal) + _maps(y, minimal=rig.minimal)
     return Calibration(
         rig=identity,
         zero=_pair(zero),
@@ -63,6 +65,7 @@ def solve(log: Log, rig: CalibrationRig, identity: int) -> Calibration:
         repeatability=(x.repeatability, y.repeatability),
         deviation=_deviation(log, axes, rig),
         linearisation=rig.linearisation,
+        minimal=rig.minimal,
     )
 
 
@@ -109,9 +112,9 @@ def _nested(matrix: Array) -> Covariance:
     return tuple(tuple(float(v) for v in row) for row in matrix)
 
 
-def _maps(axis: Axis) -> list[PotentiometerMap]:
+def _maps(axis: Axis, *, minimal: bool = False) -> list[PotentiometerMap]:
     maps = []
-    for o, k in ((OA, KA), (OB, KB)):
+    for o, k in ((OA, KA), (OA, KA) if minimal else (OB, KB)):
         gain = 1 / axis.value[k]
         # zero = o; gain = 1/k
         J = np.array([[1.0, 0.0], [0.0, -gain * gain]])
@@ -199,11 +202,24 @@ def _check_axis(index: int, axis: Axis, log: Log, rig: CalibrationRig) -> None:
         )
     names = POTENTIOMETER_NAMES[2 * index : 2 * index + 2]
     for k, name in zip((KA, KB), names, strict=True):
+        if rig.minimal:
+            _check_tilt(index, float(axis.value[k]), rig)
+            continue
         turned = abs(axis.value[k]) * POTENTIOMETER_TRAVEL
-        if not 0.8 < turned < 1.25:
+        if not SHORTEST_TURN < turned < 1.25:
             apart = degrees(rig.switch_angle[2 * index] - rig.switch_angle[2 * index + 1])
             raise CalibrationError(
                 f"{name} turned {apart * turned:.1f}° between switches "
                 f"{SWITCHES[2 * index]} and {SWITCHES[2 * index + 1]}, which are {apart:.1f}° "
                 "apart; it is loose, not wired, or a switch is misplaced"
             )
+
+
+def _check_tilt(index: int, scale: float, rig: CalibrationRig) -> None:
+    if abs(scale - 1) > TILT_TOLERANCE:
+        apart = degrees(rig.switch_angle[2 * index] - rig.switch_angle[2 * index + 1])
+        raise CalibrationError(
+            f"the holder's accelerometer saw {apart * scale:.1f}° about {AXES[index]} between"
+            f" switches {apart:.1f}° apart; the rig must stand upright, and the IMU's x and y along"
+            " the gimbal's axes"
+        )

@@ -5,10 +5,9 @@ averages out: a potentiometer that drifts slowly leaves it, whatever gyro and se
 """
 
 from dataclasses import dataclass, field
-from math import asin, cos
 
 from hardware.frames import Triple
-from hardware.parts import STANDARD_GRAVITY
+from hardware.parts import STANDARD_GRAVITY, tilts
 
 AVERAGE = 1.5  # s
 LEARNING, ADAPTING = 1.0, 60.0  # s; of the constant difference, at first and later
@@ -45,9 +44,8 @@ class Gravity:
         """
         if not abs(force[2]) > UPRIGHT:
             return
-        x = _tilt(force)
-        y = asin(_unit((-force[0] if force[2] > 0 else force[0]) / cos(x)))
-        x -= _tilt(base)
+        x, y = tilts(force)
+        x -= tilts(base)[0]
         first = self.age == 0.0
         self.age += dt
         short = 1.0 if first else min(1.0, dt / min(AVERAGE, self.age))
@@ -60,12 +58,3 @@ class Gravity:
     def departed(self, i: int) -> float:
         """How far potentiometer `i` has left gravity since it was learned; 0 before [rad]."""
         return self.mean[i] - self.reference[i] if self.age > LEARNED else 0.0
-
-
-def _tilt(force: Triple) -> float:
-    """Turn about x, by y alone: z adds little near the vertical [rad]."""
-    return asin(_unit(force[1] if force[2] > 0 else -force[1]))
-
-
-def _unit(force: float) -> float:
-    return min(max(force / STANDARD_GRAVITY, -1.0), 1.0)

@@ -17,7 +17,7 @@ from hardware.faults.axis import DRIFT, FADING, LAG, LEAK, MOSTLY, SMOOTHING, ST
 from hardware.faults.evidence import Prediction, Reading, Remedy
 from hardware.faults.gravity import Gravity
 from hardware.faults.memory import filled, number
-from hardware.faults.parity import RAIL, Parity
+from hardware.faults.parity import Parity
 from hardware.faults.states import (
     GYRO,
     NAMED,
@@ -31,6 +31,7 @@ from hardware.faults.states import (
 )
 from hardware.faults.tracks import DOUBTFUL
 from hardware.frames import Pair, Triple
+from hardware.parts import RAIL
 
 SETTLING = 1.5  # s; the gyro's bias is not yet known before
 LEARNING = 0.4  # s; over which it is averaged at first
@@ -40,6 +41,7 @@ COMMON_DRIFT = radians(0.3)  # of both potentiometers of an axis together, when 
 COMMON_LAG = 1.6e-3  # s; of that drift while moving: healthy units in slews of 280 °/s reach 0.7°
 DEPARTED = radians(0.25)  # from gravity, 10 σ of its average
 AVERAGED = 0.2  # of an offset that its average has reached
+KNOWN = radians(0.3)  # angle of a rig without potentiometers, from which its servos are judged
 UNDECIDED = 0.2  # s of disagreement with the gyro that the servo's command does not decide
 
 
@@ -50,14 +52,18 @@ class Monitor(Parity):
     ----------
     listener : as above; `sensor` may be a servo
     actuation : comparison of the servos with their commands
+    minimal : the rig has no potentiometers; servos and a gyro that stands still are monitored
     """
 
     def __init__(
         self,
         listener: Callable[[str, State, State, str], None] | None = None,
         actuation: Actuation | None = None,
+        *,
+        minimal: bool = False,
     ) -> None:
         super().__init__(listener)
+        self._minimal = minimal
         self.actuation = actuation or Actuation()
         self._gravity = Gravity()
         self._running = 0.0  # s since `begin`
@@ -115,7 +121,7 @@ class Monitor(Parity):
 
     def begin(self, reading: Reading) -> tuple[bool, bool, bool, bool]:
         """Start again on a first frame, or after a gap; return which potentiometers are wired."""
-        a, b, c, d = (RAIL < f < 1 - RAIL for f in reading.fraction)
+        a, b, c, d = (self._minimal or RAIL < f < 1 - RAIL for f in reading.fraction)
         self._running = 0.0
         self._last_gyro, self._equal = None, 0
         for axis in self._axes:
@@ -131,6 +137,8 @@ class Monitor(Parity):
         self._running += dt
         self._blur = max(prediction.tolerance)
         self._fade(dt)
+        if self._minimal:
+            return self._by_imu(reading, prediction)
         rest, supply = self._without_supply(reading, prediction)
         use = self._outliers(reading, prediction, rest)
         self._frozen(reading, prediction)
@@ -152,6 +160,20 @@ class Monitor(Parity):
             1.0 if marginal else 0.0,
             (lost[0] or x, lost[1] or y),
         )
+
+    def _by_imu(self, r: Reading, p: Prediction) -> Remedy:
+        """Judge a frame of a rig without potentiometers: one witness, and the servos' commands."""
+        self._frozen(r, p)
+        self.actuation.advance(r.command, p.angle, r.dt)
+        for axis, bias in zip(self._axes, p.bias, strict=True):
+            axis.bias = bias
+        if max(p.variance) > KNOWN**2:  # not yet at rest since the start
+            self.actuation.begin()
+        else:
+            self._watch_servos(r, p)
+        self._advance(p.angle, r.dt)
+        usable = r.fresh and not (self._out[GYRO] and self._is_frozen())
+        return Remedy((usable, False, usable, False), (usable, usable))
 
     def _frozen(self, r: Reading, p: Prediction) -> None:
         self._equal = self._equal + 1 if r.gyro == self._last_gyro or not r.fresh else 0
@@ -258,7 +280,9 @@ class Monitor(Parity):
             offset = abs(p.angle[k] - actuation.axes[k].model)
             slow = kind == UNNAMED or kind.startswith("offset")
             drifted = slow and 0.5 * abs(u + v) > max(DEPARTED, AVERAGED * offset)
-            if drifted or kind == MISREAD or self._out[PAIR + k]:
+            if self._minimal and kind == MISREAD:
+                self._accuse(GYRO, 1.0, "bias")
+            elif drifted or kind == MISREAD or self._out[PAIR + k]:
                 self._accuse(PAIR + k, 1.0, "deviating")
             else:
                 self._accuse(SERVO + k, 1.0, kind)

@@ -8,11 +8,11 @@ from hardware.faults.axis import DRIFT
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading
 from hardware.faults.states import SUPPLY
 from hardware.faults.tracks import Tracks
+from hardware.parts import RAIL
 
 GATE = 4.5  # σ; two Gaussian outliers of one sensor meet within 100 ms once in 60 hours
 CERTAIN = 9.0  # σ; one is enough
 GATE_2, CERTAIN_2 = GATE**2, CERTAIN**2
-RAIL = 0.02  # fraction of the supply no wired potentiometer reaches within ±10° of mid-travel
 
 
 class Parity(Tracks):

@@ -29,10 +29,15 @@ from hardware.fusion.kalman import (
     GimbalFilter,
     Noise,
 )
+from hardware.parts import tilts
 from hardware.protocol import Flags
 
 LARGEST, SLACK = 1e6, 1e-9  # of a restored state, and of a covariance's negative eigenvalue
 _HOLDER_IMU = int(Flags.HOLDER_IMU)  # an enum's `&` takes 1 µs
+# Of a rig without potentiometers: 0.28° by the data sheet's 400 µg/√Hz behind the low-pass, twice,
+# because the low-pass correlates readings; in motion the holder accelerates as well
+RESTING, TRAVELLING = radians(0.5), radians(20.0)
+MOVING, SETTLED, GATE = radians(4.0), 0.06, 3.0  # rad/s, s, σ
 _MAP_ANGLE = radians(5.0)  # at which a calibration's uncertainty is evaluated
 
 
@@ -64,7 +69,8 @@ class Fusion:
         self.filter = GimbalFilter(noise or Noise())
         limits = servos or ServoLimits()
         actuation = Actuation(tolerances(calibration, limits), limits)
-        self.monitor = Monitor(actuation=actuation)
+        self.monitor = Monitor(actuation=actuation, minimal=calibration.minimal)
+        self._moved = 0.0  # s since the gimbal moved, of a rig without potentiometers
         self._commands = Commands(calibration)
         self._last_us: int | None = None
         sigmas = [calibration.potentiometer_sigma(i, _MAP_ANGLE) for i in range(POTENTIOMETERS)]
@@ -97,6 +103,7 @@ class Fusion:
         return {
             "gyro_delay": self.noise.gyro_delay,
             "last_us": self._last_us,
+            "moved": self._moved,
             "x": self.filter.x.tolist(),
             "P": self.filter.P.tolist(),
             "monitor": self.monitor.snapshot(),
@@ -120,6 +127,7 @@ class Fusion:
             last = memory["last_us"]
             self.set_gyro_delay(number(memory["gyro_delay"]))
             self._last_us = None if last is None else int(number(last))
+            self._moved = number(memory.get("moved", 0.0))
             for k in range(2):
                 self.filter.set_axis(k, x[k], P[k])
             self.monitor.restore(memory["monitor"])
@@ -141,6 +149,9 @@ class Fusion:
     def _reading(self, frame: SensorFrame, dt_us: int) -> Reading:
         a, b, c, d = self.calibration.potentiometers
         f = frame.potentiometer
+        if self.calibration.minimal:
+            x, y = tilts(frame.accelerometer)
+            f = x, x, y, y
         return Reading(
             dt_us * 1e-6,
             f,
@@ -170,6 +181,8 @@ class Fusion:
         for k in range(2):
             angles = [reading.angle[i] for i in (2 * k, 2 * k + 1) if wired[i]]
             sigma = radians(0.5) if angles else radians(10.0)
+            if self.calibration.minimal:
+                sigma = radians(10.0)  # it may be moving
             angle = sum(angles) / len(angles) if angles else 0.0
             bias = self.calibration.gyro.bias_sigma
             P = np.diag([sigma**2, rate**2, bias**2, rate**2])
@@ -203,6 +216,9 @@ class Fusion:
         # A supply error ε turns a reading f into (1+ε)f: both potentiometers err together.
         a, b, c, d = [supply * f * g for f, g in zip(reading.fraction, self._gains, strict=True)]
         va, vb, vc, vd = self._electrical
+        if self.calibration.minimal:
+            a = b = c = d = 0.0
+            va = vc = self._tilt(reading)
         scale, walk = self.calibration.gyro.sigma, n.gyro**2 / max(reading.dt, 1e-3)
         u, v = scale * x[RATE], scale * x[STATES + RATE]
         angle, rate, use, gyro = reading.angle, reading.rate, remedy.use, remedy.use_gyro
@@ -213,6 +229,20 @@ class Fusion:
             gyro_gain=cos(x[STATES + ANGLE]),
             use=(use[0], use[1], gyro[0], use[2], use[3], gyro[1]),
         )
+
+    def _tilt(self, reading: Reading) -> float:
+        """Variance of the accelerometer's tilt [rad²]: in motion it shows the motion as well.
+
+        A beginning motion shows there before the gyro's low-pass has passed it.
+        """
+        x = self.filter.state
+        pace = max(abs(v) for v in x[RATE::STATES])
+        away = max(abs(reading.angle[2 * k] - x[STATES * k + ANGLE]) for k in range(2))
+        bound = GATE * sqrt(RESTING**2 + max(self.filter.angle_variance()))
+        still = pace < MOVING and away < bound
+        self._moved = self._moved + reading.dt if still else 0.0
+        sigma = RESTING if self._moved > SETTLED else TRAVELLING
+        return sigma * sigma
 
     def state(self, time_ns: int) -> GimbalState:
         """Return the present estimate with a time stamp [ns]."""

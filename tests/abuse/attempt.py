@@ -1,15 +1,20 @@
 """One attempt with a random input, what counts as its failure, and a table of many."""
 
 import contextlib
+import faulthandler
 import random
 import resource
 import signal
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import ForkProcess
 from pathlib import Path
+from typing import Any
 
 from tests.twin.test_mutations import REFUSED
 from twin.errors import CheckError, DivergenceError
@@ -42,12 +47,12 @@ Kind = Callable[[random.Random, Path], Iterator[Attempt]]
 
 @dataclass
 class Row:
-    """Count of one kind: attempts, seconds, and the failed attempts with what happened."""
+    """Count of one kind: attempts, seconds, and of the failed name, input and what happened."""
 
     kind: str
     attempts: int = 0
     seconds: float = 0.0
-    failed: list[tuple[Attempt, str]] = field(default_factory=list)
+    failed: list[tuple[str, bytes, str]] = field(default_factory=list)
 
 
 @contextlib.contextmanager
@@ -57,9 +62,11 @@ def _alarm() -> Iterator[None]:
 
     before = signal.signal(signal.SIGALRM, ring)
     signal.alarm(WAITS)
+    faulthandler.dump_traceback_later(2 * WAITS, exit=True)  # for one that waits in C
     try:
         yield
     finally:
+        faulthandler.cancel_dump_traceback_later()
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
 
@@ -84,40 +91,83 @@ def failure(attempt: Attempt) -> str:
     return ""
 
 
+def tried(kind: str, make: Kind, count: int, seed: int, folder: Path, seconds: float = 0.0) -> Row:
+    """Try a kind its number of times, and again until the time is up.
+
+    The attempt that is under way is kept beside the folder, for whoever looks after a crash.
+    """
+    folder.mkdir(parents=True)
+    row, began = Row(kind), time.monotonic()
+    with contextlib.closing(make(random.Random(f"{seed} {kind}"), folder)) as source:
+        while not row.attempts or time.monotonic() < began + seconds:
+            for attempt in islice(source, count):
+                _current(folder).write_bytes(attempt.name.encode() + b"\n" + attempt.given)
+                row.attempts += 1
+                if text := failure(attempt):
+                    row.failed.append((attempt.name, attempt.given, text))
+    row.seconds = time.monotonic() - began
+    return row
+
+
+def _current(folder: Path) -> Path:
+    return folder.with_name(f"{folder.name}.current")
+
+
 def abuse(
     kinds: Mapping[str, tuple[Kind, int]],
     seed: int,
     folder: Path,
     minutes: float = 0.0,
+    jobs: int = 1,
     progress: Callable[[Row], None] = lambda _: None,
 ) -> list[Row]:
-    """Try every kind its number of times, and again until the time is up; one row each."""
-    rows = [Row(kind) for kind in kinds]
-    end = time.monotonic() + 60 * minutes
-    with contextlib.ExitStack() as stack:
-        sources = {}
-        for kind, (make, _) in kinds.items():
-            (folder / kind).mkdir(parents=True)
-            source = make(random.Random(f"{seed} {kind}"), folder / kind)
-            sources[kind] = stack.enter_context(contextlib.closing(source))
-        while True:
-            for row in rows:
-                _count(row, islice(sources[row.kind], kinds[row.kind][1]))
-                progress(row)
-            if time.monotonic() >= end:
-                return rows
+    """Try every kind in a process that is forked for it, `jobs` at a time; one row each.
+
+    A process that crashes costs its kind's row, which then says in which attempt.
+    """
+    context, waiting, rows = get_context("fork"), list(kinds), {}
+    seconds = 60 * minutes * jobs / max(len(kinds), 1)
+    busy: dict[Connection, tuple[str, ForkProcess]] = {}
+    try:
+        while waiting or busy:
+            while waiting and len(busy) < jobs:
+                kind = waiting.pop(0)
+                line, theirs = context.Pipe(duplex=False)
+                arguments = (theirs, kind, *kinds[kind], seed, folder / kind, seconds)
+                process = context.Process(target=_send, args=arguments)
+                process.start()
+                theirs.close()
+                busy[line] = kind, process
+            for line in wait(list(busy)):
+                kind, process = busy.pop(line)
+                rows[kind] = _received(line, kind, process, folder / kind)
+                progress(rows[kind])
+    finally:
+        for _, process in busy.values():
+            process.terminate()
+            process.join()
+    return [rows[kind] for kind in kinds]
 
 
-def _count(row: Row, attempts: Iterator[Attempt]) -> None:
-    began = time.monotonic()
-    for attempt in attempts:
-        row.attempts += 1
-        if text := failure(attempt):
-            row.failed.append((attempt, text))
-    row.seconds += time.monotonic() - began
+def _send(line: Connection, *arguments: Any) -> None:
+    line.send(tried(*arguments))
 
 
-def table(rows: list[Row]) -> str:
+def _received(line: Connection, kind: str, process: ForkProcess, folder: Path) -> Row:
+    """Row of a kind; where its process ended without one, the attempt that ended it."""
+    with line:
+        try:
+            row = line.recv()
+        except EOFError:
+            process.join()
+            name, _, given = _current(folder).read_bytes().partition(b"\n")
+            text = f"ended the process, exit code {process.exitcode}"
+            row = Row(kind, 1, failed=[(name.decode(), given, text)])
+    process.join()
+    return row
+
+
+def table(rows: Sequence[Row]) -> str:
     """Rows and their sum as text."""
     total = Row("all", sum(r.attempts for r in rows), sum(r.seconds for r in rows))
     total.failed = [f for r in rows for f in r.failed]
@@ -131,11 +181,11 @@ def table(rows: list[Row]) -> str:
     )
 
 
-def save(rows: list[Row], folder: Path) -> None:
+def save(rows: Sequence[Row], folder: Path) -> None:
     """Write the first failed inputs of each kind, each beside a text with what happened."""
     for row in rows:
-        for k, (attempt, text) in enumerate(row.failed[:SAVED]):
+        for k, (name, given, text) in enumerate(row.failed[:SAVED]):
             folder.mkdir(parents=True, exist_ok=True)
             path = folder / f"{row.kind.replace(' ', '-')}-{k}"
-            path.with_suffix(".input").write_bytes(attempt.given)
-            path.with_suffix(".txt").write_text(f"{attempt.name}\n\n{text}\n")
+            path.with_suffix(".input").write_bytes(given)
+            path.with_suffix(".txt").write_text(f"{name}\n\n{text}\n")

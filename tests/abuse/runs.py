@@ -6,8 +6,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from itertools import combinations, count
@@ -22,6 +20,7 @@ from analysis.recording import tables
 from hardware.device import tcp
 from hardware.emulator.injection import VALID
 from tests.abuse.attempt import Attempt
+from tests.abuse.children import Children
 from tests.hardware import strangers
 from tests.twin import test_outputs as outputs_of
 from tests.twin.test_mechanism_build import LARGE
@@ -39,15 +38,7 @@ ENDLESS = ("converge", "demo", "rig", "campaign run gains --workers 1", "mirror 
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 ENDS = (0, 1, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 ENDING = 30.0  # s that a verb may take to end
-LATEST = 5.0  # s after its beginning at which a verb gets its signal
-CHILD = """
-import resource, sys
-from twin.cli.main import main
-if room := int(sys.argv.pop(1)):
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
-print(flush=True)
-main()
-"""
+LATEST = 1.5  # s after its beginning at which a verb gets its signal
 
 
 def faults(chance: Random, folder: Path) -> Iterator[Attempt]:
@@ -162,69 +153,63 @@ def _place(folder: Path, name: str) -> Path:
 
 def disk(chance: Random, folder: Path) -> Iterator[Attempt]:
     """Processes of verbs whose files cannot grow beyond a random size, as on a full disk."""
-    for k in count():
-        command, suffix = chance.choice(list(WRITES.items()))
-        room = int(10 ** chance.uniform(0, 5.3))
-        arguments = [*command.split(), "--out", f"result{suffix}"]
-        place = _place(folder, f"{k}")
-        yield Attempt(
-            f"{' '.join(arguments)}, with room for {room} bytes",
-            lambda a=arguments, p=place, r=room: _filled(a, p, r),
-        )
-        shutil.rmtree(place)
+    with contextlib.closing(Children()) as children:
+        for k, (command, suffix) in enumerate(_shuffled(list(WRITES.items()), chance)):
+            room = int(10 ** chance.uniform(0, 5.3))
+            arguments = [*command.split(), "--out", f"result{suffix}"]
+            place = _place(folder, f"{k}")
+            yield Attempt(
+                f"{' '.join(arguments)}, with room for {room} bytes",
+                lambda a=arguments, p=place, r=room: _filled(children, a, p, r),
+            )
+            shutil.rmtree(place)
 
 
-def _filled(arguments: list[str], place: Path, room: int) -> None:
+def _shuffled(every: list, chance: Random) -> Iterator:
+    """All of them in random order, and again."""
+    while True:
+        chance.shuffle(every)
+        yield from every
+
+
+def _filled(children: Children, arguments: list[str], place: Path, room: int) -> None:
     inputs = outputs_of.state(place)
-    with _child(arguments, place, room) as child:
-        _, errors = child.communicate(timeout=LATEST + ENDING)
+    with children.verb(arguments, place, room) as child:
+        assert child.ended(ENDING), f"has not ended after {ENDING:g} s"
+        errors = child.errors()
     _whole(place, inputs)
     assert "Traceback" not in errors, errors
-    assert child.returncode in (0, 1, 2), (child.returncode, errors)
-    assert child.returncode == 2 or list(place.glob("result*")), f"nothing was written: {errors}"
+    assert child.code in (0, 1, 2), (child.code, errors)
+    assert child.code == 2 or list(place.glob("result*")), f"nothing was written: {errors}"
 
 
 def kills(chance: Random, folder: Path) -> Iterator[Attempt]:
     """Verbs in processes that get SIGTERM, SIGINT or SIGKILL at a random moment."""
-    for k in count():
-        commands = [f"{c} --out result{s}" for c, s in WRITES.items()]
-        command = chance.choice([*commands, *ENDLESS])
-        number, delay = chance.choice(SIGNALS), chance.uniform(0, LATEST)
-        place = _place(folder, f"{k}")
-        yield Attempt(
-            f"{command}, {number.name} after {delay:.2f} s",
-            lambda c=command, p=place, n=number, d=delay: _killed(c.split(), p, n, d),
-        )
-        shutil.rmtree(place)
+    commands = [*(f"{c} --out result{s}" for c, s in WRITES.items()), *ENDLESS]
+    with contextlib.closing(Children()) as children:
+        for k, command in enumerate(_shuffled(commands, chance)):
+            number, delay = chance.choice(SIGNALS), chance.uniform(0, LATEST)
+            place = _place(folder, f"{k}")
+            yield Attempt(
+                f"{command}, {number.name} after {delay:.2f} s",
+                lambda c=command, p=place, n=number, d=delay: _killed(children, c.split(), p, n, d),
+            )
+            shutil.rmtree(place)
 
 
-@contextlib.contextmanager
-def _child(arguments: list[str], place: Path, room: int = 0) -> Iterator[subprocess.Popen]:
-    """A verb in a process of its own that has begun; `room` limits its files [bytes]."""
-    pipe = subprocess.PIPE
-    with subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(room), *arguments],
-        cwd=place, stdout=pipe, stderr=pipe, text=True, start_new_session=True,
-    ) as child:  # fmt: skip
-        try:
-            child.stdout.read(1)
-            yield child
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(child.pid, signal.SIGKILL)
-
-
-def _killed(arguments: list[str], place: Path, number: signal.Signals, delay: float) -> None:
+def _killed(
+    children: Children, arguments: list[str], place: Path, number: signal.Signals, delay: float
+) -> None:
     inputs = outputs_of.state(place)
-    with _child(arguments, place) as child:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            child.wait(delay)
-        child.send_signal(number)
-        _, errors = child.communicate(timeout=ENDING)
+    with children.verb(arguments, place) as child:
+        if not child.ended(delay):
+            os.kill(child.pid, number)
+        assert child.ended(ENDING), f"has not ended {ENDING:g} s after {number.name}"
+        errors = child.errors()
     _whole(place, inputs)
     assert "Traceback" not in errors, errors
     if number != signal.SIGKILL:
-        assert child.returncode in ENDS, (child.returncode, errors)
+        assert child.code in ENDS, (child.code, errors)
         assert not list(place.glob(".*")), f"left behind: {list(place.glob('.*'))}"
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from analysis.estimate import Property, drift, fitted, information, track
+from analysis.estimate import Property, drift, fitted, information, scatter, track
 from analysis.schema import AnalysisError
 
 PERIOD, MEMORY, NOISE = 0.01, 0.8, 1e-3
@@ -124,8 +124,37 @@ def test_an_axis_that_moves_late_and_differs_at_once_differs_from_the_start():
         return late * motion, late[:, None] * slope
 
     angle = late * moved(t, (1.08, 0.0, 0.0)) + NOISE * noise(len(t), 11)
-    changes = drift("y", t, angle, begun, (GAIN, ZERO, DELAY), t[t >= 12.0]).changes
-    assert [(c.what.name, c.since) for c in changes] == [("gain", 0.0)]
+    seen = drift("y", t, angle, begun, (GAIN, ZERO, DELAY), t[t >= 12.0])
+    assert seen.changes == ()
+    assert [text.split(" ± ")[0] for text in seen.differs] == ["y: gain 1.08"]
+
+
+@pytest.mark.parametrize("changed", [True, False], ids=["a later change", "no change"])
+def test_a_gimbal_unlike_its_model_is_compared_with_its_own_beginning(changed):
+    t = PERIOD * np.arange(4001)
+    own, later = np.array([1.1, 0.02, 4e-3]), np.array([1.1, 0.05, 4e-3])
+
+    def bent(level):  # beside a motion that no property explains, 0.2° at most
+        return moved(t, level) + 0.0035 * np.sin(2 * np.pi * 1.1 * t)
+
+    true = np.where(t < 20.0, bent(own), bent(later if changed else own))
+    seen = drift("y", t, true + NOISE * noise(len(t), 9), model(t), (GAIN, ZERO, DELAY))
+    assert len(seen.differs) >= 2
+    assert [c.what.name for c in seen.changes] == (["zero"] if changed else [])
+    for change in seen.changes:
+        assert change.before == pytest.approx(0.02, abs=0.003)
+        assert change.after == pytest.approx(0.05, abs=0.003)
+
+
+def test_estimates_scatter_as_the_noise_makes_them_and_more_with_what_no_property_explains():
+    t = PERIOD * np.arange(6001)
+    J, prior = model(t)(np.array([1.0, 0.0, 0.0]))[1], np.array([0.1, 0.03, 0.01])
+    only = NOISE * noise(len(t), 6)
+    varying = 0.1 * J[:, 0] * np.sign(np.sin(2 * np.pi * 0.13 * t))  # no one gain explains it
+    step = np.where(t < 30.0, 0.0, J @ np.array([0.1, 0.02, 5e-3]))
+    some = [scatter(information(t, r, J), prior) for r in (only, only + step, only + varying)]
+    assert max(some[:2]) < 1.5  # 30 windows of 3 properties
+    assert some[2] > 3.0
 
 
 def test_a_property_does_not_fall_below_what_is_possible():

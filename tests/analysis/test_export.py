@@ -188,7 +188,8 @@ def _enu_axes(latitude, longitude):
 
 
 def test_messages_of_mcap_have_the_values_and_units(flight, tmp_path):
-    reader = pytest.importorskip("mcap.reader")
+    from mcap import reader
+
     path = tmp_path / "flight.mcap"
     export.write(export.FORMATS["mcap"], flight, path, export.Origin())
     series = recording.read(flight)["gimbal/simulated"]
@@ -240,21 +241,21 @@ def test_the_verb_writes_beside_the_recording_and_refuses_what_it_cannot(flight,
 
 
 def test_the_scene_as_usd_has_the_recorded_motion(flight, tmp_path):
-    usd = pytest.importorskip("pxr.Usd")
-    geom = pytest.importorskip("pxr.UsdGeom")
+    from pxr import Usd, UsdGeom
+
     from twin.config import Export
     from twin.evaluation.export import export as verb
 
     short = scene.bodies(flight)
     result = verb(Export(flight, to="usd", out=tmp_path / "flight.usd"))
-    stage = usd.Stage.Open(str(result.file))
+    stage = Usd.Stage.Open(str(result.file))
     assert stage.GetTimeCodesPerSecond() == 50.0
     frames = round(stage.GetEndTimeCode())
     vehicle = next(b for b in short if b.name == "vehicle")
     places = [
-        geom.Xformable(prim).ComputeLocalToWorldTransform(frames).ExtractTranslation()
+        UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(frames).ExtractTranslation()
         for prim in stage.Traverse()
-        if prim.IsA(geom.Xformable) and "vehicle" in prim.GetName()
+        if prim.IsA(UsdGeom.Xformable) and "vehicle" in prim.GetName()
     ]
     moved = np.array([list(p) for p in places])
     assert np.linalg.norm(moved - vehicle.position[-1], axis=1).min() < 1.0  # geom, not body centre

@@ -1,13 +1,13 @@
 """Pulses of a rig for its commands: a made-up rig whose frames, map and motion are closed forms."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from analysis.identify import IdentificationError, identify_gimbal
-from analysis.identify.pulses import asked, by_pulses, pulse_frames
+from analysis.identify.pulses import asked, by_frames, by_pulses, pulse_frames
 from analysis.recording import Recording, TimeSeries, measurement_of
 from hardware.protocol import Flags
 
@@ -31,7 +31,7 @@ class Rig:
         levels = wanted(times)
         device_frames = np.arange(math.floor(self.boot / FRAME), 700) * FRAME + self.phase
         begin = (device_frames - self.boot) / self.pace
-        row = np.searchsorted(times, begin - self.late, side="right") - 1
+        row = np.searchsorted(times, begin - self.late + 1e-9, side="right") - 1
         told = np.where(row[:, None] < 0, 0.0, levels[np.clip(row, 0, None)])
         told[rng.random(len(told)) < spoil] = 0.05
         pulse = ticks(1.5e-3 + 1.2e-3 * told + 0.9e-3 * told**2 + 8e-5 * told[:, ::-1])
@@ -153,3 +153,34 @@ def test_a_recording_without_a_rig_has_no_pulses():
     series = {k: v for k, v in whole.series.items() if k.startswith("gimbal")}
     with pytest.raises(IdentificationError, match="no sensors/pulse"):
         by_pulses(measurement_of(Recording({}, series)))
+
+
+@pytest.mark.parametrize(
+    ("rig", "wait"),
+    [
+        (Rig(), 0.0112),  # its clock drifts through all phases: 10 ms, and the way to the device
+        (Rig(boot=1.24, pace=1.0, late=0.0), 0.009),  # 0, 2 … 18 ms
+        (Rig(boot=1.24, pace=1.0, late=0.0004), 0.011),  # 2, 4 … 20 ms
+    ],
+)
+def test_a_delay_from_commands_is_that_of_the_gimbal_and_the_mean_wait_for_a_frame(rig, wait):
+    """Commands every 2 ms; the way to the device is searched in steps of 0.25 ms."""
+    run = measurement_of(rig.recording()).between(0.5, 12.0)  # its first command is a jump
+    run = replace(run, initial="free")
+    model = identify_gimbal(by_frames([run]), coupling="none")
+    for axis in "xy":
+        value = {k: model.estimate(f"{axis}/{axis} {k}").value for k in ("gain", "damping")}
+        assert value == pytest.approx({"gain": 1.0, "damping": ZETA}, rel=0.01)
+        delay = model.estimate(f"{axis}/{axis} delay")
+        assert delay.value == pytest.approx(DELAY + wait, abs=2.5e-4)
+    assert model.fit > 99.0
+
+
+def test_a_recording_whose_pulses_are_not_timed_keeps_the_stamps_of_its_commands():
+    recording = Rig().recording()
+    run = measurement_of(recording)
+    none = {k: v for k, v in recording.series.items() if k.startswith("gimbal")}
+    for other in (Recording({}, none), Rig().recording(spoil=0.5)):
+        r = measurement_of(other)
+        assert by_frames([r])[0] is r
+    assert by_frames([run])[0] is not run

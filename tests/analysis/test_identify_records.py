@@ -228,3 +228,16 @@ def test_a_recording_of_the_twin_becomes_a_record():
     assert r.command.values.shape == (400, 2)
     assert r.rate.values.shape == (400, 2)
     assert r.slack == 0.0
+
+
+def test_degrees_read_as_radians_on_both_sides_are_doubted_by_the_size_of_the_commands():
+    """A gain of 1 says nothing of them; 5 rad are 286°, and no gimbal turns beyond 90°."""
+    time = np.arange(0.0, 4.0, 0.01)
+    command = np.where(time % 1.0 < 0.5, 0.0, 5.0)
+    angle = np.interp(time - 0.02, time, command) + np.random.default_rng(0).normal(0, 0.02, 400)
+    degrees = measurement(time, command[:, None], angle=angle)
+    radians = measurement(time, np.radians(command)[:, None], angle=np.radians(angle))
+    said = [w for w in identify([degrees], poles=1).warnings if "reaches 5 rad" in w]
+    assert len(said) == 1
+    assert "is it in degrees?" in said[0]
+    assert not any("reaches" in w for w in identify([radians], poles=1).warnings)

@@ -29,6 +29,7 @@ from analysis.response import (
     step_metrics,
     step_response,
 )
+from analysis.response.metrics import Step
 from analysis.schema import AnalysisError
 from analysis.transfer_function import Channel
 
@@ -383,3 +384,28 @@ def test_one_clean_step_equals_the_model():
     model = model_step_metrics(SECOND)
     assert first.rise_time == pytest.approx(model.rise_time, rel=1e-3)
     assert first.overshoot == pytest.approx(model.overshoot, abs=0.05)
+
+
+def test_a_step_within_the_backlash_has_a_static_error_and_nothing_else():
+    rng, t = np.random.default_rng(3), np.arange(0.0, 0.6, 0.002)
+    steps = []
+    for asked, reached in ((0.1, 0.095), (0.005, 0.0006)) * 4:
+        angle = reached * (1.0 - np.exp(-t / 0.02)) + 1e-4 * rng.standard_normal(len(t))
+        steps.append(Step(t, angle, 1e-4 * rng.standard_normal(100), 0.0, asked))
+    figures = {(f.name, round(f.amplitude, 3)): f for f in step_figures(steps)}
+    assert figures["rise_time up", 0.1].value == pytest.approx(0.02 * np.log(9.0), rel=0.05)
+    assert figures["static_error up", 0.005].value == pytest.approx(0.0044, abs=1e-4)
+    small = [f for (name, at), f in figures.items() if at == 0.005 and "static" not in name]
+    assert small
+    assert all(np.isnan(f.value) for f in small)
+
+
+def test_intervals_of_what_cannot_be_negative_begin_at_zero():
+    t = np.arange(0.0, 0.6, 0.002)
+    steps = [
+        Step(t, 0.1 * (1.0 - np.exp(-np.maximum(t - late, 0.0) / 0.01)), np.zeros(9), 0.0, 0.1)
+        for late in (0.002, 0.002, 0.04)
+    ]
+    (dead,) = [f for f in step_figures(steps) if f.name == "dead_time up"]
+    assert dead.interval[0] == 0.0
+    assert dead.interval[1] > dead.value

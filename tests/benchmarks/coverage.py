@@ -1,4 +1,6 @@
-"""Coverage of 95 % intervals: python -m tests.benchmarks.coverage [SEEDS] [--only KIND]
+"""Coverage of 95 % intervals of identified figures.
+
+python -m tests.benchmarks.coverage [SEEDS] [--first SEED] [--only KIND]
 
 Records of every kind whose intervals differ: exact stamps, commands and readings dated up to 0.3 ms
 off, noise of an autoregression, a potentiometer quieter than its step, two axes with a coupling
@@ -148,11 +150,12 @@ def main() -> None:
     """Print the coverage of every kind."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("seeds", nargs="?", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", choices=KINDS)
     options = parser.parse_args()
     for kind in KINDS:
         if options.only in (None, kind):
-            share, rms, took = study(kind, range(options.seeds))
+            share, rms, took = study(kind, range(options.first, options.first + options.seeds))
             print(f"{kind:10s} {100 * share:5.1f} %, score rms {rms:.2f}, {took:.2f} s", flush=True)
 
 

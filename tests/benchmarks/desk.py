@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hardware.simavr.nano import missing
-from tests.benchmarks.line import echo, served
-from tests.benchmarks.timing import row
+from tests.benchmarks.line import echo, peer, served
+from tests.benchmarks.timing import Row
 from twin.hil import RigOptions, device
 from twin.physics import native
 
@@ -19,26 +19,24 @@ SECONDS = 12.0
 SIMULATED_US = 4_000_000
 
 
-def table() -> Iterator[str]:
+def table() -> Iterator[Row]:
     """Lines of the table."""
-    p50, p99 = echo("pty")
-    yield row("bare pyserial echo over a pty, p50", f"{p50:.2f} ms", "(for comparison)", True)
-    yield row("the same, p99", f"{p99:.2f} ms", "(for comparison)", True)
-    p50, p99 = _mirror([*TWIN, "rig", "--json"])
-    yield row("mirror: device stamp to pose, 500 Hz pty, p50", f"{p50:.2f} ms", "", True)
-    yield row("the same, p99", f"{p99:.2f} ms", "< 8 ms", p99 < 8)
-    p50, p99 = _mirror([sys.executable, "-m", "tests.benchmarks.desk_peer", "rig", "pty"])
-    yield row("mirror: last byte arrived to pose, p50", f"{p50:.2f} ms", "", True)
-    yield row("the same, p99", f"{p99:.2f} ms", "< 1.5 ms", p99 < 1.5)
-    for kind, bound in (("emulator", 0.0), ("firmware", 4.0)):
-        if kind == "firmware" and missing():
-            yield row(
-                "simulated firmware", "not measured", f"without {', '.join(missing())}", False
-            )
-            continue
-        speed = max(_speed(kind) for _ in range(3))
+    bare = echo("pty")
+    measured = (
+        ("mirror: device stamp to pose, 500 Hz pty", [*TWIN, "rig", "--json"], 8.0),
+        ("mirror: last byte arrived to pose", peer("rig", "pty"), 1.5),
+    )
+    for claim, command, most in measured:
+        p50, p99 = _mirror(command)
+        note = "bare pyserial echo over a pty"
+        yield Row(f"{claim}, p50", p50, "ms", peer=bare[0], note=note)
+        yield Row(f"{claim}, p99", p99, "ms", most=most, peer=bare[1], note=note)
+    for kind, least in (("emulator", None), ("firmware", 4.0)):
+        without = missing() if kind == "firmware" else ()
+        speed = None if without else max(_speed(kind) for _ in range(3))
+        note = f"without {', '.join(without)}" if without else "real time"
         claim = f"{kind} over the MuJoCo bench, times real time"
-        yield row(claim, f"{speed:.1f} ×", f"≥ {bound:g} ×" if bound else "", speed >= bound)
+        yield Row(claim, speed, "×", least=least, peer=1.0, note=note)
 
 
 def _mirror(command: list[str]) -> tuple[float, float]:

@@ -3,64 +3,80 @@
 python -m tests.benchmarks.live [SEEDS [FIRST SEED]]
 
 The gimbals are linear and of known parameters (closed form), behind pulse frames of 20 ms that take
-up a command 0 to 20 ms late, with potentiometers of 0.05° noise.
+up a command 0 to 20 ms late and whose clock is up to 0.5 % off, as a Nano's resonator, with
+potentiometers of 0.05° noise. Delays count from the commands: true is that of the gimbal plus half
+a frame.
 """
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from analysis.identify import FIGURES, IdentifiedModel, Wish, identify_gimbal
-from analysis.recording import Measurement, measurement
+from analysis.identify import FIGURES, IdentifiedModel, Wish, by_frames, identify_gimbal
+from analysis.recording import Measurement, Recording, TimeSeries, measurement_of
 from hardware.protocol import constants
 from tests.benchmarks.identification import Gimbal, moved
 from twin.cli.live.measurement import half_widths, until_known
 from twin.cli.live.pieces import TICK, Piece
 
-ASKED = (Wish("delay", 2.5e-3), Wish("bandwidth", 0.04))
+ASKED = (Wish("delay", 0.3e-3), Wish("bandwidth", 0.01))
 LARGEST, NOISE = np.radians(5.0), np.radians(0.05)
 LONGEST = 600.0  # s
+AXES = ("x", "y")
 
 
 def unit(seed: int) -> tuple[list[Gimbal], Callable[[Piece], Measurement]]:
     """True parameters of both axes, and a function that measures a piece."""
     rng = np.random.default_rng(seed)
     axes = [Gimbal(*rng.uniform([30, 0.5, 0.004, 0.95], [70, 0.9, 0.015, 1.05])) for _ in range(2)]
+    pace = 1.0 + rng.uniform(-0.005, 0.005)
 
     def measure(piece: Piece) -> Measurement:
         plan = piece.excitation(float(LARGEST)).plan(TICK)
-        frame, phase = constants.PWM_PERIOD, rng.uniform(0.0, constants.PWM_PERIOD)
-        taken = phase + np.ceil((plan.times - phase) / frame) * frame
-        last = np.append(np.diff(taken) > 0.0, [True])  # of two commands in a frame the later
+        boot = rng.uniform(1.0, 2.0)  # what the device's clock reads at the start
+        frame = constants.PWM_PERIOD
+        begin = (
+            np.arange(np.ceil(boot / frame), 1e3 + plan.duration / frame) * frame - boot
+        ) / pace
+        begin = begin[begin < plan.duration]
+        row = np.searchsorted(plan.times, begin, side="right") - 1
+        taken = plan.angles[row]
         time = np.arange(0.0, plan.duration, 4.0 * TICK)
-        columns = []
+        angle = np.zeros((len(time), 2))
         for k, g in enumerate(axes):
-            alone = plan.angles[last, k : k + 1]
-            changes = np.append([True], np.any(np.diff(alone, axis=0) != 0.0, axis=1))
-            angle, _ = moved([g], time, taken[last][changes], alone[changes])
-            columns.append(angle + NOISE * rng.normal(size=len(time)))
-        return measurement(
-            time, plan.angles, command_time=plan.times, before=[0.0, 0.0], angle=np.array(columns).T
-        )
+            new = np.flatnonzero(np.diff(taken[:, k], prepend=0.0))
+            angle[:, k] = moved([g], time, begin[new], taken[new, k : k + 1])[0]
+        angle += NOISE * rng.normal(size=angle.shape)
+        seen = np.searchsorted(begin, time + 1e-9, side="right") - 1
+        pulse = 1.5e-3 + 1e-3 * np.where(seen[:, None] < 0, 0.0, taken[seen])
+        series = [
+            TimeSeries("gimbal/command", plan.times, plan.angles, "rad", AXES),
+            TimeSeries("gimbal/measured", time, angle, "rad", AXES),
+            TimeSeries("sensors/pulse", time, pulse, "s", AXES),
+            TimeSeries("sensors/device_time", time, (boot + pace * time)[:, None], "s", ("time",)),
+        ]
+        return measurement_of(Recording({}, {s.name: s for s in series}))
 
     return axes, measure
 
 
+def fitted(runs: Sequence[Measurement]) -> IdentifiedModel:
+    """As `twin identify` does."""
+    return identify_gimbal(by_frames(runs), coupling="none")
+
+
 def scored(model: IdentifiedModel, axes: list[Gimbal]) -> list[float]:
-    """Errors over half widths, against the mean answer: a wait evenly spread over a frame."""
-    found, frame = [], constants.PWM_PERIOD
-    w = np.linspace(5.0, 150.0, 20_000)
+    """Errors over half widths: delay and bandwidth of each axis."""
+    found = []
     for k, g in enumerate(axes):
-        s, channel = 1j * w, model.channels[k][k]
-        H = g.frequency**2 / (s**2 + 2.0 * g.damping * g.frequency * s + g.frequency**2)
-        mean = np.abs(H) * np.sinc(w * frame / (2.0 * np.pi))
-        bandwidth = float(w[np.flatnonzero(mean < np.sqrt(0.5))[0]])
-        p = channel.parameters
-        delay = FIGURES["delay"](p) - g.delay - 0.5 * frame
-        relative = FIGURES["bandwidth"](p) / bandwidth - 1.0
-        found.append(abs(delay) / ASKED[0].now(channel))
-        found.append(abs(relative) / ASKED[1].now(channel))
+        channel = model.channels[k][k]
+        p, true = channel.parameters, [2.0 * g.damping * g.frequency, g.frequency**2]
+        true = np.array([*np.log(true), g.delay + 0.5 * constants.PWM_PERIOD, g.gain])
+        for wish in ASKED:
+            figure = FIGURES[wish.name]
+            off = abs(figure(p) - figure(true)) / (1.0 if wish.name == "delay" else figure(true))
+            found.append(off / wish.now(channel))
     return found
 
 
@@ -72,7 +88,7 @@ def default_steps(measure: Callable[[Piece], Measurement]) -> tuple[float, Ident
         runs.append(measure(piece))
         motion += piece.excitation(float(LARGEST)).plan(TICK).duration
         if len(runs) in (2, 3, 4) or len(runs) % 3 == 0:  # fits are slow
-            model = identify_gimbal(runs, coupling="none")
+            model = fitted(runs)
             halves = half_widths(model, ASKED)
             if motion > LONGEST or all(halves[w.name] <= w.half for w in ASKED):
                 return motion, model
@@ -83,8 +99,8 @@ def known(seed: int) -> tuple[float, float, list[float], list[float]]:
     axes, measure = unit(seed)
     fits = []
 
-    def fit(runs):
-        fits.append(identify_gimbal(runs, coupling="none"))
+    def fit(runs: Sequence[Measurement]) -> IdentifiedModel:
+        fits.append(fitted(runs))
         return fits[-1]
 
     _, motion, _ = until_known(measure, ASKED, float(LARGEST), LONGEST, fit)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from analysis.recording import read
 from tests.benchmarks.line import answering, echo, peer, served
-from tests.benchmarks.timing import row
+from tests.benchmarks.timing import Row
 
 SECONDS = int(os.environ.get("TWIN_BENCH_SECONDS", "60"))
 PERIOD_US = 4000
@@ -32,7 +32,7 @@ RIG = {"pty": [*TWIN, "rig", "--json"], "tcp": [*TWIN, "rig", "--json", "--port"
 SHORT = min(SECONDS, 20)  # seconds for a round trip, five of them a second
 
 
-def table() -> Iterator[str]:
+def table() -> Iterator[Row]:
     """Lines of the table."""
     yield from _run("real time, simulated", [])[0]
     for kind, command in RIG.items():
@@ -42,35 +42,31 @@ def table() -> Iterator[str]:
         yield from _round_trips(kind, trips)
 
 
-def _run(title: str, options: list[str]) -> tuple[list[str], NDArray[np.float64]]:
+def _run(title: str, options: list[str]) -> tuple[list[Row], NDArray[np.float64]]:
     """Lines about one run beside `cyclictest`, and its round trips [ms]."""
     beside = _cyclictest()
     timing, late, trips = _recorded(SECONDS, options)
     stolen = timing["stolen_s"] * 1e3
     reference = _reference(beside) if beside else None
+    calm, worst = reference or (None, None)
+    note = "cyclictest" if reference else "cyclictest is not here: apt-get install rt-tests"
     p50, p99, p999 = (float(v) for v in np.percentile(late, (50, 99, 99.9)))
     once = float(np.percentile(_stalls_once(late), 99.9))
     rights = ", ".join(f"{k} {v}" for k, v in timing["rights"].items())
     load = os.getloadavg()[0]
     why = "; ".join(timing["reasons"])
-    lines = [
-        row(f"{title}, {SECONDS} s at 250 Hz", timing["verdict"], why, True),
-        row("its rights", "", f"{rights}; load {load:.1f}, {stolen:.0f} ms stolen", True),
-        row("lateness p50 / p99 / worst", f"{p50:.0f} / {p99:.0f} / {late.max():.0f} µs", "", True),
-    ]
-    if reference is None:
-        beside_it, good = "cyclictest is not here: apt-get install rt-tests", True
-        most = "none"
-    else:
-        beside_it, good = f"≤ 3 × cyclictest, {reference[0]:.0f} µs", once <= 3 * reference[0]
-        most = f"none; cyclictest's worst {reference[1]:.0f} µs"
-    overruns = timing["overruns"]
     drift = float(np.median(late[-250:]) - np.median(late[:250]))
-    lines += [
-        row("lateness p99.9, every tick", f"{p999:.0f} µs", "", True),
-        row("the same, ticks missed in one stall counted once", f"{once:.0f} µs", beside_it, good),
-        row("overruns", f"{overruns} of {timing['ticks']}", most, overruns == 0),
-        row("drift over the run", f"{drift:+.0f} µs", "< 1 ms", abs(drift) < 1000),
+    said = f"{timing['verdict']} {why}; {rights}; load {load:.1f}, {stolen:.0f} ms stolen"
+    most = 3 * calm if calm else None
+    lines = [
+        Row(f"{title}, ticks at 250 Hz", timing["ticks"], note=said),
+        Row("lateness p50", p50, "µs"),
+        Row("lateness p99", p99, "µs"),
+        Row("lateness p99.9, every tick", p999, "µs", peer=calm, note=note),
+        Row("the same, a stall counted once", once, "µs", most=most, peer=calm, note=note),
+        Row("lateness, worst", float(late.max()), "µs", peer=worst, note=note),
+        Row("overruns", timing["overruns"], most=0),
+        Row("drift over the run", abs(drift), "µs", most=1000),
     ]
     return lines, trips
 
@@ -88,27 +84,26 @@ def _stalls_once(late: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array(kept)
 
 
-def _round_trips(kind: str, trips: NDArray[np.float64]) -> Iterator[str]:
+def _round_trips(kind: str, trips: NDArray[np.float64]) -> Iterator[Row]:
     """Lines about PING and PONG: what the emulator takes, what a bare line does, what is ours.
 
     Ours is the round trip to a peer that answers at once, less that answer's making and a bare echo
     over the same kind of port: encoding, decoding, and the wait until the loop has time to look.
     """
-    yield _pair(f"round trip to the emulator over a {kind}", trips)
     bare = echo(kind)
-    yield row(f"bare pyserial echo over a {kind}", f"{bare[0]:.2f} / {bare[1]:.2f} ms", "", True)
+    yield from _pair(f"round trip to the emulator over a {kind}", trips, bare)
     with served(peer("prompt", kind)) as url:
         prompt = _recorded(SHORT, ["--gimbal", url])[2]
-    yield _pair("round trip to a peer that answers at once", prompt)
+    yield from _pair("round trip to a peer that answers at once", prompt, bare)
     theirs = answering()
-    yield row("of that, the peer's decoding and encoding", f"{theirs:.2f} ms", "p50", True)
     ours = float(np.median(prompt)) - theirs - bare[0]
-    yield row("own share of a round trip, p50", f"{ours:.2f} ms", "≤ 0.5 ms", ours <= 0.5)
+    note = "the peer's decoding and encoding"
+    yield Row("own share of a round trip, p50", ours, "ms", most=0.5, peer=theirs, note=note)
 
 
-def _pair(claim: str, values: NDArray[np.float64]) -> str:
-    p50, p99 = np.percentile(values, (50, 99))
-    return row(claim, f"{p50:.2f} / {p99:.2f} ms", "p50 / p99", True)
+def _pair(claim: str, trips: NDArray[np.float64], bare: tuple[float, float]) -> Iterator[Row]:
+    for name, trip, of in zip(("p50", "p99"), np.percentile(trips, (50, 99)), bare, strict=True):
+        yield Row(f"{claim}, {name}", float(trip), "ms", peer=of, note="bare pyserial echo")
 
 
 def _recorded(

@@ -113,6 +113,15 @@ def test_zero_and_matrix_are_within_claim_on_every_synthetic_rig(solved):
         assert np.abs(error).max() < 0.01
 
 
+@pytest.mark.parametrize("track", [200.0, 333.3])
+def test_a_track_that_is_not_240_degrees_is_measured_and_not_taken_for_a_loose_shaft(track):
+    rig = _Rig(3)
+    rig.gain *= track / 240.0
+    got = solve(rig.log(), RIG, 7)
+    gains = [m.gain for m in got.potentiometers]
+    assert np.abs(np.array(gains) / rig.gain - 1).max() < 0.01
+
+
 def test_stated_intervals_cover_the_truth_as_often_as_they_say(solved):
     z_zero, z_matrix, z_hysteresis, z_gain = [], [], [], []
     for rig, got in solved:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from meshes import MeshError, check, check_model
 from meshes.generate import PARTS, generate
 from meshes.stl import read
+from twin.physics.mechanism.clearance import solid
 
 MESHES = Path(__file__).resolve().parents[2] / "meshes"
 COMMITTED = sorted(MESHES.glob("*.stl"))
@@ -100,3 +101,57 @@ def test_bytes_that_are_no_mesh_are_refused_in_one_line(content, tmp_path_factor
     with pytest.raises(MeshError) as refusal:
         check(path)
     assert "\n" not in str(refusal.value)
+
+
+BENCH = MESHES.parent / "mjcf" / "bench.xml"
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return mujoco.MjModel.from_xml_path(str(BENCH))
+
+
+def test_potentiometers_and_what_carries_them_would_add_less_than_a_thousandth_to_the_inertia(
+    bench,
+):
+    # by trimesh's volumes, PETG of 1.27 g/cm3 and the 0.4 g of a sensor
+    printed = sum(
+        trimesh.load(MESHES / f"potentiometer_{part}.stl").volume * 1.27e-6
+        for part in ("y", "shaft")
+    )
+    mass, radius = 2 * (0.4e-3 + printed), bench.geom("gimbal_potentiometer_y_a").pos[1]
+    assert 1.2e-3 < mass < 1.4e-3
+    data = mujoco.MjData(bench)
+    mujoco.mj_forward(bench, data)
+    inertia = np.zeros((bench.nv, bench.nv))
+    mujoco.mj_fullM(bench, data, inertia)
+    about_x = bench.joint("gimbal_x").dofadr[0]
+    assert mass * radius**2 < 1e-3 * inertia[about_x, about_x]
+    sensed = [g for g in range(bench.ngeom) if "potentiometer" in bench.geom(g).name]
+    assert len(sensed) == 14
+
+
+def test_the_potentiometers_of_x_touch_neither_the_tube_nor_the_calibration_rig(bench):
+    data = mujoco.MjData(bench)
+    mujoco.mj_kinematics(bench, data)
+
+    def placed(name):
+        geom = bench.geom(name).id
+        turn = np.hstack([data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom, :, None] * 1e3])
+        return solid(bench, geom).transform(turn)
+
+    frame = placed("calibration_rig")
+    for end in "ab":
+        saddle, shaft = (placed(f"potentiometer_x_{end}_{part}") for part in ("saddle", "shaft"))
+        assert saddle.min_gap(frame, 5.0) > 0.5
+        assert (saddle ^ placed("tube")).volume() == 0
+        assert saddle.min_gap(shaft, 5.0) > 0.3  # it turns
+        # the seat takes the sensor with its play, the hole of the sensor the shaft
+        assert (saddle ^ placed(f"potentiometer_x_{end}")).volume() == 0
+
+
+def test_a_potentiometers_shaft_fits_the_hole_of_the_sensor_and_turns_with_it():
+    # hole of 4 mm with a flat 1 mm from its centre: Murata SV01, catalogue R51E
+    corners = read(MESHES / "potentiometer_shaft.stl").reshape(-1, 3)
+    assert 1.9 < np.hypot(corners[:, 0], corners[:, 2]).max() < 2.0
+    assert -1.0 < corners[:, 2].min() < -0.9

@@ -25,6 +25,10 @@ JOINED = (
     ({"holder_y_ball", "holder_y_stud"}, {"rod_y_lower"}),
     ({"servo_x_spline"}, {"horn_x"}),
     ({"servo_y_spline"}, {"horn_y"}),
+    *(  # sleeve and screw of the holder turn in the hole of a potentiometer
+        ({f"potentiometer_y_{k}"}, {f"potentiometer_y_{k}_shaft", f"pin_y_{s}", f"pin_y_{s}_head"})
+        for k, s in (("a", "right"), ("b", "left"))
+    ),
 )
 
 

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import signal
 import time
 from dataclasses import replace
@@ -20,8 +21,10 @@ from twin.campaigns.store import Store, column
 from twin.campaigns.study import read
 from twin.config import Fly
 from twin.config.campaign import Campaign
-from twin.errors import TwinError
+from twin.errors import DivergenceError, TwinError
+from twin.experiments.flight_ticks import compiled_ticks
 from twin.experiments.flights import fly
+from twin.experiments.fly import fly as once
 from twin.plant.compiled import compiled
 
 MIXED = """
@@ -106,6 +109,41 @@ def test_two_hundred_rows_of_mixed_gimbals_and_vehicles_equal_single_flights(tmp
     compared(tmp_path, n=200, duration=10.0)
 
 
+def _figures(config: Fly) -> dict[str, object] | str:
+    try:
+        result = once(config, recorded=False).as_dict()
+    except DivergenceError as error:
+        return str(error)
+    return {k: v for k, v in result.items() if k not in ("physics_s", "cpu_s", "wall_s")}
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"programme": "point", "target_range_m": 3.0, "duration_s": 2.0},
+        {"programme": "step", "gimbal": "transfer-function", "at_s": 0.1, "integrator": "rk4"},
+        {"gimbal": "linkage", "control_hz": 50.0, "launch": "hand"},
+        {"vehicle": MJCF / "examples" / "flights" / "valetudo.toml", "integrator": "euler"},
+        {"set": {"gimbal_closure_limit": 3e-6}},  # the rods come apart
+        {"programme": "point", "set": {"wind_speed": 2000.0}},  # past the stops
+    ],
+)
+def test_ticks_in_compiled_code_equal_those_in_python(settings, monkeypatch):
+    config = Fly.of({"duration_s": 0.3, **settings})
+    ends = []
+
+    def noted(*given):
+        ends.append(compiled_ticks(*given))
+        return ends[-1]
+
+    with compiled():
+        monkeypatch.setattr("twin.experiments.fly.compiled_ticks", noted)
+        quick = _figures(config)
+        assert None not in ends  # it was flown there
+        monkeypatch.setattr("twin.experiments.fly.compiled_ticks", lambda *_: None)
+        assert _figures(config) == quick
+
+
 def test_a_campaign_writes_rows_and_answers(tmp_path):
     text = MIXED.format(n=3, duration=0.1, folder=MJCF) + '[measure]\nfast = "max_speed_m_s > 0"\n'
     (tmp_path / "short.toml").write_text(text)
@@ -114,10 +152,12 @@ def test_a_campaign_writes_rows_and_answers(tmp_path):
     assert (result.runs, result.planned, result.new) == (3, 3, 3)
     assert result.answers.outcomes == {"time": 3}
     assert result.answers.estimates["fast_rate"].value == 1.0
-    again = campaign(Campaign("resume", place_of, out=tmp_path / "out", paths=2))
+    results = str(tmp_path / "out")  # stands for the study
+    again = campaign(Campaign("resume", results, paths=2))
     assert (again.runs, again.new) == (3, 0)
     assert Path(again.recording).stat().st_size > 1000
-    flight = campaign(Campaign("refly", place_of, 1, out=tmp_path / "one.rrd"))
+    flight = campaign(Campaign("refly", results, 1))
+    assert re.fullmatch(r"run-1-\d{8}-\d{6}\.rrd", Path(flight.recording).name)
     s = read(place_of)
     rows = Store(tmp_path / "out", s, 3, {c: str if c in ("gimbal", "vehicle") else float
                                           for c in Runs(s).columns}).table()  # fmt: skip

@@ -1,16 +1,20 @@
 """What changed in a gimbal beside its model."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from analysis.comparison import Comparison
+from analysis.comparison import compare as side_by_side
 from analysis.comparison.explanation import Explanation, Share
+from analysis.recording import Measurement
+from analysis.recording.series import Event
 from tests.benchmarks.drift import BEFORE, CHANGES, PERIOD, commands, drifted, made
 from tests.benchmarks.explain import explained
 from twin.errors import TwinError
-from twin.evaluation.compare import CompareResult
+from twin.evaluation.compare import CompareResult, _before_fault, _Pair, _percent
 from twin.evaluation.drift import RunDrift, run_drift
 from twin.evaluation.explain import RunExplanation
 from twin.hil.resimulation import Resimulation, Variant
@@ -65,3 +69,22 @@ def test_the_difference_of_a_rig_with_more_backlash_is_given_to_the_backlash(mov
         assert axis.shares[0].share > 0.8
         assert axis.explained > 0.8
         assert axis.rest < 1.5 * np.radians(0.02)  # the noise of the estimated angle
+
+
+def test_a_run_that_a_fault_cut_off_is_compared_up_to_the_fault():
+    angles = commands(6, 6.0)
+    run = made(angles, 0.9 * angles)
+    run = replace(run, events=(Event(4.0, "ERROR", "fault: servo_x not following"),))
+    motion = run["gimbal/measured"]
+    other = replace(motion, values=np.where(motion.time[:, None] < 4.0, angles, 9.0))
+    given = Measurement(run["gimbal/command"], motion, name="cut.rrd", recording=run)
+    pair, (warning,) = _before_fault(_Pair(motion, other, given))
+    assert warning == "cut.rrd was cut off by a fault: compared up to 4.00 s, of 6.00 s"
+    assert side_by_side(pair.reference, pair.other).fit > 80.0
+    ignored = replace(run, properties={"configuration": {"on_fault": "ignore"}})
+    whole = _Pair(motion, other, replace(given, recording=ignored))
+    assert _before_fault(whole) == (whole, ())
+
+
+def test_a_fit_far_below_zero_is_not_printed_as_a_figure():
+    assert [_percent(v) for v in (98.3, -10178.0)] == ["98.30 %", "< -100 %"]

@@ -40,6 +40,12 @@ def test_steps_go_to_both_sides_and_back_axis_by_axis():
     assert 1.5 - 1e-12 <= held[8] < 1.52  # last zero, rest after x, rest before y
 
 
+def test_after_three_repeats_comes_one_of_half_the_size():
+    plan = Excitation("steps", amplitude=0.1, axis="x", repeats=4, hold=0.5).plan(TICK)
+    reached = plan.angles[1::2, 0]
+    np.testing.assert_allclose(reached, np.outer([0.1, 0.1, 0.1, 0.05, 0.1], [1, -1]).ravel())
+
+
 def test_no_hold_is_shorter_than_asked_where_ticks_do_not_divide_it():
     plan = Excitation("steps", amplitude=0.1, repeats=2, hold=0.013).plan(0.004)
     assert np.diff(plan.times).min() >= 0.016 - 1e-12
@@ -66,8 +72,8 @@ def test_steps_wait_half_a_pulse_frame_on_average_wherever_a_rig_begins_its_fram
 
 
 def test_repeats_of_one_step_wait_differently_as_evenly_as_they_can():
-    """Four repeats: one in each quarter of the frame, for each of the four moves."""
-    plan = Excitation("steps", axis="x", repeats=4, hold=0.5, seed=3).plan(0.0005)
+    """Three and one of half the size: one in each quarter of the frame, for each of the moves."""
+    plan = Excitation("steps", axis="x", repeats=3, hold=0.5, seed=3).plan(0.0005)
     phase = (plan.times[1:] % 0.02).reshape(4, 4)  # repeats, moves
     np.testing.assert_array_equal(
         np.sort(phase // 0.005, axis=0), np.arange(4)[:, None] + phase[:1] * 0

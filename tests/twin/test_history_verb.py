@@ -53,11 +53,22 @@ def test_a_board_is_its_calibrations_serial_number():
 
 def test_recordings_of_several_boards_are_refused_until_one_is_named():
     runs = [(Path("a.rrd"), calibrated("01")), (Path("b.rrd"), calibrated("02"))]
-    with pytest.raises(TwinError, match=r"holds recordings of 01, 02; give one of them as --board"):
+    with pytest.raises(TwinError, match=r"holds recordings of 01, 02; give one of them, or"):
         _of_one_board(runs, History(Path("here")))
     with pytest.raises(TwinError, match="--board"):
         _of_one_board(runs, History(Path("here"), board="03"))
     assert _of_one_board(runs, History(Path("here"), board="02")) == ("02", [runs[1]])
+
+
+def test_a_board_is_named_by_its_number_or_its_beginning():
+    units = [run(configuration={"unit": n, "gimbal": "emulator"}) for n in (7, 70, 81)]
+    runs = [(Path(f"{k}.rrd"), r) for k, r in enumerate([*units, calibrated("0000beef")])]
+    runs.append((Path("plain.rrd"), run(configuration={"gimbal": "emulator"})))
+    for asked, name in {"unit-7": "unit-7", "8": "unit-81", "0000b": "0000beef",
+                        "emulator": "emulator without a calibration"}.items():  # fmt: skip
+        assert _of_one_board(runs, History(Path("here"), board=asked))[0] == name
+    with pytest.raises(TwinError, match="--board"):
+        _of_one_board(runs, History(Path("here"), board="7"))  # 7 or 70
 
 
 def test_a_property_outside_three_standard_deviations_is_named():

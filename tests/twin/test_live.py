@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import twin
-from analysis.identify import Plant, Wish, identify_gimbal, remaining
+from analysis.identify import Plant, Wish, remaining
 from tests.benchmarks import live
 from twin.cli.live import measurement, pieces
 from twin.config import Identify
@@ -18,7 +18,7 @@ def first():
     """A gimbal, its first piece and the model from it."""
     _, measure = live.unit(3)
     run = measure(measurement.FIRST)
-    return measure, run, identify_gimbal([run], coupling="none")
+    return measure, run, live.fitted([run])
 
 
 def test_the_time_errors_of_changes_bound_what_a_delay_can_be_known_to(first):

@@ -106,6 +106,11 @@ def test_meshes_writes_the_parts_of_any_mechanism_anywhere(built: Path, tmp_path
         draw(Meshes(mechanism=MJCF / "examples" / "direct_drive.xml", out=tmp_path / "no"))
 
 
+def test_meshes_without_a_mechanism_writes_every_part_of_the_bench(tmp_path: Path) -> None:
+    drawn = draw(Meshes(out=tmp_path / "parts"))
+    assert {Path(part).name for part in drawn.parts} == {p.name for p in MESHES.glob("*.stl")}
+
+
 def test_an_own_part_takes_the_place_of_the_drawn_one_by_one_line(tmp_path: Path) -> None:
     own = MESHES / "horn.stl"
     (tmp_path / "own.stl").write_bytes((MESHES / "ring.stl").read_bytes())

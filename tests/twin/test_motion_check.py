@@ -10,11 +10,13 @@ import pytest
 from analysis.recording import read
 from hardware.calibration import write
 from hardware.emulator import identity
+from hardware.faults import Fault
+from hardware.frames import POTENTIOMETER_NAMES
 from hardware.simavr.nano import missing
 from tests.twin.test_cli import run as command
 from twin.errors import CheckError
 from twin.hil import RigOptions, open_rig
-from twin.hil.check import LARGEST, SMALLEST, wrong_motion
+from twin.hil.check import LARGEST, SMALLEST, remedy, wrong_motion
 from twin.hil.simulated import nominal_calibration, parameters
 from twin.plant.compiled import compiled
 from twin.plant.model import ModelConfig, load
@@ -155,3 +157,9 @@ def test_healthy_units_pass(units):
     for unit in units:
         with compiled(), open_rig(RigOptions("emulator", unit=unit, check=True), None) as seat:
             assert len(seat.notices) == 1
+
+
+def test_a_rig_whose_potentiometers_are_all_open_is_pointed_to_the_minimal_calibration():
+    faults = [Fault(name, "open", 0.0) for name in POTENTIOMETER_NAMES]
+    assert "twin calibrate --minimal" in remedy(faults)
+    assert "--minimal" not in remedy(faults[:3])

@@ -9,7 +9,7 @@ import pytest
 from analysis.recording import read
 from twin.config import Fly
 from twin.experiments.fly import fly
-from twin.experiments.track import Track
+from twin.experiments.track import TIME, VELOCITY, WIDTH, Track, _turn_radius
 from twin.physics.aerodynamics import density, speed_of_sound
 from twin.plant.model import ModelConfig, load
 
@@ -31,7 +31,7 @@ def test_a_thrown_point_has_the_figures_of_the_parabola():
     plant = SimpleNamespace(
         model=model, twin=twin, signals=views, position=np.zeros(3), velocity=np.zeros(3), time_ns=0
     )
-    track = Track(plant, np.zeros(2))
+    track = Track(plant, np.zeros(2), np.zeros(2))
     start, dt = model.qpos0[:3].copy(), 0.004
     steps = round(2 * 40 / G / dt)
     for k in range(steps + 1):
@@ -55,6 +55,17 @@ def test_a_thrown_point_has_the_figures_of_the_parabola():
     assert (got.rail_exit_s, got.gimbal_saturation) == (None, None)
 
 
+def test_the_turn_radius_of_a_circle_is_its_own():
+    """Straight at first, then a quarter of a circle of 80 m at 30 m/s."""
+    t = np.arange(0.0, 6.0, 0.004)
+    turned = np.clip(t - 1.5, 0.0, None) * 30 / 80
+    flown = np.zeros((len(t), WIDTH))
+    flown[:, TIME] = t
+    flown[:, VELOCITY] = 30 * np.stack([np.sin(turned), 0 * t, np.cos(turned)], axis=1)
+    assert _turn_radius(flown) == pytest.approx(80, rel=1e-4)
+    assert _turn_radius(flown[:50]) is None  # shorter than one look
+
+
 def test_figures_are_those_of_the_recording(flight):
     result, recording = flight
     got, position, velocity = (
@@ -76,6 +87,8 @@ def test_figures_are_those_of_the_recording(flight):
     limit = math.radians(8.0) - 1e-5
     share = float((command >= limit).any(axis=1).mean())
     assert got.gimbal_saturation == pytest.approx(share, abs=2e-3)
+    margin = 1 - np.sort(command.max(axis=1))[int(0.95 * len(command))] / limit
+    assert got.control_margin == pytest.approx(margin, abs=2e-3)
 
 
 def test_the_rows_name_what_a_rocketeer_asks_for(flight):

@@ -13,6 +13,7 @@ import numpy as np
 from analysis.report import render
 from twin.campaigns.answers import answers
 from twin.campaigns.bundle import bundle
+from twin.campaigns.cluster import Cluster
 from twin.campaigns.engine import Engine, Work, lost_row
 from twin.campaigns.page import sections
 from twin.campaigns.parameters import Binding, binding
@@ -21,10 +22,11 @@ from twin.campaigns.result import CampaignResult, Verdict
 from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs, flown
 from twin.campaigns.statistic import FEWEST, Condition, Estimate, condition
-from twin.campaigns.store import Store, column, counted
+from twin.campaigns.store import Store, column, counted, study_of
 from twin.campaigns.study import Stop, Study, read
 from twin.campaigns.vary import shown
 from twin.config.campaign import Campaign
+from twin.config.paths import dated
 from twin.errors import TwinError
 from twin.experiments.flight import FlightResult
 from twin.experiments.fly import fly
@@ -39,6 +41,9 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     ------
     TwinError : in one line, what is wrong
     """
+    folder = Path(config.study)
+    if (folder / "campaign.json").exists():  # results stand for their study
+        config = replace(config, study=study_of(folder), out=config.out or folder)
     study = read(config.study)
     if config.action == "refly":
         return _refly(config, study)
@@ -58,7 +63,7 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
         with TemporaryDirectory(prefix="tvc-twin-") as scratch:
             work = flown(study, runs, bound, Path(scratch))
             _warm_up(bound)
-            new = flying(study, runs, store, work, config.workers)
+            new = flying(study, runs, store, work, config.workers, config.ray)
     made = result(study, runs, store, conditions, new, time.perf_counter() - began)
     if config.reweight is not None:
         more = reweighted(study, read(config.reweight), store.table())
@@ -68,8 +73,15 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     return made if not config.paths else _with_paths(config.paths, study, runs, store, made)
 
 
-def flying(study: Study, runs: Runs, store: Store, work: Work, workers: int | None = None) -> int:
+def flying(
+    study: Study, runs: Runs, store: Store, work: Work, workers: int | None = None,
+    address: str | None = None,
+) -> int:  # fmt: skip
     """Fly what is missing, until the study's end or its stop; gives the number of runs flown.
+
+    Parameters
+    ----------
+    address : of a cluster of Ray, see `Cluster`; processes of this machine if omitted
 
     Raises
     ------
@@ -77,10 +89,15 @@ def flying(study: Study, runs: Runs, store: Store, work: Work, workers: int | No
     """
     done = sum(len(store.runs_of(p)) for p in store.present())
     progress = Progress(store.count, done)
-    engine = Engine(
-        work, store, workers or os.cpu_count() or 1,
-        lambda r: lost_row(r, runs.sample(r), _shown(runs, r)), progress.flown,
-    )  # fmt: skip
+
+    def lost(run: int) -> dict[str, Any]:
+        return lost_row(run, runs.sample(run), _shown(runs, run))
+
+    engine: Engine | Cluster = Engine(
+        work, store, workers or os.cpu_count() or 1, lost, progress.flown
+    )
+    if address is not None:
+        engine = Cluster(study, store, address, workers, lost, progress.flown)
     enough = None if study.stop is None else _Watch(study.stop, store, progress)
     store.tidy()
     fragments, last = engine.fragments(), store.parts
@@ -196,7 +213,9 @@ def _refly(config: Campaign, study: Study) -> FlightResult:
     if run >= runs.count:
         raise TwinError(f"run {run}: must be below {runs.count}, the runs of {study.name}")
     folder = Path("runs") / study.name
-    out = config.out or folder / f"run-{run}.rrd"
+    out = config.out or folder
+    if out.suffix != ".rrd":
+        out = dated(out, f"run-{run}", ".rrd")
     for rows in dict.fromkeys((out.parent, folder)):
         if (rows / "campaign.json").exists():  # another study's run would not be that of the row
             _store(replace(config, out=rows), study, runs).check()

@@ -26,7 +26,7 @@ def sections(study: Study, result: CampaignResult, table: Any) -> tuple[Section,
     table : all rows
     """
     a, kept = result.answers, counted(table)
-    command = _command(study, Path(result.folder))
+    command = _command(Path(result.folder))
     parts = [_answer(study, result)]
     if a.map:
         parts.append(_map(a))
@@ -160,13 +160,11 @@ def _footprint(a: Answers, kept: Any, command: Callable[[int], str]) -> Section:
     return Section("footprint", "Where the runs end", (), (plot,))
 
 
-def _command(study: Study, folder: Path) -> Callable[[int], str]:
+def _command(folder: Path) -> Callable[[int], str]:
     """The command that flies a run again; its recording goes beside the rows."""
-    default = folder == Path("runs") / study.name
 
     def command(run: int) -> str:
-        out = () if default else ("--out", str(folder / f"run-{run}.rrd"))
-        return shlex.join(["twin", "campaign", "refly", study.place, str(run), *out])
+        return shlex.join(["twin", "campaign", "refly", str(folder), str(run)])
 
     return command
 

@@ -60,7 +60,7 @@ class Store:
         TwinError : it has results already and `force` does not allow to remove them, or it cannot
             be written
         """
-        if self._description() is None:
+        if _description(self.folder) is None:
             if self.folder.is_dir() and any(f.name[0] != "." for f in self.folder.iterdir()):
                 raise TwinError(f"--out {self.folder}: must be a new folder or one of a campaign")
         elif any(self.present()) and not force:
@@ -75,6 +75,7 @@ class Store:
             about = {
                 "schema": SCHEMA, "study": self._study.name, "digest": self._study.digest,
                 "versions": versions(), "runs": self.count, "part_rows": self.part_rows,
+                "place": str(self._study.source.resolve()),
             }  # fmt: skip
             # first of all files, so that what a killed process leaves is a campaign's
             write_text(self.folder / "campaign.json", json.dumps(about, indent=2) + "\n")
@@ -89,7 +90,7 @@ class Store:
         ------
         TwinError : what it is of, or that it is none
         """
-        about = self._description()
+        about = _description(self.folder)
         if about is None:
             raise TwinError(f"{self.folder}: holds no campaign; `twin campaign run` begins one")
         if about.get("digest") == self._study.digest:
@@ -102,18 +103,6 @@ class Store:
             f"{self.folder}: holds the results of another study ({str(about.get('study'))[:60]!r}),"
             " or this one was changed; `twin campaign run` flies it anew, with --out or --force"
         )
-
-    def _description(self) -> dict[str, Any] | None:
-        file = self.folder / "campaign.json"
-        if not file.exists():
-            return None
-        try:
-            about = json.loads(content(file, LARGEST))
-        except (FileError, ValueError, RecursionError) as error:
-            raise TwinError(f"{file}: {error}") from None
-        if not isinstance(about, dict) or about.get("schema") != SCHEMA:
-            raise TwinError(f"{file}: is not the description of a campaign of this version")
-        return about
 
     def present(self) -> Iterator[int]:
         """Fragments that are complete."""
@@ -185,6 +174,33 @@ class Store:
         if not parts:
             raise TwinError(f"{self.folder}: has no runs yet; `twin campaign resume` flies them")
         return pa.concat_tables(parts)
+
+
+def _description(folder: Path) -> dict[str, Any] | None:
+    file = folder / "campaign.json"
+    if not file.exists():
+        return None
+    try:
+        about = json.loads(content(file, LARGEST))
+    except (FileError, ValueError, RecursionError) as error:
+        raise TwinError(f"{file}: {error}") from None
+    if not isinstance(about, dict) or about.get("schema") != SCHEMA:
+        raise TwinError(f"{file}: is not the description of a campaign of this version")
+    return about
+
+
+def study_of(folder: Path) -> str:
+    """The study file of a results folder, or its copy there where the file is gone.
+
+    Raises
+    ------
+    TwinError : the folder holds no campaign
+    """
+    about = _description(folder)
+    if about is None:
+        raise TwinError(f"{folder}: holds no campaign; give a study file (.toml), or its results")
+    place = Path(str(about.get("place", "")))
+    return str(place if place.is_file() else folder / "study.toml")
 
 
 def counted(table: pa.Table) -> pa.Table:

@@ -62,7 +62,7 @@ class Study:
     about : names of a choice that the map is about, by parameter
     digest : of everything that decides a row, with the versions of the physics
     place : of the file as it was given, or the name of a shipped study
-    folder : of the file
+    folder, source : of the file, and the file
     text : the file
     """
 
@@ -81,6 +81,7 @@ class Study:
     digest: str
     place: str
     folder: Path
+    source: Path
     text: str
 
     @property
@@ -97,10 +98,13 @@ def read(place: str) -> Study:
     TwinError : in one line, what is wrong and where
     """
     file = Path(place)
-    if not file.suffix and not file.exists():
+    if not file.suffix and not file.is_file():
         names = sorted(f.stem for f in SHIPPED.glob("*.toml"))
         if place not in names:
-            raise TwinError(f"{place}: must be a study file (.toml) or one of {', '.join(names)}")
+            raise TwinError(
+                f"{place}: must be a study file (.toml), the folder of its results, or one of"
+                f" {', '.join(names)}"
+            )
         file = SHIPPED / f"{place}.toml"
     try:
         text = content(file, LARGEST).decode()
@@ -149,6 +153,7 @@ def _study(place: str, file: Path, given: dict[str, Any], text: str) -> Study:
         ),
         nominal=nominal, about=about,
         digest=_digest(part, file.parent), place=place, folder=file.parent,
+        source=file,
     )  # fmt: skip
 
 

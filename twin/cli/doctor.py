@@ -94,6 +94,7 @@ def doctor(config: Doctor) -> DoctorResult:
     Raises
     ------
     TwinError : a file is not that of a vehicle or mechanism
+    HardwareError : no board of this version answers at the port
     """
     if config.compile:
         from twin.cli.ahead import compile_all
@@ -101,6 +102,11 @@ def doctor(config: Doctor) -> DoctorResult:
         seconds, folder = compile_all()
         state = f"all compiled in {seconds:.0f} s, kept in {folder}"
         return DoctorResult((Finding("compiled code", "ok", state),))
+    if config.port is not None:
+        from twin.cli.board import examined
+
+        status.say(f"waiting for the board {config.port}")
+        return DoctorResult(tuple(Finding(*row) for row in examined(config.port)))
     if config.vehicle is None and config.mechanism is None:
         return DoctorResult(tuple(examine()))
     from twin.plant.inspection import inspect_mechanism, inspect_vehicle

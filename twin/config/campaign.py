@@ -19,13 +19,16 @@ class Campaign(Output):
     """run: fly the study from the beginning; resume: fly what is missing; report: write the page
     again from the rows there are; refly: fly one run again with a full recording."""
     study: Annotated[str, POSITIONAL]
-    """Study file (.toml), or a shipped study: dispersion, limits, mechanism, servos,
-    gains."""
+    """Study file (.toml), or a shipped study: dispersion, limits, mechanism, servos, gains; or the
+    folder of its results."""
     run: Annotated[Annotated[int, Range(0, 10**9)] | None, POSITIONAL] = None
     """Number of the run, for `refly`."""
     _: KW_ONLY
     workers: Annotated[int, Range(1, 256)] | None = None
     """Processes that fly at the same time; one for each processor if omitted."""
+    ray: str | None = None
+    """Fly with Ray on several machines: HOST:PORT of a running cluster, or `local` for one on this
+    machine; needs the extra `cluster`."""
     fail_if: Texts = ()
     """Condition on a statistic, for example "hit_rate < 0.95": exit code 1 where its interval
     confirms it, 3 where it is undecided. Added to those of the study. Repeatable."""
@@ -37,7 +40,8 @@ class Campaign(Output):
     force: Flag = False
     """Start again in a folder that has runs, or replace any recording with `refly`."""
     out: Path | None = None
-    """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write."""
+    """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write;
+    run-NUMBER with the date in the folder of the results if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect.
@@ -53,5 +57,7 @@ class Campaign(Output):
                 if self.run is None
                 else f"twin campaign {self.action}: takes no run number ({self.run})"
             )
+        if self.ray is not None and self.action not in ("run", "resume"):
+            raise TwinError(f"--ray {self.ray}: is for `twin campaign run` and `resume`")
         if self.reweight is not None and self.action != "report":
             raise TwinError(f"--reweight {self.reweight}: is for `twin campaign report`")

@@ -252,7 +252,7 @@ class History(Output):
     """Folder with recordings (.rrd) of a rig that has a model beside it."""
     _: KW_ONLY
     board: str | None = None
-    """Serial number of the board, where the folder holds recordings of several."""
+    """Serial number of the board, or its beginning, where the folder holds several boards."""
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     out: Path | None = None
@@ -330,7 +330,7 @@ class View(Settings):
 class Doctor(Settings):
     """Report what this machine provides, what is missing, and what to do about it.
 
-    With `--vehicle` or `--mechanism`, report on that file instead.
+    With `--vehicle` or `--mechanism`, report on that file instead; with `--port`, on a board.
     """
 
     group: ClassVar[str] = "doctor"
@@ -340,6 +340,9 @@ class Doctor(Settings):
     fit of its coefficients to its geometry."""
     mechanism: Path | None = None
     """MJCF file of a gimbal mechanism: report mobility, workspace and reach."""
+    port: str | None = None
+    """Port of a board, such as /dev/ttyUSB0 or COM3: report firmware, IMUs, potentiometers and
+    switches as it answers, without moving the servos."""
     compile: Flag = False
     """Compile now what the verbs otherwise compile on first use, about 30 s."""
     json: Flag = False

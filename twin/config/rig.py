@@ -29,6 +29,8 @@ class Rig(SimulatedRig, Parameters):
     """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     seed: Seed = 0
     """Random seed of the sensor noise."""
+    minimal: Flag = False
+    """A rig without potentiometers: one IMU on the holder."""
     duration_s: Duration | None = None
     """Time to serve [s]; until interrupted if omitted."""
     json: Flag = False
@@ -62,6 +64,9 @@ class Calibrate(SimulatedRig, Output):
     switch_deg: tuple[SwitchAngle, SwitchAngle, SwitchAngle, SwitchAngle] | None = None
     """Angles at which the switches +x, -x, +y and -y close [°]; those of the printed calibration
     frame if omitted."""
+    minimal: Flag = False
+    """The rig has no potentiometers: angles by the IMU on the holder. Later runs read this from the
+    calibration file."""
     repeats: Annotated[int, Range(1, 100)] = 3
     """Approaches per switch and position of the other servo."""
     seed: Seed = 0

@@ -182,7 +182,8 @@ class Step(FaultResponse, Run):
     axis: Axis = "both"
     """Axis excited; `both` excites one after the other."""
     repeats: Annotated[int, Range(1, 10_000)] = 3
-    """Steps per axis and direction, or periods of the other signals."""
+    """Steps per axis and direction (after every three one of half the size), or periods of the
+    other signals."""
     hold_s: Annotated[float, Range(0.01, 100.0, "s")] = 0.8
     """Time between two steps, and at rest before and after any signal [s]."""
     duration_s: Annotated[float, Range(0.1, 600.0, "s")] = 20.0

@@ -6,6 +6,7 @@ roll moment; roll is not controlled.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,12 +110,30 @@ def from_vertical(x: float, y: float, z: float) -> tuple[float, float]:
     return -y * angle, x * angle
 
 
+class Loop(NamedTuple):
+    """An attitude loop for compiled code.
+
+    Attributes
+    ----------
+    gains : `kp` to `error_limit` of `ControlConfig`, and `authority_floor`
+    times, authority : control authority over time
+    state : (n, 6) filtered rate, integral [rad/s²], last command, of x and y each
+    error : (n, 2) written [rad]
+    """
+
+    gains: Array
+    times: Array
+    authority: Array
+    state: Array
+    error: Array
+
+
 @njit(nogil=True)
-def _update(
-    t: float, dt: float, attitude: Array, rate: Array, nose: Array, gains: Array,
-    times: Array, authority: Array, state: Array, error: Array, out: Array,
-) -> None:  # fmt: skip
-    """Rows of `state` (n, 6): filtered rate, integral [rad/s²], last command, of x and y each."""
+def update(
+    t: float, dt: float, attitude: Array, rate: Array, nose: Array, loop: Loop, out: Array
+) -> None:
+    """`AttitudeController.update` of n vehicles."""
+    gains, times, authority, state, error = loop
     kp, ki, kd, cutoff, limit, rate_limit, error_limit, floor = gains
     b = interpolate(t, times, authority)
     for k in range(len(out)):
@@ -146,7 +165,7 @@ class AttitudeController:
 
     Attributes
     ----------
-    error : (n, 2) error at the last update, about body x and y [rad]
+    loop : for compiled code, which calls `update`; another one after `reset`
     """
 
     def __init__(self, config: ControlConfig | None = None) -> None:
@@ -154,14 +173,21 @@ class AttitudeController:
         self._gains = np.array(
             [c.kp, c.ki, c.kd, c.cutoff, c.limit, c.rate_limit, c.error_limit, c.authority_floor]
         )
-        self._times, self._authority = np.array(c.authority_time), np.array(c.authority)
         self.reset()
 
     def reset(self, n: int = 1) -> None:
         """Reset the state, for n vehicles."""
-        self._state = np.zeros((n, 6))
-        self.error = np.zeros((n, 2))
+        c = self.config
+        self.loop = Loop(
+            self._gains, np.array(c.authority_time), np.array(c.authority), np.zeros((n, 6)),
+            np.zeros((n, 2)),
+        )  # fmt: skip
         self._out = np.zeros((n, 2))
+
+    @property
+    def error(self) -> Array:
+        """Error at the last update, about body x and y (n, 2) [rad]."""
+        return self.loop.error
 
     def update(
         self, t: float, dt: float, attitude: Array, rate: Array, setpoint: Array,
@@ -178,9 +204,9 @@ class AttitudeController:
         """
         if out is None:
             out = self._out[0] if attitude.ndim == 1 else self._out
-        n = len(self._state)
-        _update(
-            t, dt, attitude.reshape(n, 4), rate.reshape(n, 3), setpoint.reshape(n, 3),
-            self._gains, self._times, self._authority, self._state, self.error, out.reshape(n, 2),
+        n = len(self._out)
+        update(
+            t, dt, attitude.reshape(n, 4), rate.reshape(n, 3), setpoint.reshape(n, 3), self.loop,
+            out.reshape(n, 2),
         )  # fmt: skip
         return out

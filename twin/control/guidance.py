@@ -8,7 +8,8 @@ so the law does not compensate it.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,21 @@ Array = NDArray[np.float64]
 CONE = math.radians(30.0)
 LEAN = math.sin(math.radians(60.0))  # of the nose to the path, at most
 _SLACK = 1e-6  # rad; rounding of a point at exactly 30°
+
+
+class Aim(NamedTuple):
+    """A `FixedPoint` for compiled code.
+
+    Attributes
+    ----------
+    fixed : its target, launch direction and numbers
+    curve : (2, n) times and thrust
+    wind : (3, n) heights, wind to the east and to the north
+    """
+
+    fixed: Array
+    curve: Array
+    wind: Array
 
 
 @dataclass(frozen=True)
@@ -46,6 +62,7 @@ class FixedPoint:
     brisk : that airspeed [m/s]
     begin : time until which the launch direction is held [s]
     last : lower limit of the time to go in the gain [s]; the attitude loop could not follow faster
+    aim : for compiled code, which calls `directions`
     """
 
     target: Vector
@@ -64,6 +81,7 @@ class FixedPoint:
     brisk: float = 20.0
     begin: float = 0.7
     last: float = 0.3
+    aim: Aim = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         launch = unit(self.launch, "launch")
@@ -85,9 +103,7 @@ class FixedPoint:
         )  # fmt: skip
         curve = np.array([self.thrust_time, self.thrust], float)
         wind = np.array([self.wind_height, self.wind_east, self.wind_north], float)
-        for name, value in (("_fixed", fixed), ("_curve", curve), ("_wind", wind)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "aim", Aim(fixed, curve, wind))
 
     def direction(self, t: float, position: Array, velocity: Array) -> Array:
         """Wanted nose direction (..., 3), unit, for position and velocity (..., 3) in the world."""
@@ -100,10 +116,9 @@ class FixedPoint:
         return bool(self._steer(t, position, velocity, np.empty(3)))
 
     def _steer(self, t: float, position: Array, velocity: Array, out: Array) -> int:
-        count: int = _directions(
-            t, position.reshape(-1, 3), velocity.reshape(-1, 3),
-            self._fixed, self._curve, self._wind, out.reshape(-1, 3),  # type: ignore[attr-defined]
-        )  # fmt: skip
+        count: int = directions(
+            t, position.reshape(-1, 3), velocity.reshape(-1, 3), self.aim, out.reshape(-1, 3)
+        )
         return count
 
 
@@ -136,11 +151,9 @@ def _turned(direction: Array, toward: Array, most: float) -> Array:
 
 
 @njit(nogil=True)
-def _directions(
-    t: float, position: Array, velocity: Array, fixed: Array, curve: Array, wind: Array,
-    out: Array,
-) -> int:  # fmt: skip
+def directions(t: float, position: Array, velocity: Array, aim: Aim, out: Array) -> int:
     """Write nose directions to `out` (n, 3); gives how many of them the limit holds."""
+    fixed, curve, wind = aim
     target, launch = fixed[0:3], fixed[3:6]
     held = 0
     navigation, mass, normal_force, drag, most, begin, last, brisk = fixed[6:14]

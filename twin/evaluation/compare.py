@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 
 REFERENCE, OTHER, DIFFERENCE = "gimbal/reference", "gimbal/other", "gimbal/difference"
 COHERENT = 0.8  # below, gain and phase are not shown
+WORTHLESS = -100.0  # %; a fit below says only that the motions have nothing in common
 SHOWN_HZ = (0.5, 1.0, 2.0, 5.0, 10.0)
 _FIGURES = (
     ("rmse", "rmse", "°"),
@@ -149,9 +150,10 @@ def compare(config: Compare) -> CompareResult:
     TwinError, AnalysisError : invalid input, in one line
     """
     began = time.perf_counter()
-    pair = _pair(config)
+    pair, cut = _before_fault(_pair(config))
     status.say("comparing")
     command = pair.run.command
+    command = command.rows(command.time <= pair.reference.time[-1])
     axes = [n for n in command.components if n in pair.reference.components]
     comparison = side_by_side(
         pair.reference,
@@ -180,7 +182,7 @@ def compare(config: Compare) -> CompareResult:
         file,
         time.perf_counter() - began,
         _flights(runs),
-        caveats(runs),
+        cut + caveats(runs),
         drift,
         explanation,
     )
@@ -233,6 +235,27 @@ def _pair(config: Compare) -> _Pair:
     return _Pair(reference, other, first, second)
 
 
+def _before_fault(pair: _Pair) -> tuple[_Pair, tuple[str, ...]]:
+    """What was recorded before a fault moved the servos to neutral, and a warning if one did."""
+    runs = [(pair.run, 0.0)]
+    if pair.other_run is not None:
+        runs.append((pair.other_run, pair.other_run.shift))
+    faults = [
+        (e.time + shift, run.name)
+        for run, shift in runs
+        if run.recording.setting("on_fault") != "ignore"
+        for e in run.recording.events
+        if e.level == "ERROR"
+    ]
+    if not faults:
+        return pair, ()
+    end, name = min(faults)
+    reference = pair.reference.rows(pair.reference.time < end)
+    last = float(pair.reference.time[-1])
+    text = f"{name} was cut off by a fault: compared up to {end:.2f} s, of {last:.2f} s"
+    return replace(pair, reference=reference), (text,)
+
+
 def _repeats_begin(run: Measurement, axis: str) -> Array:
     """When each repeat of an axis begins [s], and when the last ends.
 
@@ -278,6 +301,8 @@ def _record(config: Compare, file: Path, pair: _Pair, drift: "RunDrift | None") 
         more = drift.signals(pair.run.recording["gimbal/measured"])
         rows = np.hstack([rows, *(_placed(reference.time, *given) for given in more.values())])
         signals += more
+        events += [(0.0, f"from the start: {t}", "INFO") for d in drift.axes.values()
+                   for t in d.differs]  # fmt: skip
         events += [(c.noticed, c.text, "WARN") for c in drift.changes]
     with Recorder(file, signals=signals, properties=properties, drain_ns=8_000_000_000) as recorder:
         for when, text, level in sorted(events, key=lambda e: e[0]):
@@ -304,7 +329,11 @@ def _both(a: AxisComparison, what: str, unit: str) -> str:
     values = [scale * getattr(e, what) for e in (a.as_is, a.aligned)]
     if unit == "°":
         return f"{values[0]:.4f}{unit} ({values[1]:.4f}{unit})"
-    return f"{values[0]:.2f}{unit} ({values[1]:.2f}{unit})"
+    return "{} ({})".format(*(_percent(v) for v in values))
+
+
+def _percent(value: float) -> str:
+    return f"< {WORTHLESS:.0f} %" if value < WORTHLESS else f"{value:.2f} %"
 
 
 def _late(a: AxisComparison) -> str:
@@ -315,7 +344,7 @@ def _repeats(a: AxisComparison) -> str:
     fits = [e.fit for e in a.repeats if math.isfinite(e.fit)]
     if not fits:
         return "-"
-    return f"{min(fits):.2f} to {max(fits):.2f} %, n = {len(fits)}"
+    return f"{_percent(min(fits))} to {_percent(max(fits))}, n = {len(fits)}"
 
 
 def _at(a: AxisComparison, frequency: float) -> str:

@@ -28,7 +28,8 @@ DEGREES = 180.0 / math.pi
 # is one gimbal with a model fitted to it.
 MOTION = (
     Property("gain", "", 1.0, 1.0, 0.01),
-    Property("delay", "ms", 1e3, 0.0, 1e-3),
+    # a command cannot act before it is sent: the model's own wait for the pulse frame
+    Property("delay", "ms", 1e3, 0.0, 1e-3, lowest=-0.02),
 )
 ZERO = Property("zero", "°", DEGREES, 0.0, math.radians(0.2))  # of the servo's shaft
 SEEN_ZERO = replace(ZERO, sigma=math.radians(0.1))  # of the gimbal
@@ -75,6 +76,7 @@ class RunDrift:
                     strict=True,
                 )
             ],
+            "differs_from_the_start": [t for d in self.axes.values() for t in d.differs],
             "changes": [
                 {"axis": c.axis, "property": c.what.name, "since": c.since, "noticed": c.noticed,
                  "before": c.before, "after": c.after, "sigma": c.sigma}
@@ -83,7 +85,7 @@ class RunDrift:
         }  # fmt: skip
 
     def rows(self) -> Rows:
-        """Final estimates with 95 % intervals, a column per axis, and the changes."""
+        """Final estimates with 95 % intervals, a column per axis, differences and changes."""
         rows = []
         for k, p in enumerate(self.properties):
             cells = [
@@ -91,8 +93,9 @@ class RunDrift:
                 for d in self.axes.values()
             ]
             rows.append((f"{p.name} (model {p.text(p.value)})", "".join(f"{c:<30}" for c in cells)))
+        rows += [("from the start", text) for d in self.axes.values() for text in d.differs]
         found = [("CHANGED", c.text) for c in self.changes]
-        return rows + (found or [("drift", "none: every property is within the model's interval")])
+        return rows + (found or [("drift", "none: no property changed during the run")])
 
     def signals(self, measured: TimeSeries) -> Signals:
         """What is recorded beside the measured angles: by signal, stamps (m,), values (m, k)."""

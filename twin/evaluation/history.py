@@ -157,11 +157,13 @@ def _of_one_board(
     """Its serial number, and its recordings."""
     boards = [board_of(recording) for _, recording in runs]
     names = sorted(set(boards))
-    chosen = config.board or names[0]
-    if chosen not in names or (config.board is None and len(names) > 1):
+    asked = config.board
+    alike = [n for n in names if asked is None or n.removeprefix("unit-").startswith(asked)]
+    chosen = asked if asked in names else alike[0] if len(alike) == 1 else None
+    if chosen is None:
         raise TwinError(
             f"twin history {config.folder}: holds recordings of {', '.join(names)};"
-            " give one of them as --board"
+            " give one of them, or its beginning, as --board"
         )
     return chosen, [run for run, board in zip(runs, boards, strict=True) if board == chosen]
 

@@ -109,7 +109,7 @@ def _percent(fits: Sequence[float]) -> str:
 
 
 def _unexplained(a: AxisEvidence) -> Rows:
-    """How the speed grows with the step, and how far the residual follows the command."""
+    """How the speed grows with the step, how far the residual follows the command, the scatter."""
     rows = []
     s = a.saturation
     if np.isfinite(s.exponent):
@@ -119,6 +119,9 @@ def _unexplained(a: AxisEvidence) -> Rows:
         if tests and tests.cross_correlation > tests.bound:
             value = f"correlation {tests.cross_correlation:.3f} with the command's changes"
             rows.append((f"{a.name} {what} residual", f"{value} (noise: below {tests.bound:.3f})"))
+    if a.disagree:
+        value = f"scatter {a.spread:.1f} times more than noise; the intervals are of that scatter"
+        rows.append((f"{a.name} steps", value))
     return rows
 
 

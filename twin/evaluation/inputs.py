@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis import recording
 from analysis.files import opened
-from analysis.identify import by_pulses
+from analysis.identify import by_frames, by_pulses
 from analysis.recording import Measurement
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
@@ -51,6 +51,8 @@ def given(config: Identify, files: tuple[Path, ...]) -> Given:
     _refuse_twins(files)
     read = [_tabled(config, f) if is_table(f) else _recorded(config, f) for f in files]
     runs, simulated = [r for g in read for r in g.runs], any(g.simulated for g in read)
+    if not config.from_pulses and not config.linkage:
+        runs = by_frames(runs)
     inputs = runs[0].inputs
     moved = [n for k, n in enumerate(inputs) if any(len(r.command.changes(k)) for r in runs)]
     if not config.linkage and 0 < len(moved) < len(inputs) == len(runs[0].outputs):

@@ -10,6 +10,7 @@ from analysis.identify.pulses import PulseFrames, fitted, lateness, pulse_frames
 from analysis.linkage.problem import LinkageError, Moves
 from analysis.recording import Measurement
 from hardware.frames import AXES
+from hardware.parts import RAIL
 from twin.physics.mechanism import Kinematics
 
 Array = NDArray[np.float64]
@@ -100,7 +101,7 @@ def _angles(r: Measurement) -> Array:
         for twin in _TWINS:
             raw = np.interp(angles.time, series.time, series.column(f"{axis}_{twin}"))
             good = np.isfinite(raw) & np.isfinite(estimate)
-            if good.sum() < 3 or np.ptp(raw[good]) == 0.0:
+            if good.sum() < 3 or np.ptp(raw[good]) == 0.0 or raw[good].max() < RAIL:
                 continue
             # of the reading on the angle, since it is the reading that is noisy
             slope, zero = np.polyfit(estimate[good], raw[good], 1)

@@ -71,7 +71,15 @@ class CalibrationResult(Result):
                 (f"between switches {axis}", f"{degrees(c.deviation[k]):.2f}° rms off the map"),
                 (f"commanded {axis}", self._uncertainty(k)),
             ]
-        for name, p in zip(("x_a", "x_b", "y_a", "y_b"), c.potentiometers, strict=True):
+        if c.minimal:
+            rows.append(("potentiometers", "none: the IMU on the holder shows the angles"))
+            rows += [
+                (f"accelerometer {axis}", f"zero {degrees(p.zero):.2f}°, scale {p.gain:.3f}")
+                for axis, p in zip("xy", c.potentiometers[::2], strict=True)
+            ]
+        for name, p in (
+            () if c.minimal else zip(("x_a", "x_b", "y_a", "y_b"), c.potentiometers, strict=True)
+        ):
             line = f"zero {p.zero:.4f}, {degrees(p.gain):.1f}° over its track"
             rows.append((f"potentiometer {name}", line))
         bias = ", ".join(f"{degrees(b):.2f}" for b in c.gyro.bias)
@@ -107,6 +115,7 @@ def calibrate(config: Calibrate) -> CalibrationResult:
         faults=config.fault,
         seed=config.seed,
         fuse=False,
+        minimal=config.minimal,
         mechanism=config.mechanism,
     )
     with compiled(), open_rig(options, None) as seat:
@@ -137,6 +146,7 @@ def _rig(config: Calibrate) -> CalibrationRig:
         repeats=config.repeats,
         seed=config.seed,
         linearisation=mechanism_map(bench).linearisation,
+        minimal=config.minimal,
     )
 
 

@@ -44,7 +44,7 @@ class Excitation:
     signal : kind of signal
     amplitude : largest angle either way from zero [rad]
     axis : axis excited; `both` takes one after the other
-    repeats : steps per direction, periods, or sweeps
+    repeats : steps per direction, with one of half the size after every three; periods; sweeps
     hold : rest before and after, and at least between steps [s]; each is up to a pulse frame
         longer, to spread them over its phases
     duration : of one sweep of a chirp, one period of triangle or dog-leg [s]
@@ -137,14 +137,14 @@ class Excitation:
         return [np.concatenate([rest, np.tile(period, self.repeats), rest])] * axes
 
     def _held(self, levels: Array, tick: float, axes: int) -> list[Array]:
-        """The same for levels (k,) that are held, each begun at another phase of a pulse frame."""
+        """The same for levels (repeats, moves), each begun at another phase of a pulse frame."""
         hold, frame = _ticks(self.hold, tick), _frame(tick)
-        moves = self.repeats * len(levels)
-        self._check((moves + 2) * (hold + frame) * axes * tick)
-        sequence = np.concatenate([[0.0], np.tile(levels, self.repeats)])
+        self._check((levels.size + 2) * (hold + frame) * axes * tick)
+        sequence = np.concatenate([[0.0], levels.ravel()])
         turns, now = [], 0
         for axis in range(axes):
-            phases = _phases(self.repeats, len(levels), np.random.default_rng([self.seed, axis]))
+            repeats, moves = levels.shape
+            phases = _phases(repeats, moves, np.random.default_rng([self.seed, axis]))
             counts = []
             for phase in (phases * frame).astype(int):
                 # no hold is shorter than asked for; it ends when the frame next has that phase
@@ -209,13 +209,16 @@ def _back_and_forth(amplitudes: Array) -> Array:
 
 
 def _steps(e: Excitation) -> Array:
-    return _back_and_forth(np.array([e.amplitude]))
+    """After every three repeats one of half the size: one size alone shows no limited speed."""
+    size = np.where(np.arange(e.repeats + e.repeats // 3) % 4 == 3, 0.5, 1.0)
+    return _back_and_forth(e.amplitude * size).reshape(len(size), 4)
 
 
 def _staircase(e: Excitation) -> Array:
     """Ever smaller steps, √2 apart: each leaves zero and returns, so it crosses any backlash."""
     count = 1 + round(math.log(e.smallest / e.amplitude) / math.log(FINER))
-    return _back_and_forth(np.geomspace(e.amplitude, e.smallest, count))
+    levels = _back_and_forth(np.geomspace(e.amplitude, e.smallest, count))
+    return np.tile(levels, (e.repeats, 1))
 
 
 def _chirp(e: Excitation, tick: float) -> Array:

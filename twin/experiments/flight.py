@@ -4,12 +4,13 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.programme import Vector, start_of
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from analysis.timing import Verdict
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 PASSED = "passed the point"
 PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
 STUCK_NS = 1_000_000_000  # a vehicle at rest on its ramp for so long after burnout stays there
@@ -137,90 +139,103 @@ def _numeric(model: mujoco.MjModel, name: str) -> Array:
     return np.asarray(model.numeric(name).data)
 
 
+class Watch(NamedTuple):
+    """What `watch` reads of a flight and the memory that it writes.
+
+    Attributes
+    ----------
+    position, velocity, closure : views of the plant's state
+    fixed : (7,) launch point, point steered to (NaN without), length of the ramp [m]
+    times : (2,) of burnout and ignition [ns]
+    most : (6,) largest speed squared, largest closure, closest distance, place of the burnout
+    marks : (6,) `ON_RAMP` to `BURNT`
+    """
+
+    position: Array
+    velocity: Array
+    closure: Array
+    fixed: Array
+    times: Integers
+    most: Array
+    marks: Integers
+
+
+ON_RAMP, RISING, CLOSEST_NS, MOVED_NS, POWERED, BURNT = range(6)
+"""Places in `Watch.marks`: on the ramp; rising; when last nearer the point than ever since the
+launch; when last moved on the ramp [ns]; ticks under power; whether burnout is past."""
+BURNED_OUT, LEFT_RAMP, TOPPED = 1, 2, 4
+"""What `watch` reports of a tick."""
+ENDS = (None, "reached the ground", PASSED, "never left the ramp")
+"""Why a flight is over, by the number that `over` gives."""
+
+
 class Flight:
     """Watches a flight tick by tick, decides when it is over, and gives its result.
 
     Parameters
     ----------
-    error : (2,) attitude error, as the controller writes it [rad]
     target : point steered to, in the world [m]
 
     Attributes
     ----------
     announce : called with time [ns] and text of every event
     burnout_ns : time of burnout [ns]
+    memory : for compiled code, which calls `watch` and `over`
     """
 
-    def __init__(self, plant: Plant, error: Array, target: Vector | None) -> None:
-        self._plant, self._error = plant, error
+    def __init__(self, plant: Plant, target: Vector | None) -> None:
+        self._plant = plant
         self._start = start_of(plant.model)
         self._target = None if target is None else np.array(target)
         self.burnout_ns = round(_burnout(plant.model) * 1e9)
-        self._ignition_ns = round(float(_numeric(plant.model, "motor_ignition")[0]) * 1e9)
-        self._ramp = float(_numeric(plant.model, "ramp_length")[0])
+        ignition_ns = round(float(_numeric(plant.model, "motor_ignition")[0]) * 1e9)
+        ramp = float(_numeric(plant.model, "ramp_length")[0])
         self._mass = float(plant.model.body_subtreemass[plant.model.body("vehicle").id])
-        self._speed = 0.0
-        self._errors: list[float] = []
-        self._closure = 0.0
-        self._closest = math.inf
-        self._closest_ns: int | None = None  # when last nearer the point than ever since the launch
-        self._moved_ns = self.burnout_ns
-        self._burnout_range: float | None = None
-        self._on_ramp, self._rising = True, False
+        aim = (math.nan,) * 3 if target is None else target
+        self.memory = Watch(
+            plant.position, plant.velocity, plant.closure, np.array([*self._start, *aim, ramp]),
+            np.array([self.burnout_ns, ignition_ns]), np.array([0.0, 0.0, math.inf, 0.0, 0.0, 0.0]),
+            np.array([1, 0, -1, self.burnout_ns, 0, 0]),
+        )  # fmt: skip
         self.announce: Callable[[int, str], None] = lambda *_: None
 
     def watch(self, time_ns: int) -> None:
         """Record what the result needs of this tick."""
-        plant = self._plant
-        x, y, z = plant.position.tolist()
-        vx, vy, vz = plant.velocity.tolist()
-        speed = vx * vx + vy * vy + vz * vz
-        self._speed = max(self._speed, speed)
-        if plant.closure[0] > self._closure or plant.closure[1] > self._closure:
-            self._closure = float(plant.closure.max())
-        if time_ns <= self.burnout_ns:
-            ex, ey = self._error.tolist()
-            self._errors.append(ex * ex + ey * ey)
-        elif self._burnout_range is None:
-            self._burnout_range = math.dist((x, y, z), self._start)
-            self._report(time_ns, "burnout", self._burnout_range, vx, vy, vz)
-        if self._rising and vz < 0.0 and not self._on_ramp:
-            self.announce(time_ns, f"apogee, {z - self._start[2]:.1f} m above the launch point")
-        self._rising = vz > 0.0
-        away = math.dist((x, y, z), self._start)
-        if self._on_ramp and away > self._ramp and time_ns >= self._ignition_ns:
-            self._on_ramp = False
-            self._report(time_ns, "left the ramp", self._ramp, vx, vy, vz)
-        if self._on_ramp and speed > AT_REST**2:
-            self._moved_ns = max(time_ns, self.burnout_ns)
-        if self._target is not None:
-            distance = math.dist((x, y, z), self._target)
-            if self._on_ramp:
-                self._closest = distance
-            elif distance < self._closest:
-                self._closest, self._closest_ns = distance, time_ns
+        if events := watch(time_ns, self.memory):
+            self._report(time_ns, events)
 
-    def _report(self, time_ns: int, what: str, distance: float, *velocity: float) -> None:
-        speed = math.hypot(*velocity)
-        self.announce(time_ns, f"{what} at {speed:.1f} m/s, {distance:.1f} m from the launch point")
+    def _report(self, time_ns: int, events: int) -> None:
+        plant = self._plant
+        speed = math.hypot(*plant.velocity.tolist())
+        away = f" at {speed:.1f} m/s, {{:.1f}} m from the launch point".format
+        if events & BURNED_OUT:
+            self.announce(time_ns, f"burnout{away(self._burnout_range)}")
+        if events & TOPPED:
+            height = float(plant.position[2]) - self._start[2]
+            self.announce(time_ns, f"apogee, {height:.1f} m above the launch point")
+        if events & LEFT_RAMP:
+            self.announce(time_ns, f"left the ramp{away(self.memory.fixed[6])}")
+
+    @property
+    def _burnout_range(self) -> float | None:
+        """Distance from the launch point when the motor burned out [m]; None before."""
+        memory = self.memory
+        return math.dist(memory.most[3:6], self._start) if memory.marks[BURNT] else None
+
+    @property
+    def powered_ticks(self) -> int:
+        """Ticks up to burnout."""
+        return int(self.memory.marks[POWERED])
 
     def over(self) -> str | None:
         """Why the flight is over, or None while it is not."""
-        plant = self._plant
-        if plant.landed:
-            return "reached the ground"
-        if self._closest_ns is not None and plant.time_ns > self._closest_ns + PASSED_NS:
-            return PASSED
-        held = self._ramp > 0.0 and self._on_ramp
-        if held and plant.time_ns > self._moved_ns + STUCK_NS:
-            return "never left the ramp"
-        return None
+        return ENDS[over(self._plant.time_ns, self._plant.landed, self.memory)]
 
     def result(
         self, recording: Path | None, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
     ) -> FlightResult:
         """The flight in numbers."""
-        plant = self._plant
+        plant, memory = self._plant, self.memory
         path = track.ticks[:, POSITION]
         target = None if self._target is None else self._target - self._start
         closest = None if self._target is None else _closest(path, self._target)
@@ -229,15 +244,15 @@ class Flight:
             ended=outcome.ended,
             mass_kg=self._mass,
             flight_time_s=plant.time_ns * 1e-9,
-            max_speed_m_s=math.sqrt(self._speed),
+            max_speed_m_s=math.sqrt(memory.most[0]),
             powered_slant_range_m=self._burnout_range,
             max_height_m=float((path[:, 2] - self._start[2]).max()),
             target_m=None
             if target is None
             else (float(target[0]), float(target[1]), float(target[2])),
             closest_approach_m=closest,
-            attitude_error_rms_deg=math.degrees(math.sqrt(float(np.mean(self._errors)))),
-            loop_closure_max_um=self._closure * 1e6 or None,
+            attitude_error_rms_deg=track.error_rms_deg(self.powered_ticks),
+            loop_closure_max_um=float(memory.most[1]) * 1e6 or None,
             physics_steps=plant.steps,
             physics_s=plant.computing_s,
             cpu_s=cpu_s,
@@ -247,6 +262,58 @@ class Flight:
             notes=plant.twin.notes,
             static_margin=_static_margin(plant.model),
         )
+
+
+@njit(nogil=True)
+def watch(time_ns: int, w: Watch) -> int:
+    """Record what the result needs of a tick; gives its events."""
+    x, y, z = w.position
+    vx, vy, vz = w.velocity
+    fixed, most, marks = w.fixed, w.most, w.marks
+    burnout_ns, ignition_ns = w.times
+    events = 0
+    speed = vx * vx + vy * vy + vz * vz
+    most[0] = max(most[0], speed)
+    most[1] = max(most[1], w.closure[0], w.closure[1])
+    if time_ns <= burnout_ns:
+        marks[POWERED] += 1
+    elif not marks[BURNT]:
+        marks[BURNT] = 1
+        most[3], most[4], most[5] = x, y, z
+        events |= BURNED_OUT
+    if marks[RISING] and vz < 0.0 and not marks[ON_RAMP]:
+        events |= TOPPED
+    marks[RISING] = vz > 0.0
+    if marks[ON_RAMP] and _away(x, y, z, fixed[0:3]) > fixed[6] and time_ns >= ignition_ns:
+        marks[ON_RAMP] = 0
+        events |= LEFT_RAMP
+    if marks[ON_RAMP] and speed > AT_REST**2:
+        marks[MOVED_NS] = max(time_ns, burnout_ns)
+    if not math.isnan(fixed[3]):
+        distance = _away(x, y, z, fixed[3:6])
+        if marks[ON_RAMP]:
+            most[2] = distance
+        elif distance < most[2]:
+            most[2], marks[CLOSEST_NS] = distance, time_ns
+    return events
+
+
+@njit(nogil=True)
+def over(time_ns: int, landed: bool, w: Watch) -> int:
+    """Which of the ends a flight has come to; 0 while it goes on."""
+    marks = w.marks
+    if landed:
+        return 1
+    if marks[CLOSEST_NS] >= 0 and time_ns > marks[CLOSEST_NS] + PASSED_NS:
+        return 2
+    if w.fixed[6] > 0.0 and marks[ON_RAMP] and time_ns > marks[MOVED_NS] + STUCK_NS:
+        return 3
+    return 0
+
+
+@njit(nogil=True)
+def _away(x: float, y: float, z: float, point: Array) -> float:
+    return math.sqrt((x - point[0]) ** 2 + (y - point[1]) ** 2 + (z - point[2]) ** 2)
 
 
 def _static_margin(model: mujoco.MjModel) -> tuple[float, float] | None:

@@ -10,6 +10,7 @@ from twin.config import OBJECT, Fly
 from twin.control import AttitudeController, Setpoint
 from twin.errors import TwinError
 from twin.experiments.flight import Flight, FlightResult
+from twin.experiments.flight_ticks import compiled_ticks
 from twin.experiments.kept import Origin
 from twin.experiments.miss import missed
 from twin.experiments.own_controller import OwnController, load
@@ -70,14 +71,19 @@ def fly(
         recorder = s.record(pilot, turntable, guard) if recorded else None
         if recorder is None:
             s.gather(pilot, turntable, guard)
-        flight, track = Flight(plant, pilot.error, target), Track(plant, s.rows.command)
+        flight, track = Flight(plant, target), Track(plant, s.rows.command, pilot.error)
         if recorder is not None:
             flight.announce = recorder.event
-        s.rehearse(_pilot(plant, programme, s.tick_ns))
+        if s.real_time:
+            s.rehearse(_pilot(plant, programme, s.tick_ns))
         powered = _powered(turntable, flight.burnout_ns)
-        outcome = s.run(
+        duration_ns = round(config.duration_s * 1e9)
+        outcome = None
+        if recorder is None and commanding is pilot and guard is None and not s.real_time:
+            outcome = compiled_ticks(plant, pilot, flight, track, s.steps, duration_ns)
+        outcome = outcome or s.run(
             guard or commanding,
-            round(config.duration_s * 1e9),
+            duration_ns,
             each_tick=(s.rows.write, track.watch, flight.watch, powered),
             stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
         )

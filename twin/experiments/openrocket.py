@@ -4,6 +4,7 @@ import os
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from analysis.files import write_text
 from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.config.vehicle import Vehicle as Settings
@@ -100,9 +101,7 @@ def import_design(config: Settings) -> ImportResult:
     check_outline(checked, found.outline)
     if config.motor is not None:
         vehicle.Vehicle.of(replace(checked, motor_data=engine))
-    part = out.with_name(out.name + ".partial")
-    part.write_text(text, encoding="utf-8")
-    part.replace(out)
+    write_text(out, text)
     return ImportResult(
         file=str(out),
         source=str(config.file),

@@ -33,6 +33,7 @@ def rig(config: Rig) -> None:
         seat=config.kind,
         unit=config.unit,
         faults=config.fault,
+        minimal=config.minimal,
         seed=config.seed,
         overrides=config.overrides,
         scene=config.scene,

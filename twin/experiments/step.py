@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from analysis.report.figures import AxisFigures
     from analysis.timing import Verdict
 
+SMALLER = 0.9  # of the largest step: other steps are only in --json and in the report
 IN_FULL = ("peak", "peak time")  # only with --json and in the report; a screen is small
 
 
@@ -197,14 +198,17 @@ def _figures(recording: Path, fault: str | None) -> "tuple[AxisFigures, ...]":
 
 
 def lines(figures: "Sequence[AxisFigures]") -> Rows:
-    """One row a figure, with a column for every axis and direction."""
+    """One row a figure, with a column for every axis and direction: that of the largest step."""
     from analysis.report.words import amplitude_text, split, value_text
 
     cells: dict[str, dict[tuple[str, str], str]] = {}
     heads: dict[tuple[str, str], str] = {}
     for axis in figures:
+        largest = max((abs(f.amplitude) for f in axis.figures if split(f.name)[1]), default=0.0)
         for f in axis.figures:
             name, direction = split(f.name)
+            if direction and abs(f.amplitude) < SMALLER * largest:
+                continue
             column = (axis.axis, direction)
             if name not in IN_FULL:
                 cells.setdefault(name, {})[column] = value_text(f)

@@ -2,25 +2,36 @@
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.config.result import Rows
+from twin.control.attitude import LARGEST_COMMAND
 from twin.errors import TwinError
-from twin.physics import aerodynamics as air
-from twin.physics.aerodynamics.atmosphere import COLUMNS
-from twin.plant.authority import control_config, numeric
+from twin.physics.aerodynamics.atmosphere import (
+    COLUMNS,
+    DENSITY,
+    TEMPERATURE,
+    density,
+    profile_at,
+    sound,
+    speed_of_sound,
+)
+from twin.plant.authority import numeric
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
 BLOCK: Final = 4096  # ticks in one array
-TIME, POSITION, VELOCITY, AIRSPEED, ATTACK, COMMAND = (
-    0, slice(1, 4), slice(4, 7), 7, 8, slice(9, 11),
+TIME, POSITION, VELOCITY, AIRSPEED, ATTACK, COMMAND, ERROR = (
+    0, slice(1, 4), slice(4, 7), 7, 8, slice(9, 11), 11,
 )  # fmt: skip
-WIDTH: Final = 11
+WIDTH: Final = 12
 AT_LIMIT: Final = 1e-6  # rad
+TURN: Final = 0.5  # s, over which the direction of the path changes by more than the nose swings
+HALF_NS: Final = 5e-10  # s; times are rounded
 WORTH: Final = 0.1  # of the largest dynamic pressure, below which no angle of attack counts
 
 
@@ -41,6 +52,10 @@ class Figures:
     max_angle_of_attack_deg : of the ascent after the rail, where the dynamic pressure is at least
         a tenth of its largest
     gimbal_saturation : share of the burn in which a command is at the limit of its axis
+    control_margin : share of the stroke that the larger of both commands leaves in 95 % of the burn
+    turn_radius_m : smallest of the path under power in free flight, over `TURN` seconds: way over
+        change of its direction (the mean of 1/curvature; E. Kreyszig, Advanced Engineering
+        Mathematics, 10th ed., §9.5); None where the motor burned no longer
     downrange_m : level distance from the launch point at the end
     end_east_m, end_north_m : the place of the end, from the launch point
     impact_speed_m_s : at the last tick before the ground; None where it was not reached
@@ -59,6 +74,8 @@ class Figures:
     max_dynamic_pressure_pa: float
     max_angle_of_attack_deg: float | None
     gimbal_saturation: float | None
+    control_margin: float | None
+    turn_radius_m: float | None
     downrange_m: float
     end_east_m: float
     end_north_m: float
@@ -89,6 +106,10 @@ class Figures:
             rows.append(("", f"angle of attack {self.max_angle_of_attack_deg:.2f}°"))
         if self.gimbal_saturation is not None:
             rows.append(("gimbal at limit", f"{self.gimbal_saturation:.1%} of the burn"))
+        if self.control_margin is not None:
+            rows.append(("stroke left", f"{self.control_margin:.0%} in 95 % of the burn"))
+        if self.turn_radius_m is not None:
+            rows.append(("smallest turn", f"{self.turn_radius_m:.0f} m radius under power"))
         end = (
             f"{self.downrange_m:.0f} m ({self.end_east_m:.0f} m east, {self.end_north_m:.0f} north)"
         )
@@ -97,45 +118,80 @@ class Figures:
         return [*rows, ("downrange", end)]
 
 
+class Views(NamedTuple):
+    """What a tick is kept of, views that stay in place.
+
+    Attributes
+    ----------
+    position, velocity : of the pivot (3,) [m, m/s]
+    airspeed, attack : (1,) airspeed [m/s], angle of attack [rad]
+    command, error : (2,) commanded gimbal angle, attitude error [rad]
+    """
+
+    position: Array
+    velocity: Array
+    airspeed: Array
+    attack: Array
+    command: Array
+    error: Array
+
+
 class Track:
     """Collects a flight tick by tick in blocks of memory.
 
     Parameters
     ----------
     command : (2,) latest commanded gimbal angle, as the loop writes it [rad]
+    error : (2,) attitude error, as the controller writes it [rad]
+
+    Attributes
+    ----------
+    views : for compiled code, which calls `keep` with a row of `room`
     """
 
-    def __init__(self, plant: Plant, command: Array) -> None:
+    def __init__(self, plant: Plant, command: Array, error: Array) -> None:
         self._model, self._plant = plant.model, plant
-        self._position, self._velocity, self._command = plant.position, plant.velocity, command
-        self._airspeed = plant.signals["vehicle/airspeed"]
-        self._attack = plant.signals["vehicle/angle_of_attack"]
+        signals = plant.signals
+        self.views = Views(
+            plant.position, plant.velocity, signals["vehicle/airspeed"],
+            signals["vehicle/angle_of_attack"], command, error,
+        )  # fmt: skip
         self._blocks: list[Array] = []
         self._left = 0
 
     def watch(self, time_ns: int) -> None:
         """Keep this tick; derived signals must belong to it."""
+        keep(self.room()[0], time_ns, self.views)
+        self.took(1)
+
+    def room(self) -> Array:
+        """Rows for the next ticks (n, WIDTH), at least one."""
         if self._left == 0:
             self._blocks.append(np.empty((BLOCK, WIDTH)))
             self._left = BLOCK
-        row = self._blocks[-1][BLOCK - self._left]
-        self._left -= 1
-        row[TIME] = time_ns * 1e-9
-        row[POSITION], row[VELOCITY] = self._position, self._velocity
-        row[AIRSPEED], row[ATTACK] = self._airspeed[0], self._attack[0]
-        row[COMMAND] = self._command
+        return self._blocks[-1][BLOCK - self._left :]
+
+    def took(self, count: int) -> None:
+        """Count rows of `room` that were filled."""
+        self._left -= count
+
+    def error_rms_deg(self, count: int) -> float:
+        """Root mean square of the attitude error in the first `count` ticks."""
+        squares = np.ascontiguousarray(self.ticks[:count, ERROR])
+        return math.degrees(math.sqrt(float(np.mean(squares))))
 
     @property
     def limit(self) -> float:
         """Largest command of an axis by the attitude loop [rad]."""
-        return control_config(self._model).limit
+        limit = numeric(self._model, "control_limit")
+        return LARGEST_COMMAND if limit is None else float(limit[0])
 
     @property
     def ticks(self) -> Array:
         """All ticks and the present instant, (n, WIDTH): columns `TIME` to `COMMAND`."""
         last = self._blocks[-1][BLOCK - self._left - 1].copy() if self._blocks else np.zeros(WIDTH)
         last[TIME] = self._plant.time_ns * 1e-9
-        last[POSITION], last[VELOCITY] = self._position, self._velocity
+        last[POSITION], last[VELOCITY] = self.views.position, self.views.velocity
         filled = np.concatenate([*self._blocks, np.empty((0, WIDTH))])
         return np.concatenate([filled[: len(filled) - self._left], last[None]])
 
@@ -173,6 +229,8 @@ class Track:
             max_dynamic_pressure_pa=float(pressure.max()),
             max_angle_of_attack_deg=_largest_degrees(up[free:][fast[free:]][:, ATTACK]),
             gimbal_saturation=self._saturation(ticks[time <= burnout]),
+            control_margin=self._margin(ticks[time <= burnout]),
+            turn_radius_m=_turn_radius(ticks[free:][time[free:] <= burnout]),
             downrange_m=math.hypot(east, north),
             end_east_m=east,
             end_north_m=north,
@@ -206,18 +264,13 @@ class Track:
         )
         if enabled is None or altitude is None or not enabled[0]:
             return np.zeros(len(ticks)), np.zeros(len(ticks))
-        z = ticks[:, POSITION][:, 2]
+        z = np.ascontiguousarray(ticks[:, POSITION][:, 2])
         profile = numeric(self._model, "air_profile")
         if profile is None:
-            laws = (air.density, air.speed_of_sound)
-            rho, sound = (np.array([f(h + altitude[0]) for h in z]) for f in laws)
+            rho, sound = _standard_air(z, altitude[0])
         else:
             _check_top(profile, float(z.max()))
-            rho, kelvin = (
-                np.array([air.profile_at(profile, column, h) for h in z])
-                for column in (air.DENSITY, air.TEMPERATURE)
-            )
-            sound = air.sound(kelvin)
+            rho, sound = _profile_air(z, profile)
         return 0.5 * rho * ticks[:, AIRSPEED] ** 2, ticks[:, AIRSPEED] / sound
 
     def _saturation(self, burning: Array) -> float | None:
@@ -225,6 +278,56 @@ class Track:
             return None
         limit = self.limit - AT_LIMIT
         return float((np.abs(burning[:, COMMAND]) >= limit).any(axis=1).mean())
+
+    def _margin(self, burning: Array) -> float | None:
+        if self._plant.twin.gimbal == "fixed" or not len(burning):
+            return None
+        largest = np.abs(burning[:, COMMAND]).max(axis=1)
+        return float(1.0 - np.quantile(largest, 0.95) / self.limit)
+
+
+def _turn_radius(flown: Array) -> float | None:
+    """Smallest radius of the turns of a path over `TURN` [m]; very large where it is straight."""
+    time = flown[:, TIME]
+    first = np.flatnonzero(time <= time[-1] - TURN) if len(time) else np.empty(0, np.int64)
+    if not first.size:
+        return None
+    last = np.searchsorted(time, time[first] + TURN - HALF_NS)
+    speed = np.linalg.norm(flown[:, VELOCITY], axis=1)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])
+    a, b = flown[first, VELOCITY], flown[last, VELOCITY]
+    angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+    return float(((way[last] - way[first]) / np.maximum(angle, 1e-9)).min())
+
+
+@njit(nogil=True)
+def keep(row: Array, time_ns: int, v: Views) -> None:
+    """Write a tick to a row (WIDTH,)."""
+    row[0] = time_ns * 1e-9
+    for k in range(3):
+        row[1 + k], row[4 + k] = v.position[k], v.velocity[k]
+    row[7], row[8] = v.airspeed[0], v.attack[0]
+    row[9], row[10] = v.command[0], v.command[1]
+    row[11] = v.error[0] * v.error[0] + v.error[1] * v.error[1]
+
+
+@njit()
+def _standard_air(z: Array, altitude: float) -> tuple[Array, Array]:
+    """Density [kg/m³] and speed of sound [m/s] at heights above ground [m]."""
+    rho, sound = np.empty_like(z), np.empty_like(z)
+    for k in range(z.size):
+        rho[k], sound[k] = density(z[k] + altitude), speed_of_sound(z[k] + altitude)
+    return rho, sound
+
+
+@njit()
+def _profile_air(z: Array, profile: Array) -> tuple[Array, Array]:
+    """The same in a profile of the air."""
+    rho, speed = np.empty_like(z), np.empty_like(z)
+    for k in range(z.size):
+        rho[k] = profile_at(profile, DENSITY, z[k])
+        speed[k] = sound(profile_at(profile, TEMPERATURE, z[k]))
+    return rho, speed
 
 
 def _at(time: float, times: Array, values: Array) -> float:

@@ -9,6 +9,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from analysis.files import write_text
 from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.config.vehicle import Vehicle as Settings
@@ -166,9 +167,7 @@ def _build(config: Settings) -> BuildResult:
         config.out or Path("runs") / f"{config.file.stem}.xml", ".xml", force=config.force
     )
     text = vehicles.mjcf(built, out.parent.resolve())
-    part = out.with_name(out.name + ".partial")
-    part.write_text(text, encoding="utf-8")
-    part.replace(out)
+    write_text(out, text)
     return BuildResult(str(out), str(config.file))
 
 

@@ -55,7 +55,7 @@ class Episode:
             loop = AttitudeController(control_config(plant.model))
             self.period = s.tick_ns * 1e-9
             self.pilot = Pilot(plant, loop, programme, self.period, turntable)
-            self.flight = flight = Flight(plant, self.pilot.error, target)
+            self.flight = flight = Flight(plant, target)
             self.observer = Observer(plant.model)
             self._held = _Held()
             guard = s.guard(self._held, config.on_fault, turntable)

@@ -1,10 +1,19 @@
 """Motion check before a run: small commands to each axis, and whether the right one follows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, radians
 
 from hardware.events import Event
-from hardware.frames import AXES, SERVO_NAMES, GimbalCommand, HardwareError, Pair
+from hardware.faults import Fault
+from hardware.frames import (
+    AXES,
+    POTENTIOMETER_NAMES,
+    SERVO_NAMES,
+    GimbalCommand,
+    HardwareError,
+    Pair,
+)
 from twin.errors import CheckError
 from twin.hil.gimbal import COMMAND_NS, RigGimbal
 
@@ -19,6 +28,10 @@ CROSS = 0.35  # of the other axis
 SPREAD = radians(0.3)  # of the middle between two steps: weight of the motor, noise
 
 Response = tuple[Pair, Pair]
+ABSENT = (
+    "check the 5 V of the potentiometers; a rig without them needs the --calibration that"
+    " twin calibrate --minimal writes"
+)
 HELP = "check plugs, power, horns and --calibration, or give --no-check"
 
 
@@ -66,8 +79,14 @@ def check_motion(seat: RigGimbal) -> None:
         counted = sensors if problem else [f for f in named if f.sensor in SERVO_NAMES]
         problem = ", ".join(f"{f.sensor} {f.kind}" for f in counted)
     if problem:
-        raise CheckError(f"motion check: {problem}; {HELP}")
+        raise CheckError(f"motion check: {problem}; {remedy(named)}")
     seat.notices.append(MotionChecked((response[0][0], response[1][1])))
+
+
+def remedy(named: Sequence[Fault]) -> str:
+    """Return what to do about a failed check, by the faults that are named."""
+    absent = sum(f.kind == "open" and f.sensor in POTENTIOMETER_NAMES for f in named)
+    return HELP if absent < len(POTENTIOMETER_NAMES) else ABSENT
 
 
 def wrong_motion(response: Response, gain: float = 0.0) -> str:
@@ -118,5 +137,7 @@ def _held(seat: RigGimbal, angle: Pair) -> Pair:
             for state in seat.rig.states:
                 x, y, count = x + state.angle[0], y + state.angle[1], count + 1
     if count < FEWEST:
-        raise HardwareError("the rig sends no readings during the motion check; check its cable")
+        raise HardwareError(
+            "the rig sends no readings during the motion check; check its sensors and supply"
+        )
     return x / count, y / count

@@ -9,9 +9,9 @@ from pathlib import Path
 from analysis.recording import Recording
 from hardware.calibration import Calibration
 from hardware.calibration import read as read_calibration
-from hardware.emulator import parse
+from hardware.emulator import Injection, parse
 from hardware.events import ReadingsDropped
-from hardware.frames import Pair, SensorFrame
+from hardware.frames import POTENTIOMETER_NAMES, Pair, SensorFrame
 from hardware.fusion import Fusion
 from hardware.link import Link
 from hardware.rig import Rig, in_process
@@ -32,6 +32,7 @@ OWN = (
     "without --calibration the maps of a simulated rig are taken from its own parameters;"
     " twin calibrate measures them"
 )
+LONG_AGO = -1.0  # s; when the wires of absent potentiometers opened
 RIG_PARAMETERS = ("gimbal_", TURNTABLE)  # prefixes of names; the second for turntables only
 
 
@@ -51,6 +52,7 @@ class RigOptions:
     scene : `bench`, or `turntable` with a base that turns
     watch : neither arm nor command it
     fuse : estimate angles; not needed for a calibration
+    minimal : a rig without potentiometers; with `calibration` the file decides
     check : make the motion check before a run that commands the rig; None leaves it out silently
     """
 
@@ -64,6 +66,7 @@ class RigOptions:
     scene: str = "bench"
     watch: bool = False
     fuse: bool = True
+    minimal: bool = False
     check: bool | None = None
 
 
@@ -81,6 +84,8 @@ def device(options: RigOptions) -> Device:
     TwinError, HardwareError : unknown fault, missing AVR tools, impossible override
     """
     faults = [parse(text) for text in options.faults]
+    if options.minimal:
+        faults += [Injection(name, "open", 0.0, LONG_AGO) for name in POTENTIOMETER_NAMES]
     rig = parameters(_model(options, "bench").mj, options.unit)
     twin = _model(options, options.scene)
     if options.unit is not None:
@@ -226,6 +231,8 @@ def _replayed(options: RigOptions, plant: Plant, playback: Recording) -> RigGimb
 def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
     calibration = _calibration(options)
     measured = calibration is not None
+    if calibration is not None:
+        options = replace(options, minimal=calibration.minimal)
     simulated = device(options)
     if calibration is None:
         bench = _model(options, "bench").mj
@@ -258,6 +265,11 @@ def _calibration(options: RigOptions) -> Calibration | None:
     if options.calibration is None:
         return None
     calibration = read_calibration(options.calibration)
+    if calibration.minimal and options.scene == TURNTABLE:
+        raise TwinError(
+            f"--calibration {options.calibration}: must be of a rig with potentiometers; on a"
+            " turntable an accelerometer shows the motion of the base as well"
+        )
     if calibration.note:
         status.note(f"twin: {options.calibration}: {calibration.note}")
     return calibration

@@ -187,7 +187,9 @@ class RigGimbal:
             self._clock() - began < SETTLE_NS or self.rig.statistics.frames == before
         ):
             if self._clock() - began > LONGEST_SETTLE_NS:
-                raise RigError("the rig answers but sends no readings; check its cable")
+                raise RigError(
+                    "the rig answers but sends no readings; check its sensors and supply"
+                )
             self.rig.poll()
             self.wait(_STEP_NS)
         self._ready = True

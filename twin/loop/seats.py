@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from analysis.compiled import njit
 from hardware.frames import GimbalCommand, GimbalState, Pair
 from twin.control import AttitudeController, Setpoint
-from twin.control.attitude import from_vertical
+from twin.control.attitude import Loop, from_vertical, update
+from twin.control.guidance import Aim, FixedPoint, directions
+from twin.control.setpoint import Hold
 from twin.plant.plant import Plant, VehicleState
 
 Array = NDArray[np.float64]
@@ -54,6 +56,39 @@ class Truth:
 
     def update(self) -> None:
         """Do nothing: both are views of the plant's state."""
+
+
+class Steering(NamedTuple):
+    """A pilot for compiled code, with arrays of one row.
+
+    Attributes
+    ----------
+    period : of the loop [s]
+    attitude, rate, position, velocity : views of the vehicle's state
+    nose, angle : written: wanted direction (1, 3), gimbal angle (1, 2)
+    loop : the attitude loop
+    aim : the guidance; empty where the programme is one over time
+    """
+
+    period: float
+    attitude: Array
+    rate: Array
+    position: Array
+    velocity: Array
+    nose: Array
+    angle: Array
+    loop: Loop
+    aim: Aim
+
+
+@njit(nogil=True)
+def steer(s: Steering, time: float, planned: Array) -> None:
+    """`Pilot.update` at `time` [s]; `planned` (3,) is the direction without guidance."""
+    if s.aim.fixed.size:
+        directions(time, s.position, s.velocity, s.aim, s.nose)
+    else:
+        s.nose[0] = planned
+    update(time, s.period, s.attitude, s.rate, s.nose, s.loop, s.angle)
 
 
 class Pilot:
@@ -100,6 +135,32 @@ class Pilot:
             time, self._period, seen.attitude, seen.rate, self.direction, self._angle
         )
         return float(self._angle[0]), float(self._angle[1])
+
+    def native(self) -> Steering | None:
+        """For compiled code, which calls `steer`; None where it cannot take this seat."""
+        plant, programme = self._plant, self._setpoint
+        if not isinstance(self._seen, Truth) or not isinstance(programme, FixedPoint | Hold):
+            return None
+        nothing = Aim(np.empty(0), np.empty((2, 0)), np.empty((3, 0)))
+        aim = programme.aim if isinstance(programme, FixedPoint) else nothing
+        return Steering(
+            self._period, plant.attitude[None], plant.rate[None], plant.position[None],
+            plant.velocity[None], self.direction[None], self._angle[None], self._controller.loop,
+            aim,
+        )  # fmt: skip
+
+    def planned(self, times_ns: range) -> Array:
+        """Directions of a programme over time (n, 3), for `steer`; zeros with guidance."""
+        out: Array = np.zeros((len(times_ns), 3))
+        programme = self._setpoint
+        if isinstance(programme, Hold):
+            at = self._plant.position, self._plant.velocity
+            changes = type(programme) is not Hold
+            for k, time_ns in enumerate(times_ns if changes else times_ns[:1]):
+                out[k] = programme.direction(time_ns * 1e-9, *at)
+            if not changes:
+                out[:] = out[0]
+        return out
 
     def vehicle(self) -> VehicleState:
         """Copy of the vehicle's state with the attitude and rate that the loop sees."""

@@ -1,12 +1,12 @@
 """Commands to the gimbal of a model; the only code that writes its actuators."""
 
-from collections.abc import Callable
-
 import mujoco
+import numpy as np
 
 from hardware.frames import AXES, Pair
 from twin.physics.mechanism import Kinematics
 from twin.plant.model import TwinModel
+from twin.plant.stepping import Drive, drive
 
 ACTUATORS = {
     "linkage": "gimbal_servo_{}",
@@ -21,24 +21,25 @@ class Actuation:
     Servos of a linkage are commanded through the exact kinematic solution of the mechanism, as a
     calibrated rig is.
 
+    Attributes
+    ----------
+    native : for compiled code, which calls `stepping.drive`
+
     Raises
     ------
     MechanismError : the linkage does not fit together
     """
 
     def __init__(self, twin: TwinModel, data: mujoco.MjData) -> None:
-        self._ctrl = data.ctrl
-        self._map: Callable[[float, float], Pair] | None = None
         pattern = ACTUATORS.get(twin.gimbal)
-        self._present = pattern is not None
-        if pattern is not None:
-            self._x, self._y = (int(twin.mj.actuator(pattern.format(a)).id) for a in AXES)
+        names = [] if pattern is None else [pattern.format(a) for a in AXES]
+        places = np.array([int(twin.mj.actuator(n).id) for n in names], np.int64)
+        loops = np.empty((0, 0))
         if twin.gimbal == "linkage":
-            self._map = Kinematics(twin.mj).servo_from_gimbal_fast
+            kinematics = Kinematics(twin.mj)
+            loops = loops if kinematics.direct else kinematics.geometry.copy()
+        self.native = Drive(loops, places, data.ctrl)
 
     def drive(self, angle: Pair) -> None:
         """Command a gimbal angle [rad]."""
-        if not self._present:
-            return
-        x, y = angle if self._map is None else self._map(*angle)
-        self._ctrl[self._x], self._ctrl[self._y] = x, y
+        drive(self.native, *angle)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -20,6 +21,28 @@ STILL = 0.5  # m/s; an angle of attack is not defined below this airspeed
 _POSITION, _VELOCITY, _ATTITUDE, _RATE, _CENTRES, _MASS = range(6)
 
 
+class Air(NamedTuple):
+    """What `blow` reads, and the values that it writes.
+
+    Attributes
+    ----------
+    values : (8,) tilt x and y, airspeed, angle of attack, thrust and wind
+    addresses : of position, velocity, attitude, rate, centres of mass and masses of all bodies
+    members : bodies of the vehicle
+    wind, modes, profile : parameters of the wind, gust modes, and profile over the height
+    times, thrust : thrust curve [s, N]
+    """
+
+    values: Array
+    addresses: Integers
+    members: Integers
+    wind: Array
+    modes: Array
+    profile: Array
+    times: Array
+    thrust: Array
+
+
 class Flow:
     """Attitude to the vertical and to the air, airspeed and thrust of a vehicle.
 
@@ -31,6 +54,7 @@ class Flow:
 
     Attributes
     ----------
+    air : for compiled code, which calls `blow`
     thrust : (1,) at the last `derive` [N]; zero without a motor
     signals : views by name of `analysis.schema`
     """
@@ -40,29 +64,28 @@ class Flow:
         position: Array, velocity: Array, attitude: Array, rate: Array,
     ) -> None:  # fmt: skip
         self._sources = (position, velocity, attitude, rate, data.xipos, model.body_mass)
-        self._addresses = np.array([a.ctypes.data for a in self._sources], np.int64)
+        addresses = np.array([a.ctypes.data for a in self._sources], np.int64)
         vehicle = int(model.body("vehicle").id)
-        self._members = np.flatnonzero(model.body_rootid == model.body_rootid[vehicle])
-        self._wind, self._modes = _wind(model)
+        members = np.flatnonzero(model.body_rootid == model.body_rootid[vehicle])
         profile = numeric(model, "air_profile")
-        self._profile: Array = np.zeros(0) if profile is None else profile
-        self._times, self._curve = thrust_curve(model) or (np.zeros(1), np.zeros(1))
-        self._values: Array = np.zeros(8)
-        self.thrust: Array = self._values[4:5]
+        times, curve = thrust_curve(model) or (np.zeros(1), np.zeros(1))
+        values = np.zeros(8)
+        self.air = Air(
+            values, addresses, members, *_wind(model),
+            np.zeros(0) if profile is None else profile, times, curve,
+        )  # fmt: skip
+        self.thrust: Array = values[4:5]
         self.signals: Mapping[str, Array] = {
-            "vehicle/tilt": self._values[0:2],
-            "vehicle/airspeed": self._values[2:3],
-            "vehicle/angle_of_attack": self._values[3:4],
+            "vehicle/tilt": values[0:2],
+            "vehicle/airspeed": values[2:3],
+            "vehicle/angle_of_attack": values[3:4],
             "vehicle/thrust": self.thrust,
-            "vehicle/wind": self._values[5:8],
+            "vehicle/wind": values[5:8],
         }
 
     def derive(self, time_ns: int) -> None:
         """Compute all of it from the model's present state, at `time_ns` [ns]."""
-        _derive(
-            self._values, time_ns * 1e-9, self._addresses, self._members,
-            self._wind, self._modes, self._profile, self._times, self._curve,
-        )  # fmt: skip
+        blow(self.air, time_ns * 1e-9)
 
 
 def _wind(model: mujoco.MjModel) -> tuple[Array, Array]:
@@ -75,12 +98,10 @@ def _wind(model: mujoco.MjModel) -> tuple[Array, Array]:
     return np.array([v[0] for v in values if v is not None]), modes
 
 
-@njit()
-def _derive(
-    out: Array, time: float, addresses: Integers, members: Integers,
-    wind: Array, modes: Array, profile: Array, curve_time: Array, curve_thrust: Array,
-) -> None:  # fmt: skip
-    """Write tilt x and y, airspeed, angle of attack, thrust and wind to `out` (8,)."""
+@njit(nogil=True)
+def blow(air: Air, time: float) -> None:
+    """`Flow.derive` at `time` [s]."""
+    out, addresses, members, wind, modes, profile, curve_time, curve_thrust = air
     speed, azimuth, exponent, reference, turbulence = wind
     p, v, q, r = addresses[_POSITION], addresses[_VELOCITY], addresses[_ATTITUDE], addresses[_RATE]
     x, y, z = number(p, 0), number(p, 8), number(p, 16)

@@ -5,10 +5,13 @@ from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.errors import TwinError
 from twin.plant.authority import launch_of, numeric, thrust_curve
 
+Array = NDArray[np.float64]
 STEP: Final = 1e-3  # s, of the travel along the ramp
 SLACK: Final = 1e-9  # m/s²
 
@@ -71,11 +74,12 @@ def _check_ramp(model: mujoco.MjModel) -> None:
         )
 
 
-def _travel(times: np.ndarray, thrusts: np.ndarray, mass: float, pull: float) -> float:
+@njit()
+def _travel(times: Array, thrusts: Array, mass: float, pull: float) -> float:
     """Farthest travel along a ramp [m] without drag and friction, with the launch mass."""
     time = np.arange(times[0], times[-1] + STEP, STEP)
     gain = np.interp(time, times, thrusts) / mass - pull
-    speed = travel = 0.0
+    speed, travel = 0.0, 0.0
     for acceleration in gain:
         speed = max(0.0, speed + acceleration * STEP)  # the foot holds it up
         travel += speed * STEP

@@ -13,7 +13,7 @@ from hardware.frames import AXES, GimbalState, Pair
 from twin.errors import DivergenceError, TwinError
 from twin.physics.mechanism import closure_limit
 from twin.physics.motor import Depletion
-from twin.plant import integrators
+from twin.plant import integrators, stepping
 from twin.plant.actuation import Actuation
 from twin.plant.flow import Flow
 from twin.plant.model import TwinModel
@@ -265,6 +265,40 @@ class Plant:
         low_x, high_x, low_y, high_y = self._stops
         if not (low_x <= x <= high_x and low_y <= y <= high_y):
             self._left_stops(x, y)
+
+    def native(self) -> stepping.Native | None:
+        """The plant for compiled code; None where only this class can take its steps.
+
+        Afterwards set `steps`, and call `judge` with how it ended.
+        """
+        functions = stepping.functions()
+        if functions is None or self._flow is None or self.follows or self._smooth is not None:
+            return None
+        if not isinstance(self._stepper, integrators.Native):
+            return None
+        self.model.opt.integrator = self._stepper.integrator
+        steps = stepping.Steps(
+            self.model._address, self.data._address, *functions, self.dt_ns, self._renewal,
+            self._qvel, self.gimbal_angle, np.array(self._stops), LARGEST_SPEED**2,
+            self.position[2:3], self._own, self._fixed,
+        )  # fmt: skip
+        gaps = stepping.Gaps(self.closure, self._rods.sites, self._rods.loops, self._open)
+        fuel, drive = self._propellant.fuel, self._actuation.native
+        return stepping.Native(steps, fuel, drive, gaps, self._flow.air)
+
+    def judge(self, ended: int) -> None:
+        """Raise what a native advance found.
+
+        Raises
+        ------
+        DivergenceError : as `advance`
+        """
+        if ended == stepping.TOO_FAST:
+            self._diverged()
+        if ended == stepping.PAST_STOP:
+            self._left_stops(*self.gimbal_angle.tolist())
+        if ended == stepping.APART:
+            self._came_apart(*self.closure.tolist())
 
     def _step_smoothly(self, smooth: Smooth, n: int) -> None:
         for k in range(self.steps, self.steps + n):

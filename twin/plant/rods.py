@@ -22,22 +22,23 @@ class Rods:
     closure : (2,) gap of the x and the y loop at the last `derive` [m]; zero without rods
     servo : (2,) angle of the servo shafts at the last `derive` [rad]
     signals : views by name of `analysis.schema`
+    sites, loops : places of all sites, and the pairs that the rods join (2, 2)
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self._sites, self._qpos = data.site_xpos, data.qpos
-        self._loops = _loops(model)
+        self.sites, self._qpos = data.site_xpos, data.qpos
+        self.loops = _loops(model)
         self.closure: Array = np.zeros(2)
         self.servo: Array = np.zeros(2)
         self.signals: Mapping[str, Array] = {}
-        if self._loops.size:
+        if self.loops.size:
             self._x, self._y = (int(model.joint(f"gimbal_servo_{a}").qposadr[0]) for a in AXES)
             self.signals = {"linkage/closure": self.closure, "linkage/servo": self.servo}
 
     def derive(self) -> None:
         """Compute both from the model's present state."""
-        if self._loops.size:
-            _gaps(self.closure, self._sites, self._loops)
+        if self.loops.size:
+            find_gaps(self.closure, self.sites, self.loops)
             self.servo[0], self.servo[1] = self._qpos[self._x], self._qpos[self._y]
 
 
@@ -49,8 +50,9 @@ def _loops(model: mujoco.MjModel) -> Indices:
     return pairs.astype(np.int64) if (pairs >= 0).all() else np.empty((0, 2), np.int64)
 
 
-@njit()
-def _gaps(out: Array, sites: Array, loops: Indices) -> None:
+@njit(nogil=True)
+def find_gaps(out: Array, sites: Array, loops: Indices) -> None:
+    """Write the distance between the two sites of each loop to `out` (2,) [m]."""
     for k in range(loops.shape[0]):
         a, b = loops[k]
         gap = 0.0

@@ -42,12 +42,13 @@ def figures(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | No
         )
     caption += (
         "Times are measured from the command: rise time from 10 to 90 %, settling to 2 %, dead "
-        "time to 5 % of the step; where noise exceeds these bands, to the noise, and without an "
-        "interval. Without an overshoot beyond the noise a peak has no time. AP: mean attained "
-        "angle minus command. RP: mean distance from that mean plus three standard deviations. "
-        "vAP: distance between the means of the two approach directions (ISO 9283). Cosine loss: "
-        "axial thrust lost at the largest angle. Figures of a model without an amplitude are "
-        "computed from its equations."
+        "time to 5 % of the step; where noise exceeds these bands, to the noise, and without an"
+        " interval. Without an overshoot beyond the noise a peak has no time. Static error: "
+        "command minus final angle. Hysteresis: angle from above minus from below. AP: mean "
+        "attained angle minus command. RP: mean distance from that mean plus three standard "
+        "deviations. vAP: distance of the means of both approach directions (ISO 9283). Cosine "
+        "loss: axial thrust lost at the largest angle. Figures of a model without an amplitude "
+        "are computed from its equations."
     )
     parts = [Table(head, tuple(rows), caption, folded="Every figure, amplitude and direction")]
     if numbers.notes:

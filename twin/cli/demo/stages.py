@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from analysis.files import write_text
 from analysis.report import render
 from twin import status
 from twin.cli.demo.page import sections
@@ -95,7 +96,7 @@ def _run(config: Demo, folder: Path) -> Stages:
     looped = _stage(7, "fly", **rig, **flight, out=folder / "flight-rig.rrd")
     apart = _stage(8, "compare", looped, flown, out=folder / "compare-flights.rrd")
     study = folder / "wind.toml"
-    study.write_text(STUDY, encoding="utf-8")
+    write_text(study, STUDY)
     windy = _stage(9, "campaign", "run", str(study), out=folder / "wind")
     return Stages(calibrated, steps, model, physics, fitted, flown, looped, apart, windy)
 

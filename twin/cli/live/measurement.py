@@ -122,7 +122,8 @@ def _measured(config: Identify, asked: Sequence[Wish]) -> LiveResult:
             raise TwinError(f"--live {config.live}: {fault}; {files[-1]} holds the readings")
         return given(alone, (files[-1],)).runs[0]
 
-    def fit(runs: Sequence[Measurement]) -> IdentifiedModel:
+    def fit(_: Sequence[Measurement]) -> IdentifiedModel:
+        runs = given(alone, tuple(files)).runs  # together they show the wait for pulse frames best
         return identify_gimbal(
             runs, config.poles, coupling=config.coupling, max_delay=longest(config)
         )

@@ -123,7 +123,8 @@ def _saved(
             if text is not None:
                 source = Path(place) / model.name
                 source.write_text(text, encoding="utf-8")
-            drawn = generate(Path(place), source)
+            # the bench's parts, calibration rig and all, belong to the reference
+            drawn = generate(Path(place), None if source == REFERENCE else source)
             for name, file in own.items():
                 check(file)
                 shutil.copyfile(file, drawn[name])

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.files import write_text
 from twin.config.mechanism import Mechanism as Settings
 from twin.config.paths import writable
 from twin.config.result import Result, Rows
@@ -123,7 +124,7 @@ def searched(config: Settings) -> SearchResult:
         )
     ranks = np.argsort(np.argsort([c.merits for c in found], axis=0), axis=0).sum(axis=1)
     ordered = [found[k] for k in np.argsort(ranks, kind="stable")]
-    out.write_text(_toml(ordered[0].size), encoding="utf-8")
+    write_text(out, _toml(ordered[0].size))
     return SearchResult(str(out), tuple(ordered))
 
 

@@ -33,6 +33,8 @@ class _Editor:
 
     def edit(self, folder: str) -> None:
         self._root.find("compiler").set("meshdir", folder)  # type: ignore[union-attr]
+        if self._size != Dimensions():
+            self._without_potentiometers()
         self._drawings()
         self._fixed()
         self._moving()
@@ -40,6 +42,13 @@ class _Editor:
             self._servo(axis, height)
             self._rod(axis, height)
         self._limits()
+
+    def _without_potentiometers(self) -> None:
+        """Leave out the potentiometers, which fit the reference bore only."""
+        for parent in list(self._root.iter()):
+            for child in list(parent):
+                if "potentiometer" in child.get("name", ""):
+                    parent.remove(child)
 
     def _set(self, tag: str, name: str, **values: object) -> None:
         """Attributes of a named element; tuples are rounded to a nanometre."""

@@ -56,6 +56,7 @@ class Kinematics:
     Attributes
     ----------
     direct : whether the servos are on the gimbal axes, so that their angles are equal
+    geometry : (2, SIZE) rows of `loops`; zeros where direct
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -69,7 +70,7 @@ class Kinematics:
         self._range = np.array([model.joint(f"{self._prefix}{a}").range for a in AXES])
         self.direct = _is_direct(model, self._prefix)
         self._balls: tuple[tuple[int, int], ...] = ()
-        self._geometry = np.zeros((2, loops.SIZE))
+        self.geometry = np.zeros((2, loops.SIZE))
         if self.direct:
             return
         data = mujoco.MjData(model)
@@ -81,8 +82,8 @@ class Kinematics:
             )
             for a in AXES
         )
-        self._geometry = np.stack([_loop(model, data, self._prefix, a) for a in AXES])
-        self._geometry.setflags(write=False)
+        self.geometry = np.stack([_loop(model, data, self._prefix, a) for a in AXES])
+        self.geometry.setflags(write=False)
         if np.abs(self.servo_from_gimbal(np.zeros(2))).max() > 1e-3:
             raise MechanismError("the home pose of the mechanism does not have its servos at zero")
 
@@ -100,7 +101,7 @@ class Kinematics:
         gimbal = _pairs(angles)
         if self.direct:
             return gimbal.copy()
-        servo: Array = loops.servo_angles(self._geometry, gimbal.reshape(-1, 2))
+        servo: Array = loops.servo_angles(self.geometry, gimbal.reshape(-1, 2))
         return servo.reshape(gimbal.shape)
 
     def gimbal_from_servo(self, angles: ArrayLike) -> Array:
@@ -117,14 +118,14 @@ class Kinematics:
         servo = _pairs(angles)
         if self.direct:
             return servo.copy()
-        gimbal: Array = loops.gimbal_angles(self._geometry, servo.reshape(-1, 2))
+        gimbal: Array = loops.gimbal_angles(self.geometry, servo.reshape(-1, 2))
         return gimbal.reshape(servo.shape)
 
     def servo_from_gimbal_fast(self, x: float, y: float) -> tuple[float, float]:
         """`servo_from_gimbal` for one pair in a control tick, clipped to the reach of the rods."""
         if self.direct:
             return x, y
-        pair: tuple[float, float] = loops.servo_pair(self._geometry, x, y)
+        pair: tuple[float, float] = loops.servo_pair(self.geometry, x, y)
         return pair
 
     def workspace(self, n: int = 21) -> Workspace:

@@ -1,15 +1,38 @@
 """The propellant burns away: mass, centre of mass and inertia of `gimbal_propellant` in flight."""
 
-from bisect import bisect_right
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.physics.motor.curve import Array, impulse_at
-from twin.physics.motor.grain import Grain
+from twin.physics.motor.grain import remaining
 
 BODY = "gimbal_propellant"
 NUMERICS = ("time", "thrust", "ignition", "propellant_mass", "grain_length", "grain_radius", "burn")
+
+
+class Fuel(NamedTuple):
+    """What `burn` reads and the views of a model that it writes; without a motor all are empty.
+
+    Attributes
+    ----------
+    curve : (4, n) time [s], thrust [N], impulse delivered [N s] and slope of the thrust [N/s]
+    fixed : (5,) ignition [s], 1 for an end burner, length, radius [m] and mass [kg] of the grain
+    chain : the propellant's body and all that carry it
+    mass, subtree : of all bodies [kg]
+    ipos, inertia : (3,) of the propellant [m, kg m²]
+    """
+
+    curve: Array
+    fixed: Array
+    chain: NDArray[np.int64]
+    mass: Array
+    subtree: Array
+    ipos: Array
+    inertia: Array
 
 
 class Depletion:
@@ -19,72 +42,88 @@ class Depletion:
     and every 4 ms of longer ones: mass that leaves in between is milligrams. A model without a
     motor is left alone. Weights that MuJoCo derives for its constraint solver (`body_invweight0`)
     keep their loaded values.
+
+    Attributes
+    ----------
+    fuel : for compiled code, which calls `burn`
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, BODY)
         numeric = mujoco.mjtObj.mjOBJ_NUMERIC
         known = all(mujoco.mj_name2id(model, numeric, f"motor_{n}") >= 0 for n in NUMERICS)
-        self._active = body >= 0 and known
-        if not self._active:
+        nothing = np.empty(0)
+        chain = np.empty(0, np.int64)
+        self.fuel = Fuel(np.empty((4, 0)), nothing, chain, nothing, nothing, nothing, nothing)
+        if body < 0 or not known:
             return
         time, thrust, ignition, mass, length, radius, burn = (
             model.numeric(f"motor_{name}").data.copy() for name in NUMERICS
         )
-        self._grain = Grain("end" if burn[0] else "core", length[0], radius[0], mass[0])
-        self._ignition = float(ignition[0])
         delivered = impulse_at(time, thrust, time)
-        self._total = float(delivered[-1])
-        self._active = self._total > 0
-        slope = np.diff(thrust) / np.where(np.diff(time) > 0, np.diff(time), 1.0)
-        self._time, self._thrust = time.tolist(), thrust.tolist()
-        self._delivered, self._slope = delivered.tolist(), slope.tolist()
-        self._view(model, body)
-
-    def _view(self, model: mujoco.MjModel, body: int) -> None:
-        """Memory views of what is written: a fifth of the time of NumPy indexing."""
+        if not delivered[-1] > 0:
+            return
+        span = np.diff(time, append=time[-1])
+        slope = np.diff(thrust, append=thrust[-1]) / np.where(span > 0, span, 1.0)
+        curve = np.stack([time, thrust, delivered, slope])
+        fixed = np.array([ignition[0], float(bool(burn[0])), length[0], radius[0], mass[0]])
         # written ipos would be ignored on a body whose centre MuJoCo takes for its origin
         model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         model.body_iquat[body] = (1.0, 0.0, 0.0, 0.0)
         model.body_ipos[body, :2] = 0.0
-        self._body = body
-        self._mass = _doubles(model.body_mass)
-        self._ipos = _doubles(model.body_ipos[body])
-        self._inertia = _doubles(model.body_inertia[body])
-        self._subtree = _doubles(model.body_subtreemass)
-        self._chain = [body]
-        while self._chain[-1] != 0:
-            self._chain.append(int(model.body_parentid[self._chain[-1]]))
+        self.fuel = Fuel(
+            curve, fixed, _chain(model, body), model.body_mass, model.body_subtreemass,
+            model.body_ipos[body], model.body_inertia[body],
+        )  # fmt: skip
 
     def burnt(self, t: float) -> float:
         """Fraction of the propellant gone at simulation time t [s], 0 to 1."""
-        since = t - self._ignition
-        time = self._time
-        if since <= time[0]:
-            return 0.0
-        if since >= time[-1]:
-            return 1.0
-        k = bisect_right(time, since) - 1
-        into = since - time[k]
-        done = self._delivered[k] + into * (self._thrust[k] + 0.5 * self._slope[k] * into)
-        return float(done / self._total)
+        fuel = self.fuel
+        return float(_burnt(t, fuel.curve, fuel.fixed[0])) if fuel.chain.size else 0.0
 
     def update(self, t: float) -> None:
         """Rewrite the propellant as of simulation time t [s], and all masses above it."""
-        if not self._active:
-            return
-        mass, ahead, transverse, axial = self._grain.remaining(self.burnt(t))
-        change = mass - self._mass[self._body]
-        if change == 0.0:
-            return
-        self._mass[self._body] = mass
-        self._ipos[2] = ahead
-        inertia, subtree = self._inertia, self._subtree
-        inertia[0] = inertia[1] = transverse
-        inertia[2] = axial
-        for body in self._chain:
-            subtree[body] += change
+        if self.fuel.chain.size:
+            burn(t, self.fuel)
 
 
-def _doubles(array: Array) -> "memoryview[float]":  # a generic at run time from 3.14 on
-    return array.data.cast("B").cast("d")
+def _chain(model: mujoco.MjModel, body: int) -> NDArray[np.int64]:
+    chain = [body]
+    while chain[-1] != 0:
+        chain.append(int(model.body_parentid[chain[-1]]))
+    return np.array(chain, np.int64)
+
+
+@njit(nogil=True)
+def _burnt(t: float, curve: Array, ignition: float) -> float:
+    """`Depletion.burnt` with a thrust curve, see `Fuel`."""
+    since = t - ignition
+    time = curve[0]
+    if since <= time[0]:
+        return 0.0
+    if since >= time[-1]:
+        return 1.0
+    k = np.searchsorted(time, since, side="right") - 1
+    into = since - time[k]
+    done = curve[2, k] + into * (curve[1, k] + 0.5 * curve[3, k] * into)
+    return float(done / curve[2, -1])
+
+
+@njit(nogil=True)
+def burn(t: float, fuel: Fuel) -> None:
+    """`Depletion.update`."""
+    if fuel.chain.size == 0:
+        return
+    fixed, body = fuel.fixed, fuel.chain[0]
+    gone = _burnt(t, fuel.curve, fixed[0])
+    mass, ahead, transverse, axial = remaining(fixed[1] > 0.0, fixed[2], fixed[3], fixed[4], gone)
+    change = mass - fuel.mass[body]
+    if change == 0.0:
+        return
+    fuel.mass[body] = mass
+    fuel.ipos[2] = ahead
+    fuel.inertia[0] = transverse
+    fuel.inertia[1] = transverse
+    fuel.inertia[2] = axial
+    for k in range(fuel.chain.size):
+        fuel.subtree[fuel.chain[k]] += change

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from analysis.compiled import njit
 from twin.physics.motor.curve import Motor
 
 Burn = Literal["core", "end"]
@@ -50,13 +51,24 @@ class Grain:
 
         `burnt` is the fraction of the propellant gone, 0 to 1.
         """
-        left = 1.0 - burnt
-        mass, radius = max(self.mass * left, SMALLEST_MASS), self.radius
-        if self.burn == "end":
-            length, bore = self.length * left, 0.0
-        else:
-            bore = radius * math.sqrt(1.0 - (1.0 - BORE * BORE) * left)
-            length = self.length
-        square = radius * radius + bore * bore
-        transverse = mass * (3.0 * square + length * length) / 12.0
-        return mass, (self.length - length) / 2.0, transverse, mass * square / 2.0
+        left: tuple[float, float, float, float] = remaining(
+            self.burn == "end", self.length, self.radius, self.mass, burnt
+        )
+        return left
+
+
+@njit(nogil=True)
+def remaining(
+    end: bool, whole: float, radius: float, full: float, burnt: float
+) -> tuple[float, float, float, float]:
+    """`Grain.remaining` of an end or a core burner with these sizes and this mass."""
+    left = 1.0 - burnt
+    mass = max(full * left, SMALLEST_MASS)
+    if end:
+        length, bore = whole * left, 0.0
+    else:
+        bore = radius * math.sqrt(1.0 - (1.0 - BORE * BORE) * left)
+        length = whole
+    square = radius * radius + bore * bore
+    transverse = mass * (3.0 * square + length * length) / 12.0
+    return mass, (whole - length) / 2.0, transverse, mass * square / 2.0
