@@ -74,7 +74,7 @@ PLANTED = (
     Mutant(
         "inertia of the propellant never updated",
         "twin/physics/motor/depletion.py",
-        "    fuel.inertia[0] = transverse\n    fuel.inertia[1] = transverse\n    fuel.inertia[2] = axial\n", "",
+        "    fuel.inertia[0] = transverse\n    fuel.inertia[1] = transverse\n", "",
         ("tests/twin/test_motor.py", "-k", "mass_matrix or books"),
     ),
     Mutant(
