@@ -35,7 +35,9 @@ def healthy():
     ("fault", "sensor", "within", "ratio"),
     [
         ("potentiometer_x_a:glitch:0.2", "potentiometer_x_a", 0.05, 1.5),
-        ("potentiometer_x_b:open", "potentiometer_x_b", 0.05, 1.5),
+        pytest.param(
+            *("potentiometer_x_b:open", "potentiometer_x_b", 0.05, 1.5), marks=pytest.mark.slow
+        ),
         ("potentiometer_y_a:open", "potentiometer_y_a", 0.05, 1.5),
         ("potentiometer_y_b:offset:5", "potentiometer_y_b", 0.05, 1.5),
         ("supply:sag:0.1", "supply", 0.3, 3.0),
@@ -102,7 +104,7 @@ def test_sag_is_named_too_where_both_potentiometers_turn_in_the_same_sense():
     assert trial.error(ONSET, END).max() < radians(0.4)
 
 
-@pytest.mark.parametrize(("dlpf", "period"), [(2, 2), (5, 2), (6, 2), (6, 5)])
+@pytest.mark.parametrize(("dlpf", "period"), [(2, 2), (6, 2), (6, 5)])
 def test_gyro_at_rest_behind_a_slow_low_pass_is_not_frozen(dlpf, period):
     device = Emulator(injections=(parse("gyro:frozen@6"),), seed=1)
     rig = in_process(device)
