@@ -44,15 +44,13 @@ class Size:
     ram: int
 
 
+def _files() -> list[Path]:
+    return sorted(p for p in SKETCH.iterdir() if p.suffix in {".h", ".cpp", ".ino"})
+
+
 def sources() -> list[Path]:
-    """Return the hand-written files of the sketch, sorted."""
-    return sorted(
-        p for p in SKETCH.iterdir() if p.suffix in {".h", ".cpp", ".ino"} and not _made(p)
-    )
-
-
-def _made(path: Path) -> bool:
-    return path.name == "version.h"
+    """Return the files of the sketch that its build hash covers, sorted."""
+    return [p for p in _files() if p.name != "version.h"]
 
 
 def build_hash() -> int:
@@ -114,8 +112,16 @@ def compile_with(command: list[str], target: Path, *, strict: bool = False) -> N
     scratch.replace(target)
 
 
+def _key(main: Path) -> str:
+    """Return the start of the SHA-256 over the flags and the files as the compiler sees them."""
+    digest = hashlib.sha256("\0".join(FLAGS).encode())
+    for path in (main, *_files()):
+        digest.update(f"\0{path.name}\0".encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def build_elf(out: Path | None = None, *, strict: bool = False) -> Path:
-    """Build the firmware unless these sources have been built before.
+    """Build the firmware unless these very files have been built before.
 
     Parameters
     ----------
@@ -126,13 +132,14 @@ def build_elf(out: Path | None = None, *, strict: bool = False) -> Path:
     ------
     FirmwareError : no avr-g++, or the sources do not compile
     """
-    elf = out or cache() / f"tvc_gimbal-{build_hash():08x}.elf"
+    main = FOLDER / "main.cpp"
+    elf = out or cache() / f"tvc_gimbal-{_key(main)}.elf"
     if out is None and elf.exists():
         return elf
     if missing := missing_tools():
         raise FirmwareError(f"{missing[0]} is not installed: apt install gcc-avr avr-libc")
     units = [str(p) for p in sources() if p.suffix == ".cpp"]
-    command = ["avr-g++", *FLAGS, str(FOLDER / "main.cpp"), *units]
+    command = ["avr-g++", *FLAGS, str(main), *units]
     compile_with(command, elf, strict=strict)
     return elf
 

@@ -2,12 +2,13 @@
 
 import os
 import random
+import shutil
 import subprocess
 from itertools import pairwise
 
 import pytest
 
-from hardware.firmware import FirmwareError, build_elf, build_hash, size
+from hardware.firmware import FirmwareError, build, build_elf, build_hash, size
 from hardware.firmware.build import FLAGS, FLASH_SIZE, FOLDER, RAM_SIZE, SKETCH, sources
 from hardware.protocol import (
     Arm,
@@ -106,6 +107,24 @@ def test_a_compiler_error_is_reported(tmp_path, monkeypatch):
     with pytest.raises(FirmwareError, match=r"x\.h"):
         build_elf(tmp_path / "firmware.elf")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_cached_program_is_that_of_the_files_as_they_are(tmp_path, monkeypatch):
+    """Whatever is compiled counts, also what the build hash leaves out."""
+    folder = shutil.copytree(FOLDER, tmp_path / "firmware")
+    sketch = folder / "tvc_gimbal"
+    monkeypatch.setattr(build, "FOLDER", folder)
+    monkeypatch.setattr(build, "SKETCH", sketch)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(build, "compile_with", lambda _, target, **__: target.touch())
+    built = [build_elf()]
+    for path in (sketch / "version.h", sketch / "protocol.h", folder / "main.cpp"):
+        path.write_text(path.read_text() + "// edited\n")
+        built.append(build_elf())
+    monkeypatch.setattr(build, "FLAGS", (*FLAGS, "-DEDITED"))
+    built.append(build_elf())
+    assert len(set(built)) == 5
+    assert build_elf() == built[-1]
 
 
 def test_the_firmware_takes_at_most_half_the_flash_and_six_tenths_of_the_ram():
