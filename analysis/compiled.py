@@ -7,6 +7,7 @@ function reaches into the name of its cache files.
 
 import hashlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -36,11 +37,25 @@ def _keyed(function: Any, build: Callable[[bool], Any]) -> Any:  # noqa: ANN401 
     name = function.__qualname__
     function.__qualname__ = f"{name}-{fingerprint(function)}"  # names the cache files
     try:
-        return build(True)(function)
-    except RuntimeError:  # no folder can be written: it is compiled in every process
+        built = build(True)(function)
+        _tolerate_full_disk(built)
+        return built
+    except (RuntimeError, OSError):  # nothing can be written: it is compiled in every process
         return build(False)(function)
     finally:
         function.__qualname__ = name
+
+
+def _tolerate_full_disk(built: Any) -> None:  # noqa: ANN401 - numba's own
+    """Let a function that was compiled run although it cannot be kept."""
+    kept = built._cache
+    save = kept.save_overload
+
+    def save_overload(signature: Any, data: Any) -> None:  # noqa: ANN401 - numba's own
+        with suppress(OSError):
+            save(signature, data)
+
+    kept.save_overload = save_overload
 
 
 @cache

@@ -138,6 +138,8 @@ def _taken(run: Measurement) -> "tuple[PulseFrames, Array] | None":
     at = run.command.time[run.command.changes()]
     row = np.searchsorted(frames.begin, at + late - _EQUAL)
     there = (row > 0) & (row < len(frames.begin))
+    # of a frame after a gap in the readings it is not known which command it was the first with
+    there[there] = np.diff(frames.begin)[row[there] - 1] < 1.5 * FRAME
     waits = frames.begin[row[there]] - at[there]
     return (frames, waits) if len(waits) else None
 

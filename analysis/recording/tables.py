@@ -107,8 +107,8 @@ def _read_csv(path: Path) -> Table:
 class _Lines:
     """Lines of a file with comments (`# …`) left empty, so that they keep their numbers."""
 
-    def __init__(self, file: Iterable[str]) -> None:
-        self._file = iter(file)
+    def __init__(self, file: Iterable[str], delimiter: str) -> None:
+        self._file, self._blanks = iter(file), delimiter == " "
         self.comment = ""  # the last one
         self.ended = True  # the last line that was given has its end
 
@@ -118,24 +118,25 @@ class _Lines:
     def __next__(self) -> str:
         line = next(self._file)
         self.ended = line.endswith(("\n", "\r"))
+        text = " ".join(line.split()) if self._blanks else line  # columns aligned by blanks
         if not line.startswith("#"):
-            return line
-        self.comment = line.lstrip("# ").rstrip()
+            return text
+        self.comment = text.lstrip("# ").rstrip()
         return "\n"
 
 
 def _delimiter(sample: str) -> str:
-    """The separator of the first line; numbers may hold a decimal comma between semicolons."""
+    """The separator of the first line; between semicolons or tabs, numbers may have a comma."""
     lines = (line for line in sample.splitlines() if line.strip())
     first = next((line for line in lines if not line.startswith("#")), "")
-    for candidate in (";", "\t", ","):
-        if candidate in first:
+    for candidate in (";", "\t", ",", " "):
+        if candidate in first.strip():
             return candidate
     return ","
 
 
 def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
-    lines = _Lines(file)
+    lines = _Lines(file, delimiter)
     reader = csv.reader(lines, delimiter=delimiter, strict=True)
     header = next((row for row in reader if any(f.strip() for f in row)), None)
     if header is None:
@@ -163,7 +164,7 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
             raise AnalysisError(
                 f"{path}: row {reader.line_num} has {len(row)} fields, the header {len(names)}"
             )
-        values.append([_number(f, decimal_comma=delimiter == ";") for f in row])
+        values.append([_number(f, decimal_comma=delimiter in ";\t") for f in row])
         if math.inf in values[-1]:
             for name, text, value in zip(names, row, values[-1], strict=True):
                 if value == math.inf and name not in unusable:

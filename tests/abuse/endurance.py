@@ -24,9 +24,13 @@ def row(folder: Path, seconds: float = HOUR) -> Row:
         [*command, "--out", str(out)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     ) as process:
         watched = psutil.Process(process.pid)
-        while process.poll() is None:
-            sizes.append(watched.memory_info().rss / 1e6)
-            time.sleep(PERIOD)
+        try:
+            while process.poll() is None:
+                sizes.append(watched.memory_info().rss / 1e6)
+                time.sleep(PERIOD)
+        except BaseException:  # interrupted
+            process.kill()
+            raise
         assert process.stderr is not None
         errors = process.stderr.read()
     found = Row("simulated hour", 1, time.monotonic() - began)

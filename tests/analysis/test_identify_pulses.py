@@ -184,3 +184,14 @@ def test_a_recording_whose_pulses_are_not_timed_keeps_the_stamps_of_its_commands
         r = measurement_of(other)
         assert by_frames([r])[0] is r
     assert by_frames([run])[0] is not run
+
+
+def test_a_gap_in_the_readings_is_no_wait():
+    """0.1 s of readings are lost: a wait across it would move the middle by 40 ms."""
+    whole = Rig().recording()
+    lost = {
+        k: v if k == "gimbal/command" else v.rows((v.time < 5.0) | (v.time > 5.1))
+        for k, v in whole.series.items()
+    }
+    both = [by_frames([measurement_of(r)])[0].command.time[0] for r in (whole, Recording({}, lost))]
+    assert both[1] == pytest.approx(both[0], abs=2.5e-4)

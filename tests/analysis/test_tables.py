@@ -225,3 +225,22 @@ def test_a_last_line_that_was_cut_off_is_left_out_and_said_so(tmp_path, end):
     file.write_text(f"t,u,y\n1.0,0.1,0.2\n{end}\n3.0,0.1,0.4\n")
     with pytest.raises(AnalysisError, match="row 3 has"):
         read(file)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t u y\n0 1.5 -2\n0.01 2.5 3e-1\n",
+        "  t    u     y\n  0    1.5   -2\n  0.01 2.5   3e-1 \n",
+        "# t u y\n0 1.5 -2\n0.01 2.5 3e-1\n",
+        "t\tu\ty\n0\t1,5\t-2\n0,01\t2,5\t3e-1\n",
+    ],
+    ids=["spaces", "aligned", "savetxt", "tabs and decimal commas"],
+)
+def test_blanks_separate_columns_and_tabs_allow_decimal_commas(tmp_path, text):
+    path = tmp_path / "log.txt"
+    path.write_text(text)
+    table = read(path)
+    assert {name: table.column(name).tolist() for name in table.columns} == {
+        "t": [0.0, 0.01], "u": [1.5, 2.5], "y": [-2.0, 0.3]
+    }  # fmt: skip

@@ -13,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from tests.benchmarks.timing import Row
 from twin.config import Fly
@@ -37,7 +38,7 @@ def table() -> Iterator[Row]:
         rounds = [_round(Path(folder, "flight.rrd")) for _ in range(ROUNDS)]
     median = {k: statistics.median(r[k] for r in rounds) for k in rounds[0]}
     theirs = median.pop("peer")
-    name = f"RocketPy {peer['version']}, build excluded"
+    name = f"RocketPy {peer['version']}, build included"
     for (rate, recorded), ours in median.items():
         least = 1.5 if recorded else 5.0
         what = f"passive flights at {rate:g} Hz, {'recorded' if recorded else 'not recorded'}"
@@ -80,7 +81,7 @@ def _flown(rate: float, out: Path | None) -> tuple[float, float]:
     return time.process_time() - began, float(result.figures.apogee_m or 0.0)
 
 
-def _peer() -> dict[str, object] | None:
+def _peer() -> dict[str, Any] | None:
     """What the peer prints, or None where no interpreter has RocketPy."""
     python = os.environ.get("ROCKETPY_PYTHON", sys.executable)
     known = subprocess.run(
@@ -90,7 +91,7 @@ def _peer() -> dict[str, object] | None:
         return None
     command = [python, "-P", str(PEER), str(FLIGHTS)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    peer: dict[str, object] = json.loads(done.stdout)
+    peer: dict[str, Any] = json.loads(done.stdout)
     return peer
 
 

@@ -17,11 +17,12 @@ from pathlib import Path
 from rocketpy import Environment, Flight, GenericMotor, Rocket
 
 FOLDER = Path(__file__).resolve().parents[2] / "mjcf" / "examples" / "flights"
-FINEST = 1e-10  # relative tolerance of the converged flight
+# s, longest step of the converged flight; the solver gives up at a relative tolerance of 1e-8
+FINEST = 0.01
 
 
 def main() -> None:
-    """Fly as often as asked, then once with a tighter tolerance."""
+    """Fly as often as asked, then once with short steps."""
     design = tomllib.loads(FOLDER.joinpath("valetudo.toml").read_text())
     built = time.process_time()
     rocket, air = _rocket(design), Environment(elevation=design["launch"]["altitude"])
@@ -32,11 +33,10 @@ def main() -> None:
         began = time.process_time()
         flight = _fly(rocket, air, design)
         spent.append(time.process_time() - began)
-    converged = _fly(rocket, air, design, rtol=FINEST)
+    converged = _fly(rocket, air, design, max_time_step=FINEST)
     figures = {
         "version": version("rocketpy"),
-        "built_s": built,
-        "flight_s": min(spent),
+        "flight_s": built + min(spent),
         "flown": _reached(flight, air),
         "converged": _reached(converged, air),
     }
@@ -49,12 +49,12 @@ def _reached(flight: Flight, air: Environment) -> tuple[float, float, float]:
     return flight.apogee - air.elevation, level, flight.apogee_time
 
 
-def _fly(rocket: Rocket, air: Environment, design: dict, **tolerance: float) -> Flight:
+def _fly(rocket: Rocket, air: Environment, design: dict, **options: float) -> Flight:
     launch = design["launch"]
     elevation, azimuth = (float(launch[k].rstrip("°")) for k in ("elevation", "azimuth"))
     return Flight(
         rocket, air, rail_length=launch["rail"], inclination=elevation, heading=90.0 - azimuth,
-        **tolerance,
+        **options,
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ class Row:
     most, least : limits of the value, in its unit
     peer : the same quantity of what the figure is compared with, in its unit
     note : name of the peer, or a remark
+    text, good : figure in words, and whether it is within the limit named in the note
     """
 
     claim: str
@@ -28,6 +29,8 @@ class Row:
     least: float | None = None
     peer: float | None = None
     note: str = ""
+    text: str = ""
+    good: bool = True
 
     @property
     def of_limit(self) -> float | None:
@@ -46,6 +49,8 @@ class Row:
     @property
     def kept(self) -> bool:
         """Whether it was measured and is within its limit."""
+        if self.text:
+            return self.good
         if self.value is None or (self.most is not None and self.value > self.most):
             return False
         return self.least is None or self.value >= self.least
@@ -53,7 +58,8 @@ class Row:
     def __str__(self) -> str:
         limit = f"≤ {_digits(self.most)}" if self.most is not None else ""
         limit = f"≥ {_digits(self.least)}" if self.least is not None else limit
-        value = "not measured" if self.value is None else f"{_digits(self.value)} {self.unit}"
+        value = self.text or "not measured"
+        value = value if self.value is None else f"{_digits(self.value)} {self.unit}"
         of = ("" if x is None else _digits(x) for x in (self.of_limit, self.of_peer))
         shares = "".join(f"{text:>10}" for text in of)
         mark = " " if self.kept else "!"
@@ -66,6 +72,11 @@ class Row:
             "of_peer": self.of_peer,
             "kept": self.kept,
         }
+
+
+def row(claim: str, figure: str, bound: str, good: bool) -> Row:
+    """Row of a figure in words, without ratios."""
+    return Row(claim, None, note=bound, text=figure, good=good)
 
 
 def _digits(value: float) -> str:

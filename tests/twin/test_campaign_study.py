@@ -104,6 +104,15 @@ def test_a_star_varies_one_parameter_at_a_time(tmp_path):
     assert second["wind_azimuth"] != 1
 
 
+def test_processes_do_not_share_the_file_of_a_model(tmp_path, monkeypatch):
+    fly = {"gimbal": "transfer-function"}
+    files = set()
+    for process in (1, 2):
+        monkeypatch.setattr("os.getpid", lambda process=process: process)
+        files.add(Binding(fly, {}, 0).config({"model.gain": 1.0}, 0, tmp_path).model)
+    assert len(files) == 2
+
+
 def test_the_response_has_the_bandwidth_asked_for():
     model = response_model({"model.bandwidth_hz": 7.0, "model.damping": 0.4, "model.gain": 1.1})
     channel = model.channel("x", "x")

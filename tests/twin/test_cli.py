@@ -113,7 +113,7 @@ MISTAKES = [
     ("fly --repeat 2.5", "--repeat: '2.5' is not a whole number"),
     ("fly --gimbal", "--gimbal: its value is missing"),
     ("fly --off-axis-deg 1", "--off-axis-deg: 2 values are needed"),
-    ("fly --integrator ab9", "--integrator ab9: must be one of 'implicitfast'"),
+    ("fly --integrator ab9", "--integrator ab9: must be one of '"),
     ("vehicle", "twin vehicle needs one of show, build, import (`twin vehicle --help`"),
     ("mechanism", "twin mechanism needs one of show, check, build, search"),
 ]

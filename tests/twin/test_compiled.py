@@ -120,3 +120,18 @@ def test_the_doctor_says_where_compiled_code_is_kept(monkeypatch):
     found = {f.topic: f for f in doctor._native()}["compiled code"]
     assert found.level == "note"
     assert "NUMBA_CACHE_DIR" in found.remedy
+
+
+def test_a_function_runs_although_the_disk_of_its_cache_is_full(monkeypatch):
+    from numba.core.caching import IndexDataCacheFile
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(IndexDataCacheFile, "save", full)
+
+    @compiled.njit()
+    def twice(x):
+        return 2.0 * x
+
+    assert twice(1.5) == 3.0

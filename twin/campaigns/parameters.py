@@ -1,6 +1,7 @@
 """What a name of `[vary]` is, and how its value becomes a setting of one flight."""
 
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -78,7 +79,7 @@ class Binding:
             else:
                 parameters[name] = value
         if response:
-            file = scratch / "model.json"
+            file = scratch / f"model-{os.getpid()}.json"  # processes fly at the same time
             response_model(response).write(file)
             settings["model"] = file
         return Fly.of({**settings, "set": parameters})

@@ -206,4 +206,4 @@ def _advice(box: str) -> str:
     text = " ".join(first).removeprefix("Error parsing ")
     for pattern, plain in PLAINER:
         text = re.sub(pattern, plain, text)
-    return text.replace("one of 'None', ", "one of ")
+    return re.sub(r"'None', |, 'None'", "", text)

@@ -18,6 +18,7 @@ _PARTS = {
     "/favicon.ico": "image/x-icon",
 }
 _RECORDING = "/recording.rrd"
+_HOSTS = (LOOPBACK, "localhost")  # with any port, as `ssh -L` may give it another
 # The page opens the recording whatever address it has, also behind `ssh -L`, and nothing else.
 _OPEN = (
     b"<head><script>history.replaceState(null, '', '?hide_welcome_screen&persist=0&notebook=0&url='"
@@ -80,6 +81,9 @@ def _handler(parts: dict[str, bytes], path: Path) -> type[BaseHTTPRequestHandler
 
         def do_GET(self) -> None:
             name = self.path.partition("?")[0]
+            if self.headers.get("Host", "").partition(":")[0] not in _HOSTS:
+                self.send_error(403)  # a foreign page whose name now leads here (DNS rebinding)
+                return
             with contextlib.suppress(ConnectionError):  # the browser has left
                 if name == _RECORDING:
                     self._send_recording()
