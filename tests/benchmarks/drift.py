@@ -91,7 +91,8 @@ def sensed(angle: np.ndarray, seed: int) -> np.ndarray:
         code = np.floor(code + 0.6 * rng.standard_normal(n)) + 0.5
         pots.append(sign * (code / constants.ADC_LEVELS - 0.5) * POTENTIOMETER_TRAVEL)
     keep = np.exp(-PERIOD / noise.gyro_delay)
-    rate = lfilter([1.0 - keep], [1.0, -keep], np.gradient(angle, PERIOD))
+    # mean rate since the last reading: the rate at its end would answer a half period early
+    rate = lfilter([1.0 - keep], [1.0, -keep], np.diff(angle, prepend=angle[0]) / PERIOD)
     rate += noise.gyro / np.sqrt(PERIOD) * rng.standard_normal(n)
     A, K = gains()
     inputs, x, out = np.column_stack([*pots, rate]) @ K.T, np.zeros(4), np.empty(n)

@@ -22,6 +22,7 @@ EFFECTS = {
     "backlash": Variant({"gimbal_backlash": 0.0087 + np.radians(0.5)}),
     "dead band": Variant({"gimbal_servo_dead_band": 0.0132}),
     "friction": Variant(FRICTION),
+    "servo gain": Variant({"gimbal_servo_gain": 1.08}),
     "slew limit": Variant({"gimbal_servo_slew": 5.0}),
     "wait for the pulse frame": Variant(at_once=True),
     "load": Variant({"gimbal_motor.mass": 0.25}),

@@ -12,11 +12,11 @@ from analysis.comparison.explanation import Explanation, Share
 from analysis.recording import Measurement
 from analysis.recording.series import Event
 from tests.benchmarks.drift import BEFORE, CHANGES, PERIOD, commands, drifted, made
-from tests.benchmarks.explain import explained
+from tests.benchmarks.explain import EFFECTS, explained
 from twin.errors import TwinError
 from twin.evaluation.compare import CompareResult, _before_fault, _Pair, _percent
 from twin.evaluation.drift import RunDrift, run_drift
-from twin.evaluation.explain import RunExplanation
+from twin.evaluation.explain import COLUMNS, RunExplanation, _Motions
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
 
@@ -25,12 +25,13 @@ from twin.plant.compiled import compiled
 def moved():
     angles = commands(5, BEFORE + 8.0)
     with compiled():
-        motions = Resimulation(made(angles)).motions([Variant(), CHANGES["backlash"]])
+        changed = [Variant(), CHANGES["backlash"], EFFECTS["servo gain"]]
+        motions = Resimulation(made(angles)).motions(changed)
     return angles, motions
 
 
 def test_a_servo_with_more_backlash_is_named_and_nothing_else(moved):
-    angles, (new, worn) = moved
+    angles, (new, worn, _) = moved
     late = round(BEFORE / PERIOD)
     both = np.concatenate([new[:late], np.column_stack([new[late:, 0], worn[late:, 1]])])
     seen = drifted(angles, both, 7)
@@ -61,11 +62,23 @@ def test_shares_are_given_of_the_whole_difference_too_and_drift_beside_them_is_t
     assert len(told) == 1
 
 
+def test_a_weaker_servo_gain_is_an_effect_of_the_explanation(moved):
+    angles, (new, _, weak) = moved
+    assert np.abs(weak - new).max() > np.radians(0.2)
+    with compiled():
+        motions = _Motions(Resimulation(made(angles)))
+        level = motions.level.copy()
+        level[[c.effect for c in COLUMNS].index("servo gain")] = 1.08 / 1.8  # mjcf/mechanism.xml
+        (motion,) = motions([level])
+    assert np.array_equal(motion, weak)
+
+
 @pytest.mark.slow
-def test_the_difference_of_a_rig_with_more_backlash_is_given_to_the_backlash(moved):
-    angles, (_, worn) = moved
-    for axis in explained(angles, worn, 9).axes:
-        assert axis.shares[0].effect == "backlash"
+@pytest.mark.parametrize(("run", "effect"), [(1, "backlash"), (2, "servo gain")])
+def test_the_difference_of_a_rig_is_given_to_the_effect_that_changed(moved, run, effect):
+    angles, motions = moved
+    for axis in explained(angles, motions[run], 9).axes:
+        assert axis.shares[0].effect == effect
         assert axis.shares[0].share > 0.8
         assert axis.explained > 0.8
         assert axis.rest < 1.5 * np.radians(0.02)  # the noise of the estimated angle

@@ -206,8 +206,8 @@ class Compare(Columns, Output, Parameters):
     """
     explain: Flag = False
     """Of one recording of a rig: give the share of each effect of the model (calibration error,
-    delay, sensor lag, slew limit, backlash, friction, dead band, wait for the pulse frame, load) in
-    the difference, and what none explains."""
+    delay, sensor lag, slew limit, servo gain, backlash, friction, dead band, wait for the pulse
+    frame, load) in the difference, and what none explains."""
     fail_below: Annotated[float, Range(-1e6, 100.0, "%")] | None = None
     """Exit with 1 if the fit of an axis, delay not removed, is below this value [%]."""
     longest_delay_ms: Milliseconds = 250.0

@@ -36,7 +36,8 @@ STARTS = (0.0, 1.0, 2.0)  # steps of the derivatives, at which a fit of an effec
 PARTS = (1.0, 0.4)  # of a Gauss-Newton step
 ENDED = 0.01  # gain of a step after which no other is taken
 LEAST = 0.02  # of the mean square, which an effect must explain
-SLEW, BACKLASH, DEAD_BAND = "gimbal_servo_slew", "gimbal_backlash", "gimbal_servo_dead_band"
+SLEW, STIFFNESS = "gimbal_servo_slew", "gimbal_servo_gain"
+BACKLASH, DEAD_BAND = "gimbal_backlash", "gimbal_servo_dead_band"
 LOAD = "gimbal_motor.mass"
 FRICTION = tuple(f"gimbal_servo_{a}.frictionloss" for a in AXES)
 
@@ -62,6 +63,7 @@ COLUMNS = (
     _column("delay", "delay", "ms", 1e3, 0.0, LATER, 0.02),
     _column("sensor lag", "lag", "ms", 1e3, 0.0, LATER, 0.02),
     _column("slew limit", "speed", "", 1.0, 1.0, -0.25, 0.4),
+    _column("servo gain", "gain", "", 1.0, 1.0, -0.2, 0.4),
     _column("backlash", "backlash", "°", DEGREES, 0.0, 0.0087, 0.02),
     _column("friction", "friction", "", 1.0, 1.0, 1.0, 2.0),
     _column("dead band", "dead band", "° either way", DEGREES, 0.0, 0.0044, 0.01),
@@ -69,10 +71,10 @@ COLUMNS = (
     _column("load", "mass", "", 1.0, 1.0, 0.3, 0.4),
 )
 PRIOR = np.array([c.what.sigma for c in COLUMNS])
-GAIN, ZERO, DELAY, LAG, SPEED, PLAY, RUB, BAND, FRAME, MASS = range(len(COLUMNS))
-# a derivative of the speed takes another 0.25 away
-LOWEST = np.array([0.1, -1.0, -1.0, -1.0, 0.27, 1e-6, 0.0, 0.0, 0.0, 0.1])
-SIMULATED = [ZERO, SPEED, PLAY, RUB, BAND, FRAME, MASS]  # the others need no simulation
+GAIN, ZERO, DELAY, LAG, SPEED, STIFF, PLAY, RUB, BAND, FRAME, MASS = range(len(COLUMNS))
+# a derivative of the speed takes another 0.25 away, one of the servo's gain another 0.2
+LOWEST = np.array([0.1, -1.0, -1.0, -1.0, 0.27, 0.22, 1e-6, 0.0, 0.0, 0.0, 0.1])
+SIMULATED = [ZERO, SPEED, STIFF, PLAY, RUB, BAND, FRAME, MASS]  # the others need no simulation
 GROUPS = {
     effect: [k for k, c in enumerate(COLUMNS) if c.effect == effect]
     for effect in dict.fromkeys(c.effect for c in COLUMNS)
@@ -112,7 +114,7 @@ class _Motions:
 
     def __init__(self, run: Resimulation) -> None:
         self._run = run
-        names = (SLEW, BACKLASH, DEAD_BAND, LOAD, *FRICTION)
+        names = (SLEW, STIFFNESS, BACKLASH, DEAD_BAND, LOAD, *FRICTION)
         self._values = {name: run.value(name) for name in names}
         level = np.array([c.what.value for c in COLUMNS])
         level[PLAY], level[BAND] = self._values[BACKLASH], self._values[DEAD_BAND]
@@ -139,6 +141,7 @@ class _Motions:
         return Variant(
             {
                 SLEW: values[SLEW] * float(v[SPEED]),
+                STIFFNESS: values[STIFFNESS] * float(v[STIFF]),
                 BACKLASH: float(v[PLAY]),
                 DEAD_BAND: float(v[BAND]),
                 LOAD: values[LOAD] * float(v[MASS]),
