@@ -69,10 +69,11 @@ def _check_commands(records: Sequence[Measurement]) -> None:
                 f"command '{name}' never changes while the gimbal is sampled; "
                 f"nothing can be learnt from a constant input{_before(records, j)}"
             )
-        if count < _FEWEST_CHANGES and not any(_rests_first(r, j) for r in records):
+        if count < _FEWEST_CHANGES and not any(_from_rest(r, j) for r in records):
             raise IdentificationError(
                 f"command '{name}' changes {count} time; {_FEWEST_CHANGES} steps or more are "
-                f"needed, or {_RESTING} readings at rest before a single one"
+                f"needed, or {_RESTING} readings at rest before a single one, or the command in "
+                "force before the first row (--before 0)"
             )
     moves = np.concatenate([np.diff(r.command.values, axis=0) for r in records])
     lengths = np.linalg.norm(moves, axis=0)
@@ -90,12 +91,12 @@ def _felt_changes(r: Measurement, column: int) -> int:
     return int(np.sum((times >= r.time[0] - _REMEMBERED) & (times <= r.time[-1])))
 
 
-def _rests_first(r: Measurement, column: int) -> bool:
-    """Whether the gimbal was read at rest before the first change of a command."""
+def _from_rest(r: Measurement, column: int) -> bool:
+    """Whether a single step starts from rest: by readings, or by a command given before them."""
     times = r.command.time[r.command.changes(column)]
-    return r.initial == "rest" and bool(
-        len(times) and np.sum(r.time < times[0]) >= _RESTING and times[0] <= r.time[-1]
-    )
+    if r.initial != "rest" or not len(times) or times[0] > r.time[-1]:
+        return False
+    return bool(np.sum(r.time < times[0]) >= _RESTING or r.command.time[0] < r.time[0])
 
 
 def _check_readings(r: Measurement, what: str, values: Array) -> None:
@@ -172,7 +173,7 @@ def _check_units(records: Sequence[Measurement], name: str) -> None:
         which = ("angle", "rate") if scale > 1.0 else ("rate", "angle")
         raise IdentificationError(
             f"axis '{name}': the angle turns {scale:.3g} times as far as the rate says; "
-            f"{which[0]} in degrees and {which[1]} in radians? give each its unit"
+            f"{which[0]} in degrees and {which[1]} in radians? one unit holds for both; convert one"
         )
 
 
@@ -194,14 +195,16 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
     """
     if record.command.unit != "rad":
         return []  # commands that are no angles have no expected gain
+    assumed = record.units == "assumed"
     mistaken = _degrees(gain)
     if mistaken is not None:
         sides = ("axis", "command") if mistaken > 1.0 else ("command", "axis")
         text = (
             f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, near {mistaken:.4g}: "
-            f"{sides[0]} in degrees and {sides[1]} in radians? give each its unit"
+            f"{sides[0]} in degrees and {sides[1]} in radians? "
+            + ("give each its unit" if assumed else "check the units given")
         )
-        if record.units == "assumed" and 1.0 / _SURELY < abs(gain) / mistaken < _SURELY:
+        if assumed and 1.0 / _SURELY < abs(gain) / mistaken < _SURELY:
             raise IdentificationError(text)
         return [text]
     if gain < 0.0:
@@ -214,7 +217,7 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
     if reach > _TURNED:
         text = (
             f"command '{command}' reaches {reach:.3g} rad, {np.degrees(reach):.0f} degrees: is it "
-            "in degrees? give its unit"
+            f"in degrees? {'give its unit' if assumed else 'check the unit given'}"
         )
         return [text]
     if not 1.0 / _USUAL < gain < _USUAL:

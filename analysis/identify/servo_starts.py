@@ -26,11 +26,14 @@ def command_unit(problem: Problem, axis: int) -> float:
 
 
 def scaled(problem: Problem, axis: int, unit: float) -> Problem:
-    """The problem with an axis' command over `unit`, counted from the first of all records."""
+    """The problem with an axis' command over `unit`, counted from the first of all records.
+
+    The others stand still: in units of their own they would be taken for the amplitude.
+    """
     origin, parts = problem.parts[0].input[0, axis], []
     for part in problem.parts:
-        command = part.input.copy()
-        command[:, axis] = (command[:, axis] - origin) / unit
+        command = np.zeros_like(part.input)
+        command[:, axis] = (part.input[:, axis] - origin) / unit
         parts.append(replace(part, input=command))
     return replace(problem, parts=tuple(parts), cache={})
 

@@ -84,6 +84,18 @@ def test_a_single_step_is_too_few_without_readings_at_rest_before_it():
         identify([measurement(T[late], u[late], angle=y[late])])
 
 
+def test_a_record_that_begins_with_its_only_step_is_fitted_with_the_command_before_it():
+    """As advised: `--before 0`. The offset of 0.02 rad is known from readings within the delay."""
+    y = noisy(0.02 + 0.1 * (1.0 - np.exp(-np.clip(T - 0.013, 0.0, None) / 0.08)))
+    u = np.full(len(T), 0.1)
+    with pytest.raises(IdentificationError, match="--before 0"):
+        identify([measurement(T, u, angle=y)], 1)
+    model = identify([measurement(T, u, angle=y, before=[0.0], stamps="exact")], 1)
+    for what, true in (("gain", 1.0), ("time constant", 0.08)):
+        e = model.estimate(f"x/x {what}")
+        assert abs(e.value - true) < 4.0 * e.std < 0.5 * true
+
+
 def test_missing_readings_are_counted():
     y = noisy(first_order())
     y[100:350] = math.nan
@@ -118,7 +130,9 @@ def test_a_gain_that_is_a_unit_is_said_to_be_one(scale, said):
 def test_a_gain_that_is_unlike_a_gimbal_is_doubted_where_the_units_were_given(scale, said):
     y = noisy(first_order(scale=scale), 1e-3 * abs(scale))
     r = replace(measurement(T, STEPS, angle=y), units="given")
-    assert any(said in w for w in identify([r], 1).warnings)
+    warnings = identify([r], 1).warnings
+    assert any(said in w for w in warnings)
+    assert not any("give each" in w for w in warnings)  # both were given
     volts = measurement(T, STEPS, angle=y, input_unit="1")
     assert not any("gain from" in w for w in identify([volts], 1).warnings)
 

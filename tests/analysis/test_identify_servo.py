@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from analysis.identify import IdentificationError, identify
+from analysis.identify.assemble import assemble
+from analysis.identify.layout import Layout
 from analysis.identify.prediction import fit_to, predict
 from analysis.identify.ramps import ramps
 from analysis.identify.servo_motion import play, speed_servo
+from analysis.identify.servo_starts import command_unit, limits, scaled, scales
 from analysis.recording import measurement
 from analysis.transfer_function.servo import play as reference_play
 
@@ -130,6 +133,25 @@ def test_a_servo_is_the_same_in_every_unit_of_its_command():
     gains = [m.estimate("x/x gain") for m in models]
     assert gains[1].value * -600.0 == pytest.approx(gains[0].value, rel=0.005)
     assert gains[1].unit == "rad/us"
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3, -600.0])
+def test_the_search_of_a_servo_is_the_same_in_every_unit_of_the_commands(factor):
+    """Two axes: steps and ranges of one are of its own commands, not of the other's size."""
+    t = np.arange(0.0, 3.0, 0.01)
+    u = np.radians(np.repeat([[0.0, 0.0], [5.0, 0.0], [0.0, 0.0], [0.0, -8.0]], 75, axis=0))
+    angle = np.roll(u, 3, axis=0)
+    searches = []
+    for k in (1.0, factor):
+        r = measurement(t, 1500.0 * (k != 1.0) + k * u, angle=angle, input_unit="us")
+        problem = assemble([r], 1, Layout(2, 0, 2, True, (np.nan, np.nan)))
+        unit = command_unit(problem, 1)
+        alike = scaled(problem, 1, unit)
+        amplitude = np.ptp(alike.parts[0].input)
+        assert amplitude == pytest.approx(np.ptp(angle[:, 1]))
+        searches.append((scales(alike, "set-point"), *limits(alike, 0.1, "set-point")))
+    for one, other in zip(*searches, strict=True):
+        assert other == pytest.approx(one, rel=1e-9)
 
 
 def test_zeros_and_servo_exclude_each_other():

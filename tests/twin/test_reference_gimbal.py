@@ -8,8 +8,10 @@ from scipy.signal import lsim
 
 from analysis.recording import Recording
 from analysis.recording import reader as recording
-from twin.config import Fly
+from twin.config import Fly, Identify, Step
+from twin.evaluation.identify import identify
 from twin.experiments.fly import fly
+from twin.experiments.step import step
 from twin.plant.compose import MJCF
 
 ATTITUDE_DEG, PATH = 0.5, 0.0024  # rms, and of the distance flown; twice what the page says
@@ -43,6 +45,46 @@ def best_delay(run: Recording) -> float:
     return float(delays[np.argmin(errors)])
 
 
+def staleness(folder) -> float:
+    """Worst distance of a shipped figure from that of docs/identification.md's commands, run now.
+
+    In half widths of its own 95 % interval.
+    """
+    files = []
+    for seed, amplitude in enumerate((1.5, 3.0, 6.0), start=1):
+        files.append(folder / f"{seed}.rrd")
+        step(
+            Step(
+                gimbal="emulator", amplitude_deg=amplitude, repeats=5, hold_s=0.5, seed=seed,
+                out=files[-1],
+            )
+        )  # fmt: skip
+    result = identify(Identify(sources=tuple(files), out=folder / "gimbal.json"))
+    return apart_in_intervals(shipped_figures(), {e.name: e.value for e in result.model.estimates})
+
+
+def shipped_figures() -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of each figure of the shipped model, from its polynomials."""
+    model = json.loads((MJCF / "gimbal.json").read_text())
+    found = {}
+    for k, axis in enumerate("xy"):
+        channel = model["channels"][k][k]
+        (_, c1, c0), w = channel["den"], np.sqrt(channel["den"][2])
+        values = {
+            "gain": channel["num"][-1] / c0, "delay": channel["delay_s"],
+            "natural frequency": w, "damping": c1 / (2.0 * w),
+        }  # fmt: skip
+        for what, value in values.items():
+            name = f"{axis}/{axis} {what}"
+            found[name] = (value, model["std"][name])
+    return found
+
+
+def apart_in_intervals(shipped, renewed) -> float:
+    """Largest distance of two models' figures over the half width of the first one's interval."""
+    return max(abs(renewed[name] - value) / (1.96 * std) for name, (value, std) in shipped.items())
+
+
 def flights(folder, programme, seconds=8.0, gimbals=("emulator", "transfer-function"), **more):
     """A recording of the rig's flight and one of its model's."""
     runs = []
@@ -73,3 +115,18 @@ def test_a_flight_of_the_model_and_of_the_rig_agree(tmp_path, programme):
     assert distance < PATH * flown
     shipped = json.loads((MJCF / "gimbal.json").read_text())["channels"][1][1]["delay_s"]
     assert best_delay(runs[0]) == pytest.approx(shipped, abs=DELAY_S)
+
+
+@pytest.mark.slow
+def test_the_shipped_model_is_what_its_documented_commands_give(tmp_path):
+    """Within half of its own intervals: the emulator is deterministic, its model may improve."""
+    assert staleness(tmp_path) < 0.5
+
+
+def test_a_model_that_is_stale_by_more_than_its_interval_is_noticed():
+    """The short form: `staleness` sees 5 ms more delay, and nothing in the model itself."""
+    shipped = shipped_figures()
+    renewed = {name: value for name, (value, _) in shipped.items()}
+    assert apart_in_intervals(shipped, renewed) == 0.0
+    renewed["y/y delay"] += 5e-3
+    assert apart_in_intervals(shipped, renewed) > 1.0

@@ -113,6 +113,12 @@ def rig_and_model() -> tuple[float, float]:
     return float(angle), float(100 * distance / flown)
 
 
+def stale_model() -> float:
+    """Worst figure of the shipped model against the same commands run now, in its half widths."""
+    with tempfile.TemporaryDirectory() as folder:
+        return test_reference_gimbal.staleness(Path(folder))
+
+
 def clearance() -> float:
     """Smallest distance of two parts over 25 angles [mm]; what exceeds 1 mm counts as that."""
     return float(test_mechanism_clearance.least_gap(test_mechanism_clearance.loaded(), 1.0)[0])
@@ -205,6 +211,8 @@ CHECKS = (
           test_reference_gimbal.ATTITUDE_DEG, "°"),
     Check("model-path", "path flown with it, of its length", "the emulated rig in the loop",
           lambda: rig_and_model()[1], 100 * test_reference_gimbal.PATH, " %"),
+    Check("model-renewed", "figures of the shipped model, of half of their 95 % interval",
+          "the commands of docs/identification.md, run now", stale_model, 1.0, long=True),
     *(Check(f"coverage-{kind}", f"true parameters inside 95 % intervals, {text}",
             "closed-form motions of 20 gimbals of known parameters",
             functools.partial(lambda k: scores(k, 20)[0], kind), 100.0, " %", low=90.0)
