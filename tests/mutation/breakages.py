@@ -74,12 +74,12 @@ PLANTED = (
     Mutant(
         "inertia of the propellant never updated",
         "twin/physics/motor/depletion.py",
-        "        inertia[0] = inertia[1] = transverse\n        inertia[2] = axial\n", "",
+        "    fuel.inertia[0] = transverse\n    fuel.inertia[1] = transverse\n", "",
         ("tests/twin/test_motor.py", "-k", "mass_matrix or books"),
     ),
     Mutant(
         "masses above the propellant never updated",
-        "twin/physics/motor/depletion.py", "subtree[body] += change", "pass",
+        "twin/physics/motor/depletion.py", "fuel.subtree[fuel.chain[k]] += change", "pass",
         ("tests/twin/test_motor.py", "-k", "mass_matrix or books"),
     ),
     Mutant(
