@@ -82,7 +82,7 @@ def _other_turn(
         f"{name} turned {apart * turn:.1f}° between switches {SWITCHES[plus]} and"
         f" {SWITCHES[minus]}, which are {apart:.1f}° apart"
     )
-    if min(turned) > 0.5 and max(turned) < 1.1 * min(turned):
+    if min(turned) > 0.5 and max(turned) < 1.15 * min(turned):
         track = degrees(rig.track) / (sum(turned) / 2)
         return (
             f"{said}, and so did the other one of this axis; if the data sheet gives a track of"
