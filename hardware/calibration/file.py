@@ -138,7 +138,8 @@ def _angles_dict(c: Calibration) -> dict[str, Any]:
         return {"potentiometers": None, "accelerometer": tilts}
     units = np.array([1.0, radians(1)])
     return {
-        "potentiometer_deg": degrees(c.track),
+        # rounded, the flag's own value comes back: serial numbers of simulated rigs depend on it
+        "potentiometer_deg": round(degrees(c.track), 9),
         "potentiometers": {
             name: {
                 "zero": p.zero,
