@@ -7,7 +7,7 @@ STANDARD_GRAVITY = 9.80665  # m/s², CGPM 1901
 # 9 g hobby servos: travel as measured on several.
 SERVO_TRAVEL = radians(1.0) / 10.3e-6  # rad of shaft per s of pulse width
 
-POTENTIOMETER_TRAVEL = radians(240.0)  # of the track
+POTENTIOMETER_TRAVEL = radians(240.0)  # of the track, where none is stated
 RAIL = 0.02  # fraction of the supply no wired potentiometer reaches within ±10° of mid-travel
 GIMBAL_STOP = radians(10.0)  # of the mechanism, both axes: class "axis" of mjcf/mechanism.xml
 SWITCH_ANGLE = radians(9.0)  # of the printed rig: numeric switch_angle of mjcf/bench.xml

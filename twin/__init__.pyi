@@ -42,6 +42,7 @@ def calibrate(
     mechanism: str | PathLike[str] | None = ...,
     switch_deg: tuple[float, float, float, float] | None = ...,
     minimal: bool = ...,
+    potentiometer_deg: float = ...,
     repeats: int = ...,
     seed: int = ...,
 ) -> CalibrationResult: ...
@@ -317,6 +318,7 @@ def rig(
     mechanism: str | PathLike[str] | None = ...,
     seed: int = ...,
     minimal: bool = ...,
+    potentiometer_deg: float = ...,
     duration_s: float | None = ...,
 ) -> None: ...
 def step(

@@ -24,6 +24,7 @@ LIMITS = {
     "zero_deg": (-20.0, 20.0),
     "scale": (0.5, 2.0),
     "gain_deg": (-3600.0, 3600.0),
+    "potentiometer_deg": (90.0, 360.0),
     "bias_deg_s": (-500.0, 500.0),
     "matrix": (-2.0, 2.0),
     "sigma": (0.0, 1.0),

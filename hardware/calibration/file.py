@@ -16,6 +16,7 @@ from hardware.calibration.fields import Array, array, covariance, identity, mapp
 from hardware.calibration.linearisation import HIGHEST_DEGREE, Linearisation, Matrix, Rows
 from hardware.calibration.result import Calibration, Covariance, GyroMap, PotentiometerMap
 from hardware.frames import AXES, POTENTIOMETER_NAMES, Pair
+from hardware.parts import POTENTIOMETER_TRAVEL
 
 SCHEMA = "tvc-twin/calibration/2"
 STRAIGHT = "tvc-twin/calibration/1"
@@ -32,11 +33,13 @@ def write(path: Path, calibration: Calibration) -> None:
 
     Raises
     ------
-    CalibrationError : the file cannot be written
+    CalibrationError : the file cannot be written, or `read` would refuse it
     """
+    content = to_dict(calibration)
+    from_dict(content)
     partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_text(json.dumps(to_dict(calibration), indent=1) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)
@@ -135,6 +138,8 @@ def _angles_dict(c: Calibration) -> dict[str, Any]:
         return {"potentiometers": None, "accelerometer": tilts}
     units = np.array([1.0, radians(1)])
     return {
+        # rounded, the flag's own value comes back: serial numbers of simulated rigs depend on it
+        "potentiometer_deg": round(degrees(c.track), 9),
         "potentiometers": {
             name: {
                 "zero": p.zero,
@@ -142,7 +147,7 @@ def _angles_dict(c: Calibration) -> dict[str, Any]:
                 "covariance_deg": _in_units(p.covariance, units),
             }
             for name, p in zip(_NAMES, c.potentiometers, strict=True)
-        }
+        },
     }
 
 
@@ -188,7 +193,14 @@ def from_dict(content: object) -> Calibration:
         deviation=_deviation(top),
         linearisation=_linearisation(top),
         minimal=minimal,
+        track=_track(top),
     )
+
+
+def _track(top: dict[str, Any]) -> float:
+    if "potentiometer_deg" not in top:  # of a minimal rig, and in older files
+        return POTENTIOMETER_TRAVEL
+    return radians(float(array(top, "potentiometer_deg")))
 
 
 def _command_matrix(top: dict[str, Any]) -> Matrix:

@@ -6,7 +6,7 @@ from math import radians
 from hardware.calibration.linearisation import Linearisation
 from hardware.calibration.result import NEUTRAL
 from hardware.frames import Pair, Triple
-from hardware.parts import SWITCH_ANGLE
+from hardware.parts import POTENTIOMETER_TRAVEL, SWITCH_ANGLE
 
 SWITCHES = ("+x", "-x", "+y", "-y")
 
@@ -30,6 +30,7 @@ class CalibrationRig:
     seed : of the random start of each approach, which spreads quantisation evenly
     linearisation : of the mechanism that is calibrated
     minimal : the rig has no potentiometers; its holder's accelerometer shows the angle at rest
+    track : travel of the potentiometers' tracks by their data sheet [rad]
     """
 
     switch_angle: tuple[float, float, float, float] = (
@@ -52,6 +53,7 @@ class CalibrationRig:
     seed: int = 0
     linearisation: Linearisation = field(default_factory=Linearisation)
     minimal: bool = False
+    track: float = POTENTIOMETER_TRAVEL
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.calibration.linearisation import Linearisation, Matrix
-from hardware.frames import Pair, Triple
+from hardware.frames import AXES, Pair, Triple
 from hardware.parts import POTENTIOMETER_TRAVEL, SERVO_TRAVEL
 from hardware.protocol import constants
 
@@ -91,6 +91,7 @@ class Calibration:
     linearisation : gimbal angle to linearised angle of this rig's mechanism
     minimal : the rig has no potentiometers; `potentiometers` are then maps from the tilt that the
         holder's accelerometer shows [rad], those of an axis alike
+    track : travel of the potentiometers' tracks, as stated at the calibration [rad]
     """
 
     rig: int
@@ -106,6 +107,7 @@ class Calibration:
     deviation: Pair = (0.0, 0.0)
     linearisation: Linearisation = field(default_factory=Linearisation)
     minimal: bool = False
+    track: float = POTENTIOMETER_TRAVEL
 
     @property
     def zero_covariance(self) -> Covariance:
@@ -132,6 +134,14 @@ class Calibration:
                 f"the {sensor} {degrees(worst):.2f}° (rms) off the calibration between"
                 " the limit switches: play, or another mechanism than it was made for"
             )
+        for k, axis in enumerate(() if self.minimal else AXES):
+            a, b = self.potentiometers[2 * k : 2 * k + 2]
+            if a.gain * b.gain > 0:
+                return (
+                    f"both potentiometers of {axis} rise the same way: one is mounted mirrored;"
+                    " angles are right, but a supply sag may look like motion; exchange the wires"
+                    " of its two ends and calibrate again"
+                )
         return ""
 
     def pulses(self, angle: Pair) -> Pair:

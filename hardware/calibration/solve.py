@@ -25,12 +25,11 @@ from hardware.calibration.axis import (
 )
 from hardware.calibration.errors import CalibrationError
 from hardware.calibration.log import SWITCHES, CalibrationRig, Log
+from hardware.calibration.potentiometers import check_readings, check_tracks
 from hardware.calibration.result import Calibration, Covariance, GyroMap, PotentiometerMap
-from hardware.frames import AXES, POTENTIOMETER_NAMES, Pair
-from hardware.parts import POTENTIOMETER_TRAVEL
+from hardware.frames import AXES, Pair
 
 LARGEST_SPREAD = radians(0.4)  # of one switch's approaches; dead band and quantisation give 0.1°
-SHORTEST_TURN = 0.65  # of a track of 240°; a rotary sensor's of 333° ± 5 % shows 0.68 of it
 TILT_TOLERANCE = 0.1  # scale ±3 % and across ±2 %, MPU-6050 product specification 6.2, twice
 GYRO_TOLERANCE = 0.06  # scale ±3 % by the data sheet, and as much again
 PASSES = 2  # the other axis's angle enters little: 0.1° of it moves a linearised angle by 0.01°
@@ -43,6 +42,8 @@ def solve(log: Log, rig: CalibrationRig, identity: int) -> Calibration:
     ------
     CalibrationError : implausible; the message names the switch or sensor
     """
+    if not rig.minimal:
+        check_readings(log, rig)
     axes = _axes(log, rig)
     for index, axis in enumerate(axes):
         _check_axis(index, axis, log, rig)
@@ -66,6 +67,7 @@ def solve(log: Log, rig: CalibrationRig, identity: int) -> Calibration:
         deviation=_deviation(log, axes, rig),
         linearisation=rig.linearisation,
         minimal=rig.minimal,
+        track=rig.track,
     )
 
 
@@ -200,19 +202,10 @@ def _check_axis(index: int, axis: Axis, log: Log, rig: CalibrationRig) -> None:
             f"servo {AXES[1 - index]} moves axis {AXES[index]} more than servo {AXES[index]} does;"
             " servos are swapped"
         )
-    names = POTENTIOMETER_NAMES[2 * index : 2 * index + 2]
-    for k, name in zip((KA, KB), names, strict=True):
-        if rig.minimal:
-            _check_tilt(index, float(axis.value[k]), rig)
-            continue
-        turned = abs(axis.value[k]) * POTENTIOMETER_TRAVEL
-        if not SHORTEST_TURN < turned < 1.25:
-            apart = degrees(rig.switch_angle[2 * index] - rig.switch_angle[2 * index + 1])
-            raise CalibrationError(
-                f"{name} turned {apart * turned:.1f}° between switches "
-                f"{SWITCHES[2 * index]} and {SWITCHES[2 * index + 1]}, which are {apart:.1f}° "
-                "apart; it is loose, not wired, or a switch is misplaced"
-            )
+    if rig.minimal:
+        _check_tilt(index, float(axis.value[KA]), rig)
+    else:
+        check_tracks(index, axis.value, log, rig)
 
 
 def _check_tilt(index: int, scale: float, rig: CalibrationRig) -> None:

@@ -1,7 +1,10 @@
 """Two servo outputs of the Pi's PWM block through the kernel's sysfs files.
 
 Layout: Documentation/driver-api/pwm.rst of the Linux kernel. The chip's number changes between
-models and kernels (0 on a Pi 3B+, 2 on a Pi 5 before 6.6), so it is searched for.
+models and kernels (0 on a Pi 3B+; 0, 1 or 2 on a Pi 5), so it is searched for. On the block of two
+channels GPIO 18 and 19 are channels 0 and 1. A Pi 5 has two blocks of four (pwm-rp1.c of the
+raspberrypi kernel): on PWM0, at 0x98000 of the RP1, GPIO 12, 13, 18 and 19 are channels 0 to 3
+("RP1 Peripherals", functions of the GPIOs); the other, at 0x9c000, drives the fan.
 """
 
 import contextlib
@@ -12,7 +15,9 @@ from hardware.frames import HardwareError
 from hardware.protocol import constants
 
 SYSFS = Path("/sys/class/pwm")
-CHANNELS = 2
+SERVOS = 2
+RP1_CHANNELS, RP1_FIRST = 4, 2  # of a block, and that of GPIO 18
+RP1_PWM0 = "98000.pwm"  # end of the device's name, such as 1f00098000.pwm
 PERIOD_NS = constants.PWM_PERIOD_US * 1000
 _EXPORT_WAIT_S = 1.0  # udev sets the group of a fresh channel's files a moment after they appear
 _TRAVEL_S = 0.3  # a 9 g servo crosses its whole range meanwhile
@@ -24,17 +29,27 @@ class PwmError(HardwareError):
 
 
 def find_chip(root: Path = SYSFS) -> Path:
-    """Return the folder of the first PWM chip with two channels.
+    """Return the folder of the PWM chip of GPIO 18 and 19.
 
     Raises
     ------
     PwmError : no such chip
     """
     for chip in sorted(root.glob("pwmchip*")):
-        with contextlib.suppress(OSError, ValueError):
-            if int((chip / "npwm").read_text()) >= CHANNELS:
-                return chip
-    raise PwmError(f"no PWM chip with {CHANNELS} channels under {root}: {_OVERLAY}")
+        count = channels(chip)
+        # on a Pi 5 without the overlay only the fan's block is there
+        rp1 = count == RP1_CHANNELS and (chip / "device").resolve().name.endswith(RP1_PWM0)
+        if count == SERVOS or rp1:
+            return chip
+    raise PwmError(f"no PWM chip for GPIO 18 and 19 under {root}: {_OVERLAY}")
+
+
+def channels(chip: Path) -> int:
+    """Return how many channels a chip has, 0 where that cannot be read."""
+    try:
+        return int((chip / "npwm").read_text())
+    except (OSError, ValueError):
+        return 0
 
 
 def _write(path: Path, value: int) -> None:
@@ -49,7 +64,7 @@ def _write(path: Path, value: int) -> None:
 
 
 class KernelPwm:
-    """Servo x on channel 0 (GPIO 18), servo y on channel 1 (GPIO 19).
+    """Servo x on GPIO 18, servo y on GPIO 19: channels 0 and 1, on a Pi 5 2 and 3.
 
     Parameters
     ----------
@@ -62,17 +77,18 @@ class KernelPwm:
 
     def __init__(self, chip: Path | None = None) -> None:
         self.chip = chip or find_chip()
-        self._duty = [-1] * CHANNELS
-        for channel in range(CHANNELS):
-            self._begin(channel)
+        self._first = RP1_FIRST if channels(self.chip) == RP1_CHANNELS else 0
+        self._duty = [-1] * SERVOS
+        for servo in range(SERVOS):
+            self._begin(servo)
 
-    def _folder(self, channel: int) -> Path:
-        return self.chip / f"pwm{channel}"
+    def _folder(self, servo: int) -> Path:
+        return self.chip / f"pwm{self._first + servo}"
 
-    def _begin(self, channel: int) -> None:
-        folder = self._folder(channel)
+    def _begin(self, servo: int) -> None:
+        folder = self._folder(servo)
         if not folder.exists():
-            _write(self.chip / "export", channel)
+            _write(self.chip / "export", self._first + servo)
         end = time.monotonic() + _EXPORT_WAIT_S
         while not self._writable(folder / "period"):
             if time.monotonic() > end:
@@ -92,25 +108,25 @@ class KernelPwm:
 
     def set(self, ticks: tuple[int, int, int]) -> None:
         """Set pulse widths [0.5 µs]; the third servo has no output here."""
-        for channel in range(CHANNELS):
-            duty = ticks[channel] * constants.TICK_NS
-            if duty == self._duty[channel]:
+        for servo in range(SERVOS):
+            duty = ticks[servo] * constants.TICK_NS
+            if duty == self._duty[servo]:
                 continue
-            _write(self._folder(channel) / "duty_cycle", duty)
-            if self._duty[channel] < 0:
-                _write(self._folder(channel) / "enable", 1)
-            self._duty[channel] = duty
+            _write(self._folder(servo) / "duty_cycle", duty)
+            if self._duty[servo] < 0:
+                _write(self._folder(servo) / "enable", 1)
+            self._duty[servo] = duty
 
     def close(self, rest: tuple[int, int, int]) -> None:
         """Send the servos to pulse widths [0.5 µs], then stop the pulses.
 
         If the kernel refuses one channel, the other is still set.
         """
-        for channel in range(CHANNELS):
+        for servo in range(SERVOS):
             with contextlib.suppress(PwmError):
-                _write(self._folder(channel) / "duty_cycle", rest[channel] * constants.TICK_NS)
+                _write(self._folder(servo) / "duty_cycle", rest[servo] * constants.TICK_NS)
         time.sleep(_TRAVEL_S)
-        for channel in range(CHANNELS):
+        for servo in range(SERVOS):
             with contextlib.suppress(PwmError):
-                _write(self._folder(channel) / "enable", 0)
-                _write(self.chip / "unexport", channel)
+                _write(self._folder(servo) / "enable", 0)
+                _write(self.chip / "unexport", self._first + servo)

@@ -113,13 +113,98 @@ def test_zero_and_matrix_are_within_claim_on_every_synthetic_rig(solved):
         assert np.abs(error).max() < 0.01
 
 
-@pytest.mark.parametrize("track", [200.0, 333.3])
-def test_a_track_that_is_not_240_degrees_is_measured_and_not_taken_for_a_loose_shaft(track):
-    rig = _Rig(3)
+def _on_track(track, seed=3):
+    """A rig whose potentiometers have this travel [°], and the calibration rig that is told it."""
+    rig = _Rig(seed)
     rig.gain *= track / 240.0
-    got = solve(rig.log(), RIG, 7)
+    return rig, replace(RIG, track=radians(track))
+
+
+@pytest.mark.parametrize("track", [200.0, 300.0, 333.3, 345.0])
+def test_a_track_of_the_stated_travel_is_measured(track):
+    rig, told = _on_track(track)
+    got = solve(rig.log(), told, 7)
     gains = [m.gain for m in got.potentiometers]
     assert np.abs(np.array(gains) / rig.gain - 1).max() < 0.01
+    assert got.track == radians(track)
+
+
+def test_a_travel_that_was_not_stated_is_asked_for():
+    with pytest.raises(CalibrationError, match=r"about 3[34]\d°, not 240°, .*--potentiometer-deg"):
+        solve(_on_track(333.3)[0].log(), RIG, 7)
+
+
+@pytest.mark.parametrize("track", [240.0, 333.3])
+def test_a_shaft_that_follows_by_three_quarters_is_loose_on_any_track(track):
+    rig, told = _on_track(track)
+    rig.gain[1] /= 0.75
+    with pytest.raises(CalibrationError, match=r"potentiometer_x_b turned 1\d\.\d° .*loose"):
+        solve(rig.log(), told, 7)
+
+
+def _read(seed, change, index=0):
+    """Events of a rig whose potentiometer's readings (n,) are changed."""
+    log = _Rig(seed).log()
+    seen = change(np.array([e.potentiometer[index] for e in log.events]))
+    events = []
+    for event, f in zip(log.events, seen, strict=True):
+        readings = [*event.potentiometer]
+        readings[index] = float(f)
+        events.append(replace(event, potentiometer=tuple(readings)))
+    return Log(events=events)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        # 9° is 0.0375 of the track; at zero 0.5, moved to where the track ends behind +5°
+        (lambda f: np.minimum(f + 0.5 - 5 / 240, 1.0), r"_x_a reads 1\.000 .* \+x: the end"),
+        (lambda f: np.maximum(f - 0.5 + 5 / 240, 0.0), r"_x_a reads 0\.000 .* -x: the end"),
+        (lambda f: np.minimum(f + 0.47 - 7 / 240, 0.97), r"_x_a stops turning .* \+x: the end"),
+        (lambda f: 0 * f, "_x_a reads ground at both switches; it is not wired"),
+        (lambda f: 0 * f + 1.0, "_x_a reads the supply at both switches; it is not wired"),
+        (lambda f: np.where(np.arange(len(f)) % 5 == 0, 0.0, f), "_x_a jumps by .* wire is loose"),
+        (lambda f: np.sign(f - 0.5) * np.abs(f - 0.5) ** 0.5 / 6 + 0.5, "x_b are .* worn"),
+    ],
+    ids=["end", "start", "stops", "ground", "supply", "loose", "worn"],
+)
+def test_end_of_track_and_broken_wires_are_told_apart(change, words):
+    with pytest.raises(CalibrationError, match=words):
+        solve(_read(3, change), RIG, 7)
+
+
+def test_a_clipped_track_that_looks_like_a_longer_one_is_named_as_that():
+    """It turns by 0.89 of the angle: within what tracks are sold to."""
+    with pytest.raises(CalibrationError, match=r"_x_a stops turning before switch \+x"):
+        solve(_read(3, lambda f: np.minimum(f, 0.5 + 7 / 240) + 0.42), RIG, 7)
+
+
+def test_a_mirrored_potentiometer_is_calibrated_and_noted():
+    rig = _Rig(3)
+    assert "mirrored" not in solve(rig.log(), RIG, 7).note
+    rig.gain[1] = -rig.gain[1]
+    got = solve(rig.log(), RIG, 7)
+    assert got.potentiometers[1].gain == pytest.approx(rig.gain[1], rel=0.01)
+    assert "both potentiometers of x rise the same way: one is mounted mirrored" in got.note
+
+
+def test_an_emulated_rig_with_another_track_is_calibrated_to_its_truth():
+    unit = sample_rig(4)
+    scaled = (replace(p, scale=p.scale * 240 / 345) for p in unit.sensors.potentiometers)
+    unit = replace(unit, sensors=replace(unit.sensors, potentiometers=tuple(scaled)))
+    got = calibrate(unit, replace(QUICK, track=radians(345)), seed=4)
+    for a, b in zip(got.potentiometers, exact_calibration(unit).potentiometers, strict=True):
+        # step of the ADC 0.34° at 345°, averaged by its noise of 0.6 of it; waviness 0.05°
+        assert abs(a.angle(b.fraction(0.1)) - 0.1) < radians(0.2)
+
+
+def test_an_emulated_track_that_ends_before_its_switch_is_named():
+    unit = sample_rig(4)
+    a, *others = unit.sensors.potentiometers
+    ended = (replace(a, zero=1 - 7 / 240), *others)
+    unit = replace(unit, sensors=replace(unit.sensors, potentiometers=ended))
+    with pytest.raises(CalibrationError, match=r"_x_a reads 0\.99\d .* \+x: the end of its track"):
+        calibrate(unit, replace(QUICK, offsets=(0.0,)), seed=4)
 
 
 def test_stated_intervals_cover_the_truth_as_often_as_they_say(solved):

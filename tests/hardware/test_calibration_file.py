@@ -128,6 +128,21 @@ def test_writing_leaves_one_file_of_version_2(tmp_path):
     assert read(tmp_path / "c.json", CURVED.rig).note == ""
 
 
+def test_the_travel_of_the_tracks_is_kept_and_240_degrees_where_a_file_has_none():
+    content = to_dict(replace(nominal(7), track=radians(90.4)))
+    assert from_dict(content).track == radians(90.4)  # degrees(radians(90.4)) is not 90.4
+    del content["potentiometer_deg"]
+    assert from_dict(content).track == pytest.approx(radians(240.0))
+
+
+def test_what_the_reader_would_refuse_is_not_written(tmp_path):
+    x_a, *others = nominal(7).potentiometers
+    at_end = replace(nominal(7), potentiometers=(replace(x_a, zero=0.96), *others))
+    with pytest.raises(CalibrationError, match=r"zero holds 0\.96, must be 0\.05…0\.95"):
+        write(tmp_path / "c.json", at_end)
+    assert not list(tmp_path.iterdir())
+
+
 def test_version_1_is_read_as_a_straight_line_and_says_so_in_one_line():
     back = parsed(json.dumps(version_1()), "old.json")
     assert back.linearisation.straight

@@ -56,6 +56,41 @@ def test_chip_is_found_by_its_channels_not_by_its_number(sysfs):
     assert find_chip(sysfs).name == "pwmchip2"
 
 
+def _pi_5(root, *blocks):
+    """A tree as on a Pi 5: blocks of four channels that point to their devices on the RP1."""
+    for number, device in blocks:
+        chip, target = root / f"pwmchip{number}", root / "devices" / device
+        target.mkdir(parents=True)
+        chip.mkdir()
+        (chip / "npwm").write_text("4\n")
+        (chip / "device").symlink_to(target)
+        for channel in range(4):
+            (chip / f"pwm{channel}").mkdir()
+            for file in ("period", "duty_cycle", "enable"):
+                (chip / f"pwm{channel}" / file).write_text("0\n")
+    return root
+
+
+FAN, HEADER = "1f0009c000.pwm", "1f00098000.pwm"
+
+
+@pytest.mark.parametrize("numbers", [(0, 1), (1, 0), (2, 0)])  # they differ between kernels
+def test_on_a_pi_5_the_servos_are_on_channels_2_and_3_beside_the_fans_block(tmp_path, numbers):
+    header, fan = numbers
+    chip = find_chip(_pi_5(tmp_path, (fan, FAN), (header, HEADER)))
+    assert chip.name == f"pwmchip{header}"
+    KernelPwm(chip).set((3100, 2900, 0))
+    duty = [int((chip / f"pwm{k}" / "duty_cycle").read_text()) for k in range(4)]
+    assert duty == [0, 0, 1_550_000, 1_450_000]
+    left = tmp_path / f"pwmchip{fan}"
+    assert all((left / f"pwm{k}" / "enable").read_text() == "0\n" for k in range(4))
+
+
+def test_the_fans_block_of_a_pi_5_without_the_overlay_is_refused(tmp_path):
+    with pytest.raises(PwmError, match=r"GPIO 18 and 19 .*dtoverlay=pwm-2chan"):
+        find_chip(_pi_5(tmp_path, (0, FAN)))
+
+
 def test_without_a_chip_the_overlay_is_named(tmp_path):
     with pytest.raises(PwmError, match="dtoverlay=pwm-2chan"):
         find_chip(tmp_path)

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from math import radians
 
 import numpy as np
 import pytest
@@ -163,3 +164,13 @@ def test_a_rig_whose_potentiometers_are_all_open_is_pointed_to_the_minimal_calib
     faults = [Fault(name, "open", 0.0) for name in POTENTIOMETER_NAMES]
     assert "twin calibrate --minimal" in remedy(faults)
     assert "--minimal" not in remedy(faults[:3])
+
+
+def test_a_simulated_rig_has_the_tracks_it_is_given():
+    """The same angle turns a track of 333° by 0.72 of what it turns one of 240°."""
+    bench = load(ModelConfig(scene="bench")).mj
+    for unit in (None, 3):
+        plain, longer = (parameters(bench, unit, radians(t)).sensors for t in (240.0, 333.0))
+        for p, q in zip(plain.potentiometers, longer.potentiometers, strict=True):
+            turned = [r.fraction(0.1) - r.fraction(0.0) for r in (p, q)]
+            assert turned[1] / turned[0] == pytest.approx(240 / 333)

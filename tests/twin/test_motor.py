@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from tests.data.generate import BURN, FOLDER, IMPULSE, PEAK
 from twin.errors import TwinError
 from twin.physics.motor import Depletion, Motor, MotorError, apply_motor, load, parse, read
 from twin.physics.motor.curve import impulse_at
@@ -33,6 +34,13 @@ def test_a_small_file_reads_as_it_says() -> None:
     assert motor.impulse == pytest.approx(0.5 + 9 + 0.5)
     figures = motor.diameter, motor.length, motor.propellant_mass, motor.loaded_mass
     assert figures == pytest.approx((0.029, 0.124, 0.06, 0.12))
+
+
+def test_a_measured_curve_has_the_impulse_of_its_half_sine() -> None:
+    motor = load(FOLDER / "sine.eng")
+    # 32 chords of half a period lie below it by (π/32)²/12
+    assert motor.impulse == pytest.approx(IMPULSE * (1 - (np.pi / 32) ** 2 / 12), rel=1e-4)
+    assert (motor.time[-1], motor.thrust.max()) == pytest.approx((BURN, PEAK))
 
 
 def test_several_motors_in_a_file_are_chosen_by_name(tmp_path: Path) -> None:

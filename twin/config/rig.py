@@ -10,6 +10,8 @@ from twin.config.types import Duration, Flag, Frequency, Kind, Port, Range, Seed
 from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
+Track = Annotated[float, Range(90.0, 360.0, "°")]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Rig(SimulatedRig, Parameters):
@@ -31,6 +33,8 @@ class Rig(SimulatedRig, Parameters):
     """Random seed of the sensor noise."""
     minimal: Flag = False
     """A rig without potentiometers: one IMU on the holder."""
+    potentiometer_deg: Track = 240.0
+    """Travel of the potentiometers' tracks [°]."""
     duration_s: Duration | None = None
     """Time to serve [s]; until interrupted if omitted."""
     json: Flag = False
@@ -67,6 +71,8 @@ class Calibrate(SimulatedRig, Output):
     minimal: Flag = False
     """The rig has no potentiometers: angles by the IMU on the holder. Later runs read this from the
     calibration file."""
+    potentiometer_deg: Track = 240.0
+    """Travel of the potentiometers' tracks by their data sheet [°], for example 300 or 333."""
     repeats: Annotated[int, Range(1, 100)] = 3
     """Approaches per switch and position of the other servo."""
     seed: Seed = 0

@@ -116,6 +116,7 @@ def calibrate(config: Calibrate) -> CalibrationResult:
         seed=config.seed,
         fuse=False,
         minimal=config.minimal,
+        track=radians(config.potentiometer_deg),
         mechanism=config.mechanism,
     )
     with compiled(), open_rig(options, None) as seat:
@@ -147,6 +148,7 @@ def _rig(config: Calibrate) -> CalibrationRig:
         seed=config.seed,
         linearisation=mechanism_map(bench).linearisation,
         minimal=config.minimal,
+        track=radians(config.potentiometer_deg),
     )
 
 

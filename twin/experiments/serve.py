@@ -34,6 +34,7 @@ def rig(config: Rig) -> None:
         unit=config.unit,
         faults=config.fault,
         minimal=config.minimal,
+        track=math.radians(config.potentiometer_deg),
         seed=config.seed,
         overrides=config.overrides,
         scene=config.scene,

@@ -14,6 +14,7 @@ from hardware.events import ReadingsDropped
 from hardware.frames import POTENTIOMETER_NAMES, Pair, SensorFrame
 from hardware.fusion import Fusion
 from hardware.link import Link
+from hardware.parts import POTENTIOMETER_TRAVEL
 from hardware.rig import Rig, in_process
 from twin import status
 from twin.config import TURNTABLE
@@ -53,6 +54,7 @@ class RigOptions:
     watch : neither arm nor command it
     fuse : estimate angles; not needed for a calibration
     minimal : a rig without potentiometers; with `calibration` the file decides
+    track : travel of a simulated rig's potentiometers [rad]; with `calibration` the file decides
     check : make the motion check before a run that commands the rig; None leaves it out silently
     """
 
@@ -67,6 +69,7 @@ class RigOptions:
     watch: bool = False
     fuse: bool = True
     minimal: bool = False
+    track: float = POTENTIOMETER_TRAVEL
     check: bool | None = None
 
 
@@ -86,7 +89,7 @@ def device(options: RigOptions) -> Device:
     faults = [parse(text) for text in options.faults]
     if options.minimal:
         faults += [Injection(name, "open", 0.0, LONG_AGO) for name in POTENTIOMETER_NAMES]
-    rig = parameters(_model(options, "bench").mj, options.unit)
+    rig = parameters(_model(options, "bench").mj, options.unit, options.track)
     twin = _model(options, options.scene)
     if options.unit is not None:
         vary(twin.mj, rig)
@@ -232,7 +235,7 @@ def _simulated(options: RigOptions, plant: Plant | None) -> RigGimbal:
     calibration = _calibration(options)
     measured = calibration is not None
     if calibration is not None:
-        options = replace(options, minimal=calibration.minimal)
+        options = replace(options, minimal=calibration.minimal, track=calibration.track)
     simulated = device(options)
     if calibration is None:
         bench = _model(options, "bench").mj

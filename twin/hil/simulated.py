@@ -19,6 +19,7 @@ from hardware.emulator import (
 from hardware.emulator.servo import PULSE_CENTRE
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import Pair
+from hardware.parts import POTENTIOMETER_TRAVEL
 from twin.errors import TwinError
 from twin.hil.bench import BenchPlant
 from twin.hil.linearisation import mechanism_map
@@ -42,13 +43,16 @@ def switch_angles(model: mujoco.MjModel) -> tuple[float, float, float, float]:
     return angles[0], angles[1], angles[2], angles[3]
 
 
-def parameters(model: mujoco.MjModel, unit: int | None = None) -> RigParameters:
+def parameters(
+    model: mujoco.MjModel, unit: int | None = None, track: float = POTENTIOMETER_TRAVEL
+) -> RigParameters:
     """Parameters of a simulated rig on this mechanism.
 
     Parameters
     ----------
     model : bench scene
     unit : serial number of a rig with random tolerances; None is the nominal rig
+    track : travel of the potentiometers' tracks [rad]
     """
     rig, plain = reference_rig() if unit is None else sample_rig(unit), reference_rig()
     errors = zip(rig.sensors.switch_angle, plain.sensors.switch_angle, strict=True)
@@ -57,7 +61,12 @@ def parameters(model: mujoco.MjModel, unit: int | None = None) -> RigParameters:
         for at, (built, meant) in zip(switch_angles(model), errors, strict=True)
     ]
     angles = (held[0], held[1], held[2], held[3])
-    return replace(rig, sensors=replace(rig.sensors, switch_angle=angles))
+    a, b, c, d = (
+        replace(p, scale=p.scale * (POTENTIOMETER_TRAVEL / track))
+        for p in rig.sensors.potentiometers
+    )
+    sensors = replace(rig.sensors, switch_angle=angles, potentiometers=(a, b, c, d))
+    return replace(rig, sensors=sensors)
 
 
 def make_device(
