@@ -70,7 +70,8 @@ class Problem:
     def doubt(self) -> float:
         """How far the stamps of all commands may be off together [s], root mean square."""
         # the wait for frames is one rig's: the record that shows most of it counts
-        return math.hypot(max(p.doubt for p in self.parts), min(p.late for p in self.parts))
+        late = min((p.late for p in self.parts if p.late > 0.0), default=0.0)
+        return math.hypot(max(p.doubt for p in self.parts), late)
 
     def channels(self, columns: tuple[int, ...], zeros: tuple[int, ...]) -> "Problem":
         """The same samples, for the channels of some commands only, with these numbers of zeros."""

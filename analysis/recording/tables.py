@@ -130,7 +130,7 @@ def _delimiter(sample: str) -> str:
     lines = (line for line in sample.splitlines() if line.strip())
     first = next((line for line in lines if not line.startswith("#")), "")
     for candidate in (";", "\t", ",", " "):
-        if candidate in first.strip():
+        if candidate in first.strip(" \r\n"):
             return candidate
     return ","
 

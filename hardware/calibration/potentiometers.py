@@ -26,18 +26,18 @@ def check_readings(log: Log, rig: CalibrationRig) -> None:
     ------
     CalibrationError : the message names the potentiometer
     """
+    jumps = [_jump(log, rig, index) for index in range(len(POTENTIOMETER_NAMES))]
     for index, name in enumerate(POTENTIOMETER_NAMES):
-        ends, jump = [], 0.0
+        ends, jump = [], jumps[index]
         for switch in (index // 2 * 2, index // 2 * 2 + 1):
             events = [e for e in log.events if e.switch == switch]
             for closed in (True, False):
                 seen = [e.potentiometer[index] for e in events if e.closed is closed]
-                jump = max(jump, float(np.ptp(seen)) * rig.track)
                 ends.append((switch, max(seen) > 1 - RAIL or min(seen) < RAIL, np.mean(seen)))
         if all(railed for _, railed, _ in ends) and jump < LARGEST_JUMP:
             end = "ground" if ends[0][2] < 0.5 else "the supply"
             raise CalibrationError(f"{name} reads {end} at both switches; it is not wired")
-        if jump > LARGEST_JUMP:
+        if jump > LARGEST_JUMP and jumps[index ^ 1] < 0.5 * jump:  # both jump with a loose switch
             raise CalibrationError(
                 f"{name} jumps by {degrees(jump):.1f}° between approaches of the same switch; a"
                 " wire is loose, or its shaft slips"
@@ -48,6 +48,17 @@ def check_readings(log: Log, rig: CalibrationRig) -> None:
                     f"{name} reads {fraction:.3f} of its supply at switch {SWITCHES[switch]}:"
                     f" {AT_END}"
                 )
+
+
+def _jump(log: Log, rig: CalibrationRig, index: int) -> float:
+    """Largest difference of a potentiometer between approaches of one switch [rad]."""
+    ranges = []
+    for switch in (index // 2 * 2, index // 2 * 2 + 1):
+        events = [e for e in log.events if e.switch == switch]
+        for closed in (True, False):
+            seen = [e.potentiometer[index] for e in events if e.closed is closed]
+            ranges.append(float(np.ptp(seen)) * rig.track)
+    return max(ranges)
 
 
 def check_tracks(index: int, value: Array, log: Log, rig: CalibrationRig) -> None:

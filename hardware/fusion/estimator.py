@@ -177,6 +177,7 @@ class Fusion:
 
     def _start(self, reading: Reading) -> None:
         wired = self.monitor.begin(reading)
+        self._moved = -reading.dt  # `_tilt` adds it: a gap is no rest
         rate = radians(300.0)
         for k in range(2):
             angles = [reading.angle[i] for i in (2 * k, 2 * k + 1) if wired[i]]

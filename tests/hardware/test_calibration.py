@@ -373,6 +373,22 @@ def test_implausible_switch_is_refused(spoil, words):
         solve(spoil(_Rig(0).log()), RIG, 0)
 
 
+class _Moving(_Rig):
+    """Switch -x sits loose in its holder: its angle differs at every approach."""
+
+    def event(self, switch, closed, offset):
+        own = self.closing[1]
+        self.closing[1] += self.rng.normal(0, radians(0.7))
+        event = super().event(switch, closed, offset)
+        self.closing[1] = own
+        return event
+
+
+def test_a_loose_switch_is_not_taken_for_a_loose_potentiometer():
+    with pytest.raises(CalibrationError, match="switch -x is not repeatable"):
+        solve(_Moving(3).log(), RIG, 0)
+
+
 def _shift(log, switch, angle):
     """Move one switch: potentiometers and pulses agree, the gyro's scale gives it away."""
     rig = _Rig(0)

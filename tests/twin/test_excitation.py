@@ -1,6 +1,7 @@
 """Excitation signals against what the literature says they are."""
 
 import math
+from types import SimpleNamespace
 from typing import get_args
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analysis.recording import TimeSeries
 from twin.config import Signal
 from twin.errors import TwinError
+from twin.evaluation.compare import _repeats_begin
 from twin.experiments.excitation import Excitation
 
 TICK = 0.002
@@ -44,6 +47,17 @@ def test_after_three_repeats_comes_one_of_half_the_size():
     plan = Excitation("steps", amplitude=0.1, axis="x", repeats=4, hold=0.5).plan(TICK)
     reached = plan.angles[1::2, 0]
     np.testing.assert_allclose(reached, np.outer([0.1, 0.1, 0.1, 0.05, 0.1], [1, -1]).ravel())
+
+
+@pytest.mark.parametrize("repeats", [1, 2, 3, 6])
+def test_compare_cuts_steps_where_each_of_their_repeats_begins(repeats):
+    plan = Excitation("steps", amplitude=0.1, axis="x", repeats=repeats, hold=0.5).plan(TICK)
+    command = TimeSeries("gimbal/command", plan.times, plan.angles[:, :1], "rad", ("x",))
+    asked = SimpleNamespace(setting={"repeats": repeats, "signal": "steps"}.get)
+    edges = _repeats_begin(SimpleNamespace(command=command, recording=asked), "x")
+    begun = plan.times[1::4]  # up, zero, down, zero
+    assert len(edges) == len(begun) + 1 == repeats + repeats // 3 + 1
+    np.testing.assert_allclose(edges[:-1], begun, atol=0.05)  # phases over the pulse frame
 
 
 def test_no_hold_is_shorter_than_asked_where_ticks_do_not_divide_it():

@@ -42,11 +42,14 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     TwinError : in one line, what is wrong
     """
     folder = Path(config.study)
-    if (folder / "campaign.json").exists():  # results stand for their study
+    given = None
+    # results stand for their study; a place that cannot be looked at is none
+    if os.path.exists(folder / "campaign.json"):  # noqa: PTH110
+        given = folder
         config = replace(config, study=study_of(folder), out=config.out or folder)
     study = read(config.study)
     if config.action == "refly":
-        return _refly(config, study)
+        return _refly(config, study, given)
     began = time.perf_counter()
     conditions = (*study.fail_if, *(condition(t, study.measures) for t in config.fail_if))
     runs = Runs(study)
@@ -206,7 +209,7 @@ def _warm_up(bound: Binding) -> None:
     fly(replace(config, duration_s=config.at_s + WARM_UP_S), recorded=False)
 
 
-def _refly(config: Campaign, study: Study) -> FlightResult:
+def _refly(config: Campaign, study: Study, given: Path | None) -> FlightResult:
     runs = Runs(study)
     run = config.run
     assert run is not None  # by the settings
@@ -216,7 +219,7 @@ def _refly(config: Campaign, study: Study) -> FlightResult:
     out = config.out or folder
     if out.suffix != ".rrd":
         out = dated(out, f"run-{run}", ".rrd")
-    for rows in dict.fromkeys((out.parent, folder)):
+    for rows in dict.fromkeys((given or out.parent, out.parent, folder)):
         if (rows / "campaign.json").exists():  # another study's run would not be that of the row
             _store(replace(config, out=rows), study, runs).check()
             break

@@ -63,7 +63,10 @@ class Cluster:
         fly = ray.remote(num_cpus=1, max_retries=RETRIES)(rows_of)
         place = self.study.place
         given = str(Path(place).resolve()) if Path(place).suffix else place
-        self.store.prepare()
+        try:
+            self.store.prepare()
+        except OSError as error:
+            raise TwinError(f"cannot write {self.store.folder}: {error.strerror}") from None
         present = set(self.store.present())
         waiting = [p for p in range(self.store.parts) if p not in present]
         waiting.reverse()
@@ -84,7 +87,10 @@ class Cluster:
     def _got(self, ray: Any, fly: Any, given: str, part: int, task: Any) -> Rows:  # noqa: ANN401
         """Rows of a fragment; where its worker kept dying its runs are flown one by one."""
         of_ray = ray.exceptions
-        died = (of_ray.WorkerCrashedError, of_ray.NodeDiedError, of_ray.ObjectLostError)
+        died = (
+            of_ray.WorkerCrashedError, of_ray.NodeDiedError, of_ray.ObjectLostError,
+            of_ray.OutOfMemoryError, of_ray.LocalRayletDiedError,
+        )  # fmt: skip
         with suppress(*died):
             return self._answer(ray, task)
         rows: Rows = []

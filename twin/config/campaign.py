@@ -59,5 +59,7 @@ class Campaign(Output):
             )
         if self.ray is not None and self.action not in ("run", "resume"):
             raise TwinError(f"--ray {self.ray}: is for `twin campaign run` and `resume`")
+        if self.workers is not None and self.ray not in (None, "local"):
+            raise TwinError(f"--workers {self.workers}: a cluster has its own number; leave it out")
         if self.reweight is not None and self.action != "report":
             raise TwinError(f"--reweight {self.reweight}: is for `twin campaign report`")

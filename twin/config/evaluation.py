@@ -202,8 +202,7 @@ class Compare(Columns, Output, Parameters):
     """
     drift: Flag = False
     """Of one recording of a rig: estimate gain, delay, zero, speed, backlash and friction over time
-    with their intervals, and name what leaves the interval of the model, since when, by how much.
-    """
+    with their intervals, and name what changes during the run, since when, by how much."""
     explain: Flag = False
     """Of one recording of a rig: give the share of each effect of the model (calibration error,
     delay, sensor lag, slew limit, servo gain, backlash, friction, dead band, wait for the pulse
@@ -347,3 +346,15 @@ class Doctor(Settings):
     """Compile now what the verbs otherwise compile on first use, about 30 s."""
     json: Flag = False
     """Print the findings as one JSON object."""
+
+    def validate(self) -> None:
+        """Refuse settings without effect.
+
+        Raises
+        ------
+        TwinError : the flag and its value
+        """
+        super().validate()
+        others = self.vehicle is not None or self.mechanism is not None or self.compile
+        if self.port is not None and others:
+            raise TwinError(f"--port {self.port}: reports on a board only, without other flags")

@@ -11,6 +11,7 @@ from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
 Track = Annotated[float, Range(90.0, 360.0, "°")]
+TRACK_DEG = 240.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +34,7 @@ class Rig(SimulatedRig, Parameters):
     """Random seed of the sensor noise."""
     minimal: Flag = False
     """A rig without potentiometers: one IMU on the holder."""
-    potentiometer_deg: Track = 240.0
+    potentiometer_deg: Track = TRACK_DEG
     """Travel of the potentiometers' tracks [°]."""
     duration_s: Duration | None = None
     """Time to serve [s]; until interrupted if omitted."""
@@ -41,15 +42,21 @@ class Rig(SimulatedRig, Parameters):
     """Print the port as one JSON object."""
 
     def validate(self) -> None:
-        """Refuse two ports at once.
+        """Refuse two ports at once, and a travel of potentiometers that are not there.
 
         Raises
         ------
         TwinError : the flags
         """
         super().validate()
+        _has_tracks(minimal=self.minimal, track=self.potentiometer_deg)
         if self.port is not None and self.link is not None:
             raise TwinError("--link is the name of a pseudo-terminal; it excludes --port")
+
+
+def _has_tracks(*, minimal: bool, track: float) -> None:
+    if minimal and track != TRACK_DEG:
+        raise TwinError("--potentiometer-deg is of potentiometers; it excludes --minimal")
 
 
 SwitchAngle = Annotated[float, Range(-45.0, 45.0, "°")]
@@ -71,7 +78,7 @@ class Calibrate(SimulatedRig, Output):
     minimal: Flag = False
     """The rig has no potentiometers: angles by the IMU on the holder. Later runs read this from the
     calibration file."""
-    potentiometer_deg: Track = 240.0
+    potentiometer_deg: Track = TRACK_DEG
     """Travel of the potentiometers' tracks by their data sheet [°], for example 300 or 333."""
     repeats: Annotated[int, Range(1, 100)] = 3
     """Approaches per switch and position of the other servo."""
@@ -79,6 +86,16 @@ class Calibrate(SimulatedRig, Output):
     """Random seed: noise of a simulated rig, and order of the approaches."""
     out: Path = Path("calibration.json")
     """Calibration file to write."""
+
+    def validate(self) -> None:
+        """Refuse a travel of potentiometers that are not there.
+
+        Raises
+        ------
+        TwinError : the flags
+        """
+        super().validate()
+        _has_tracks(minimal=self.minimal, track=self.potentiometer_deg)
 
 
 @dataclass(frozen=True, kw_only=True)

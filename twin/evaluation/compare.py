@@ -245,12 +245,14 @@ def _before_fault(pair: _Pair) -> tuple[_Pair, tuple[str, ...]]:
         for run, shift in runs
         if run.recording.setting("on_fault") != "ignore"
         for e in run.recording.events
-        if e.level == "ERROR"
+        if e.level == "ERROR" and e.text.startswith("fault: ")
     ]
     if not faults:
         return pair, ()
     end, name = min(faults)
     reference = pair.reference.rows(pair.reference.time < end)
+    if not len(reference.time):
+        raise TwinError(f"compare: {name} has nothing before its fault at {end:.2f} s")
     last = float(pair.reference.time[-1])
     text = f"{name} was cut off by a fault: compared up to {end:.2f} s, of {last:.2f} s"
     return replace(pair, reference=reference), (text,)
@@ -259,7 +261,8 @@ def _before_fault(pair: _Pair) -> tuple[_Pair, tuple[str, ...]]:
 def _repeats_begin(run: Measurement, axis: str) -> Array:
     """When each repeat of an axis begins [s], and when the last ends.
 
-    An axis is commanded for as many equal times as the run's setting `repeats` says.
+    An axis is commanded for as many equal times as the run's setting `repeats` says; of steps, for
+    as many as it leaves zero both ways.
     """
     command = run.command.select((axis,))
     changes = command.time[command.changes()]
@@ -268,6 +271,8 @@ def _repeats_begin(run: Measurement, axis: str) -> Array:
         return np.zeros(0)
     last = changes[-1]
     if run.recording.setting("signal") == "steps":
+        value = np.ravel(command.values)
+        count = max(1, int(np.count_nonzero((value[:-1] == 0.0) & (value[1:] != 0.0))) // 2)
         last += np.diff(changes).max()  # a step lasts as long as it is held
     return np.linspace(changes[0], last, count + 1)
 

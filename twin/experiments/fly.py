@@ -76,6 +76,7 @@ def fly(
             flight.announce = recorder.event
         if s.real_time:
             s.rehearse(_pilot(plant, programme, s.tick_ns))
+            _rehearse(Flight(plant, target), Track(plant, s.rows.command, pilot.error))
         powered = _powered(turntable, flight.burnout_ns)
         duration_ns = round(config.duration_s * 1e9)
         outcome = None
@@ -118,3 +119,10 @@ def _pilot(
 ) -> Pilot:
     loop = AttitudeController(control_config(plant.model))
     return Pilot(plant, loop, programme, tick_ns * 1e-9, attitude)
+
+
+def _rehearse(flight: Flight, track: Track) -> None:
+    """Compile what watches a flight before the clock starts."""
+    flight.watch(0)
+    flight.over()
+    track.watch(0)

@@ -24,6 +24,7 @@ from twin.plant.authority import numeric
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
+STRAIGHT_M = 1e5  # a smallest turn of a larger radius is none
 BLOCK: Final = 4096  # ticks in one array
 TIME, POSITION, VELOCITY, AIRSPEED, ATTACK, COMMAND, ERROR = (
     0, slice(1, 4), slice(4, 7), 7, 8, slice(9, 11), 11,
@@ -54,7 +55,7 @@ class Figures:
     gimbal_saturation : share of the burn in which a command is at the limit of its axis
     control_margin : share of the stroke that the larger of both commands leaves in 95 % of the burn
     turn_radius_m : smallest of the path under power in free flight, over `TURN` seconds: way over
-        change of its direction (the mean of 1/curvature; E. Kreyszig, Advanced Engineering
+        change of its direction (1 over the mean curvature; E. Kreyszig, Advanced Engineering
         Mathematics, 10th ed., §9.5); None where the motor burned no longer
     downrange_m : level distance from the launch point at the end
     end_east_m, end_north_m : the place of the end, from the launch point
@@ -108,7 +109,7 @@ class Figures:
             rows.append(("gimbal at limit", f"{self.gimbal_saturation:.1%} of the burn"))
         if self.control_margin is not None:
             rows.append(("stroke left", f"{self.control_margin:.0%} in 95 % of the burn"))
-        if self.turn_radius_m is not None:
+        if self.turn_radius_m is not None and self.turn_radius_m < STRAIGHT_M:
             rows.append(("smallest turn", f"{self.turn_radius_m:.0f} m radius under power"))
         end = (
             f"{self.downrange_m:.0f} m ({self.end_east_m:.0f} m east, {self.end_north_m:.0f} north)"
