@@ -13,6 +13,9 @@ _LOAD = radians(0.3)  # play that a weight takes up, and waviness of the potenti
 _SLOPE = 0.02  # of a load on the servos
 _BENT = 0.1  # of a straight line through the shipped linkage, at 9°
 _SPREAD = radians(0.3)  # of the play from one place to another
+# Of a 9 g servo, 10 µs by its data sheet: it may stop anywhere within after a fast move, although a
+# calibration, which creeps, sees little of it.
+_DEAD_BAND = radians(0.43)
 
 
 def tolerances(calibration: Calibration, limits: ServoLimits) -> tuple[Tolerance, Tolerance]:
@@ -29,7 +32,7 @@ def tolerances(calibration: Calibration, limits: ServoLimits) -> tuple[Tolerance
         grown = here[k] ** 2 + zero**2
         slope = max(0.0, there[k] ** 2 + away**2 - grown) ** 0.5 / _AT
         width = calibration.hysteresis[k]
-        play = min(limits.play, width + _SPREAD) if width > 0 else limits.play
+        play = min(limits.play, max(width, _DEAD_BAND) + _SPREAD) if width > 0 else limits.play
         return Tolerance(3 * hypot(here[k], zero) + _LOAD, 3 * slope + _SLOPE + bent, play)
 
     return one(0), one(len(AXES) - 1)

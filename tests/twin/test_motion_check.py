@@ -174,3 +174,19 @@ def test_a_simulated_rig_has_the_tracks_it_is_given():
         for p, q in zip(plain.potentiometers, longer.potentiometers, strict=True):
             turned = [r.fraction(0.1) - r.fraction(0.0) for r in (p, q)]
             assert turned[1] / turned[0] == pytest.approx(240 / 333)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", range(1, 9))
+def test_a_calibrated_unit_without_a_fault_is_not_accused(unit, capsys, tmp_path):
+    """Unit 2 shows 0.1° of hysteresis to a creeping calibration, and stops 0.33° off after a step.
+
+    Its servo stops anywhere within the dead band.
+    """
+    file, rig = tmp_path / "rig.json", f"--gimbal emulator --unit {unit}"
+    status, *_ = command(capsys, *f"calibrate {rig} --repeats 1 --out {file}".split())
+    assert status == 0
+    out = tmp_path / "steps.rrd"
+    line = f"step {rig} --calibration {file} --seed 1 --repeats 1 --out {out}"
+    status, text, err = command(capsys, *line.split())
+    assert status == 0, text + err
