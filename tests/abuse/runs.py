@@ -100,7 +100,8 @@ def _attacked(target: strangers.Target, attack, data: bytes) -> None:
         with strangers._connect(target) as line, contextlib.suppress(ConnectionError):
             line.sendall(data)
     target.until(lambda: target.port.refused.total() > before)
-    assert target.pulses == {strangers.FLOWN}
+    # an owner that a loaded machine keeps waiting leaves its servos at neutral
+    assert target.pulses <= {strangers.FLOWN, strangers.NEUTRAL}
 
 
 def outputs(chance: Random, folder: Path) -> Iterator[Attempt]:
