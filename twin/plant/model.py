@@ -2,7 +2,7 @@
 
 import functools
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -87,8 +87,14 @@ class TwinModel:
     notes: tuple[str, ...] = ()
 
 
-def load(config: ModelConfig) -> TwinModel:
+def load(
+    config: ModelConfig, settle: Callable[[mujoco.MjModel], None] = lambda _: None
+) -> TwinModel:
     """Compile the model of a run.
+
+    Parameters
+    ----------
+    settle : called last with the compiled model, before its digest is taken
 
     Raises
     ------
@@ -133,6 +139,7 @@ def load(config: ModelConfig) -> TwinModel:
         check_frame(model)
     check_vehicle(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    settle(model)
     return TwinModel(mj=model, gimbal=seat, sha256=digest(model), notes=notes)
 
 
