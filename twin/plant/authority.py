@@ -47,12 +47,15 @@ def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
     return lever, transverse
 
 
-def balance(model: mujoco.MjModel) -> tuple[float, float, float, float]:
+def balance(
+    model: mujoco.MjModel, data: mujoco.MjData | None = None
+) -> tuple[float, float, float, float]:
     """Mass [kg], station of its centre [m], transverse and axial inertia about that [kg m²].
 
-    Of the vehicle with the masses that the model has now, gimbal centred.
+    Of the vehicle with the masses that the model has now, gimbal centred. `data` in its initial
+    state may be given.
     """
-    data = mujoco.MjData(model)
+    data = data or mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     root = model.body("vehicle").id

@@ -309,7 +309,7 @@ class Plant:
             self._came_apart(*self.closure.tolist())
 
     def _step_in_parts(self, n: int) -> None:
-        native = self._native_steps()
+        native = self._compiled or self._native_steps()
         if native is not None:
             stepping.step_divided(native, self._propellant.fuel, self.steps, n)
             return
