@@ -47,7 +47,8 @@ class FlightResult(Result):
     target_m : point steered to, east north up from the launch point
     closest_approach_m : to that point
     attitude_error_rms_deg : angle between nose and setpoint while the motor burned
-    physics_steps, physics_s : steps taken, and the processor time they took
+    physics_steps, physics_s : steps taken, however each was divided, and the processor time of
+        stepping, in compiled flights that of whole ticks
     cpu_s : processor time of the whole command in this process
     wall_s : time of the whole command
     figures : the flight in the terms of rocketry; `as_dict` has them beside the others

@@ -61,6 +61,7 @@ class Plant:
 
     Attributes
     ----------
+    integrator : its name
     renewal_ns : longest time between two updates of the propellant mass [ns]
     divides : whether Runge-Kutta steps of a vehicle without moving parts are divided where its
         forces change, and the propellant mass is that of the middle of each
@@ -84,6 +85,7 @@ class Plant:
         self.dt_ns: int = round(self.model.opt.timestep * 1e9)
         if abs(self.dt_ns * 1e-9 - self.model.opt.timestep) > 1e-15:
             raise TwinError(f"dt {self.model.opt.timestep} s is not a whole number of nanoseconds")
+        self.integrator = integrator
         self.steps = 0
         self.computing_s = 0.0
         self._stepper = integrators.make(integrator)
