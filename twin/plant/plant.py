@@ -278,7 +278,10 @@ class Plant:
         steps = self._native_steps()
         if steps is None or self._flow is None or self.follows:
             return None
-        gaps = stepping.Gaps(self.closure, self._rods.sites, self._rods.loops, self._open)
+        rods = self._rods
+        gaps = stepping.Gaps(
+            self.closure, rods.sites, rods.loops, self._open, rods.servo, rods.qpos, rods.shafts
+        )
         fuel, drive = self._propellant.fuel, self._actuation.native
         return stepping.Native(steps, fuel, drive, gaps, self._flow.air)
 
