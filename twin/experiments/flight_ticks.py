@@ -82,7 +82,8 @@ def compiled_ticks(
     sources = np.empty(0, np.int64) if rows is None else rows.sources
     if native is None or pilot_native is None or sources is None:
         return None
-    status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s")
+    if rows is not None:  # others are flown by something with a line of its own
+        status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s")
     copies = _Copies(rows, sources, plant.data)
     copied, events = np.empty((CHUNK, copies.addresses.size)), np.zeros(CHUNK, np.int64)
     ticks, end, tick_ns = 0, 0, steps * plant.dt_ns
@@ -106,7 +107,8 @@ def compiled_ticks(
         plant.judge(code)
         if end:
             break
-    status.say("writing the recording")
+    if rows is not None:
+        status.say("writing the recording")
     return Outcome(ticks, ENDS[end] or TIME_UP)
 
 
