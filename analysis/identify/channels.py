@@ -12,9 +12,12 @@ from analysis.identify.evidence import ChannelFit, Estimate, ServoBounds
 from analysis.identify.fit import AxisFit
 from analysis.identify.problem import Problem
 from analysis.identify.servo_fit import ServoFit
-from analysis.identify.uncertainty import Uncertainty, propagated
+from analysis.identify.uncertainty import Uncertainty, propagated, slope_of
+from analysis.identify.unexplained import over_sizes, smeared
 
+_STEP = 1e-3  # of a parameter, for slopes
 _TRACE = 1e-9  # of a variance
+
 Figures = list[tuple[str, str, Callable[[Array], float]]]  # name, unit, value of the parameters
 
 
@@ -26,13 +29,8 @@ def linear(
     whole = np.concatenate([solution.theta, solution.linear])
     found = []
     for j, name in enumerate(inputs):
-        group, numerator = layout.group(j), layout.numerator(j)
-        places = [*range(group.start, group.stop)]
-        fixed = j not in layout.free_delays
-        if not fixed:
-            places.append(layout.delay_place(j))
-        places += range(layout.size + numerator.start, layout.size + numerator.stop)
-        given = layout.delays[j] if fixed else None
+        places = _places(fit, j)
+        given = None if j in layout.free_delays else layout.delays[j]
         found.append(
             _channel(
                 whole, places, known, f"{output}/{name}", longest, layout.poles,
@@ -40,6 +38,54 @@ def linear(
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def changes(fit: AxisFit, jacobian: Array, j: int) -> tuple[Estimate, ...]:
+    """What poles and delay of a channel change by from the smallest to the largest step."""
+    if j not in fit.problem.layout.free_delays:
+        return ()
+    seen = over_sizes(fit.problem, jacobian, fit.solution.weighted, _places(fit, j), j)
+    if seen is None:
+        return ()
+    figures, slope = _slopes(fit, j, np.sqrt(np.diag(seen[1])))
+    values, std = slope @ seen[0], np.sqrt(np.diag(slope @ seen[1] @ slope.T))
+    return tuple(
+        Estimate(what, float(v), float(s), unit)
+        for (what, unit, _), v, s in zip(figures, values, std, strict=True)
+    )
+
+
+def smear(fit: AxisFit, jacobian: Array, j: int, stamps: float) -> dict[str, float]:
+    """What steps at scattered times change poles and delay of a channel by, as their mean answer.
+
+    Parameters
+    ----------
+    stamps : scatter of the times [s], NaN where the steps show none
+    """
+    if j not in fit.problem.layout.free_delays or not stamps > 0.0:
+        return {}
+    change = smeared(fit.problem, fit.solution, jacobian, fit.problem.layout.delay_place(j), stamps)
+    figures, slope = _slopes(fit, j, np.full(len(_places(fit, j)), _STEP))
+    values = slope @ change[_places(fit, j)]
+    return {what: float(v) for (what, _, _), v in zip(figures, values, strict=True)}
+
+
+def _slopes(fit: AxisFit, j: int, spread: Array) -> tuple[Figures, Array]:
+    """Figures of a channel's poles and delay, and their derivatives by its parameters."""
+    layout, solution = fit.problem.layout, fit.solution
+    at = np.concatenate([solution.theta, solution.linear])[_places(fit, j)]
+    figures = _figures(at, layout.poles, layout.frequency)[1:]  # the gain is another matter
+    return figures, slope_of(lambda p: np.array([f(p) for _, _, f in figures]), at, spread)
+
+
+def _places(fit: AxisFit, j: int) -> list[int]:
+    """Places of a channel's parameters among all: poles, delay where it is free, numerator."""
+    layout = fit.problem.layout
+    group, numerator = layout.group(j), layout.numerator(j)
+    found = [*range(group.start, group.stop)]
+    if j in layout.free_delays:
+        found.append(layout.delay_place(j))
+    return [*found, *range(layout.size + numerator.start, layout.size + numerator.stop)]
 
 
 def bounded(

@@ -62,6 +62,11 @@ class AxisEvidence(Plain):
         unknown
     stamps : how far each step's time is off beyond the noise, rms [s]; NaN if unknown
     disagree : steps scatter more than noise explains, and the intervals are theirs
+    allowed : intervals allow for a residual that is not white, by its colour or by whole steps
+    repeats : share of the residual's power that a better linear model would take
+    sizes : what poles and delay change by from the smallest to the largest step, where the speed
+        does not grow with the step
+    smear : what the scatter of the steps' times changes poles and delay by
     """
 
     name: str
@@ -77,6 +82,10 @@ class AxisEvidence(Plain):
     spread: float
     stamps: float
     disagree: bool
+    allowed: bool
+    repeats: float
+    sizes: tuple[Estimate, ...]
+    smear: dict[str, float]
 
     @property
     def fit(self) -> tuple[float, ...]:
