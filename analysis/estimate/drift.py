@@ -7,12 +7,12 @@ own beginning where it is not. What the model cannot follow widens the intervals
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.array import Array
+from analysis.estimate.alarm import LIMIT, first_alarm
 from analysis.estimate.recursive import (
     BLOCK,
     Information,
@@ -24,14 +24,10 @@ from analysis.estimate.recursive import (
     track,
 )
 
-LIMIT = 3.0  # standard deviations of estimate and model together
-LASTS = 4  # blocks in a row beyond the limit
 AFTER = 16  # blocks after the alarm whose readings still count for the size of the change
-FIRST = 16  # blocks before the first verdict
 BEGINNING = 20  # blocks of motion that show how a gimbal differs from its model from the start
 UNFITTED = 10.0  # times the model's interval that a gimbal which it was not fitted to may differ
 MOST = 6  # changes of one axis
-APART = 1.2  # explained by the best property over what the next explains
 LEAST = 2.0  # standard deviations of new value and model together; a smaller change is none
 SETTLED = 1.0  # s after a command, in which the motion shows the properties
 AROUND = 0.5  # s about a change, whose readings belong to neither side
@@ -39,14 +35,6 @@ REFINED = 2  # Gauss-Newton steps
 
 # motion (n,) of an axis with its properties (k,), and its derivatives by them (n, k)
 Model = Callable[[Array], tuple[Array, Array]]
-
-
-class _Alarm(NamedTuple):
-    """Blocks at which a change is certain and at which it began, and the property."""
-
-    at: int
-    start: int
-    what: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +129,7 @@ def drift(
         info, slope = given.beside(levels)
         seen = track(info, prior)
         room = lowest - levels[-1][1]
-        alarm = _alarm(info, seen, prior, apart, room, begin) if len(changes) < MOST else None
+        alarm = first_alarm(info, seen, prior, apart, room, begin) if len(changes) < MOST else None
         if alarm is None:
             break
         at, begun, k = alarm
@@ -259,44 +247,3 @@ def _held(levels: Sequence[tuple[float, Array]], time: Array) -> Array:
     """Properties in force at times (n, k)."""
     at = np.searchsorted([since for since, _ in levels], time, side="right") - 1
     return np.array([level for _, level in levels])[np.maximum(at, 0)]
-
-
-def _alarm(
-    info: Information, seen: Track, prior: Array, apart: Array, room: Array, begin: int
-) -> _Alarm | None:
-    """The first change that is certain, possible and can be told from the others.
-
-    Parameters
-    ----------
-    apart : standard deviations of constant differences
-    room : from the level to the lowest value of each property, negative
-    """
-    far = (np.abs(np.maximum(seen.value, room)) / np.hypot(seen.sigma, prior)).max(axis=1)
-    beyond = (far > LIMIT).astype(int)
-    row = np.convolve(beyond, np.ones(LASTS, int))[: len(beyond)] == LASTS
-    for at in np.flatnonzero(row):
-        if at < begin + FIRST:
-            continue
-        gains, starts = _explained(info, prior, apart, room, begin, int(at))
-        best, next_best = np.argsort(gains)[::-1][:2]
-        if gains[best] > APART * gains[next_best]:
-            return _Alarm(int(at), int(starts[best]), int(best))
-    return None
-
-
-def _explained(
-    info: Information, prior: Array, apart: Array, room: Array, begin: int, at: int
-) -> tuple[Array, NDArray[np.int64]]:
-    """What a step of each property explains at most, and the first block of that step.
-
-    Beside constant differences of all properties.
-    """
-    rows = slice(begin, at + 1)
-    normal, right = (np.cumsum(v[rows][::-1], axis=0)[::-1] for v in (info.normal, info.right))
-    inverse = np.linalg.inv(normal[0] + np.diag(apart**-2.0))
-    free = np.einsum("bkk->bk", normal) - np.einsum("bik,ij,bjk->bk", normal, inverse, normal)
-    rest = right - normal @ (inverse @ right[0])
-    free = np.maximum(free, prior**-2.0)
-    step = np.maximum(rest / free, room)
-    gain = (2.0 * rest - free * step) * step
-    return gain.max(axis=0), begin + gain.argmax(axis=0)

@@ -22,6 +22,7 @@ MEMORY = 6.0  # s; time constant of forgetting
 FEWEST = 40  # blocks of motion
 LONG = 20  # blocks; shorter fits would take the slow part of the noise for motion
 WINDOW = 8  # blocks of one estimate of the scatter
+INVISIBLE = 1e-9  # of the best known direction's variance: nothing was seen of it
 LARGEST_MEMORY = 0.995  # of the noise, from sample to sample
 
 
@@ -153,19 +154,26 @@ def scatter(info: Information, prior: Array) -> float:
 
     What the model cannot follow scatters them more. By the median of the differences of successive
     windows, as the moving range of a control chart, which one change does not raise; 1 at least.
+    Properties that a window shows nothing of do not count.
     """
     count = len(info.time) // WINDOW
     if count < 2:
         return 1.0
-    rows = [slice(WINDOW * i, WINDOW * (i + 1)) for i in range(count)]
-    normal = np.array([info.normal[r].sum(axis=0) for r in rows])
-    right = np.array([info.right[r].sum(axis=0) for r in rows])
-    inverse = np.linalg.inv(normal + np.diag(prior**-2.0))
+    # over the model's own deviations, so that the rank does not depend on units
+    shape = (count, WINDOW, len(prior))
+    right = (info.right[: count * WINDOW].reshape(shape) * prior).sum(axis=1)
+    normal = info.normal[: count * WINDOW].reshape(*shape, len(prior)).sum(axis=1)
+    normal = normal * np.outer(prior, prior)
+    inverse = np.linalg.inv(normal + np.eye(len(prior)))
     step = np.diff(np.einsum("wij,wj->wi", inverse, right), axis=0)
     spread = inverse @ normal @ inverse
-    own = np.linalg.pinv(spread[1:] + spread[:-1], hermitian=True)
-    square = np.einsum("wi,wij,wj->w", step, own, step)
-    return max(1.0, math.sqrt(float(np.median(square)) / chi2.median(len(prior))))
+    both = spread[1:] + spread[:-1]
+    shown = np.linalg.matrix_rank(both, rtol=INVISIBLE, hermitian=True)
+    own = np.linalg.pinv(both, rcond=INVISIBLE, hermitian=True)
+    square = np.einsum("wi,wij,wj->w", step, own, step)[shown > 0]
+    if not len(square):
+        return 1.0
+    return max(1.0, math.sqrt(float(np.median(square / chi2.median(shown[shown > 0])))))
 
 
 def _white(values: Array, memory: float) -> Array:
@@ -189,8 +197,9 @@ def _memory(residual: Array, sensitivity: Array, edges: NDArray[np.int64]) -> fl
 
 def _rest(r: Array, J: Array, valid: NDArray[np.bool_]) -> float:
     """Variance that a fit of one block leaves; NaN where it has too few readings."""
-    free = int(np.count_nonzero(valid)) - J.shape[1]
+    best, _, seen, _ = np.linalg.lstsq(J, r, rcond=None)
+    free = int(np.count_nonzero(valid)) - int(seen)
     if free < J.shape[1]:
         return np.nan
-    rest = r - J @ np.linalg.lstsq(J, r, rcond=None)[0]
+    rest = r - J @ best
     return float(rest @ rest) / float(free)

@@ -1,6 +1,7 @@
 """Fitted parameters as transfer functions and as the figures engineers quote, with deviations."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,11 @@ from analysis.identify.evidence import ChannelFit, Estimate, ServoBounds
 from analysis.identify.fit import AxisFit
 from analysis.identify.problem import Problem
 from analysis.identify.servo_fit import ServoFit
-from analysis.identify.uncertainty import Uncertainty
+from analysis.identify.uncertainty import Uncertainty, propagated, slope_of
+from analysis.identify.unexplained import over_sizes, smeared
+
+_STEP = 1e-3  # of a parameter, for slopes
+_TRACE = 1e-9  # of a variance
 
 Figures = list[tuple[str, str, Callable[[Array], float]]]  # name, unit, value of the parameters
 
@@ -24,13 +29,8 @@ def linear(
     whole = np.concatenate([solution.theta, solution.linear])
     found = []
     for j, name in enumerate(inputs):
-        group, numerator = layout.group(j), layout.numerator(j)
-        places = [*range(group.start, group.stop)]
-        fixed = j not in layout.free_delays
-        if not fixed:
-            places.append(layout.delay_place(j))
-        places += range(layout.size + numerator.start, layout.size + numerator.stop)
-        given = layout.delays[j] if fixed else None
+        places = _places(fit, j)
+        given = None if j in layout.free_delays else layout.delays[j]
         found.append(
             _channel(
                 whole, places, known, f"{output}/{name}", longest, layout.poles,
@@ -38,6 +38,54 @@ def linear(
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def changes(fit: AxisFit, jacobian: Array, j: int) -> tuple[Estimate, ...]:
+    """What poles and delay of a channel change by from the smallest to the largest step."""
+    if j not in fit.problem.layout.free_delays:
+        return ()
+    seen = over_sizes(fit.problem, jacobian, fit.solution.weighted, _places(fit, j), j)
+    if seen is None:
+        return ()
+    figures, slope = _slopes(fit, j, np.sqrt(np.diag(seen[1])))
+    values, std = slope @ seen[0], np.sqrt(np.diag(slope @ seen[1] @ slope.T))
+    return tuple(
+        Estimate(what, float(v), float(s), unit)
+        for (what, unit, _), v, s in zip(figures, values, std, strict=True)
+    )
+
+
+def smear(fit: AxisFit, jacobian: Array, j: int, stamps: float) -> dict[str, float]:
+    """What steps at scattered times change poles and delay of a channel by, as their mean answer.
+
+    Parameters
+    ----------
+    stamps : scatter of the times [s], NaN where the steps show none
+    """
+    if j not in fit.problem.layout.free_delays or not stamps > 0.0:
+        return {}
+    change = smeared(fit.problem, fit.solution, jacobian, fit.problem.layout.delay_place(j), stamps)
+    figures, slope = _slopes(fit, j, np.full(len(_places(fit, j)), _STEP))
+    values = slope @ change[_places(fit, j)]
+    return {what: float(v) for (what, _, _), v in zip(figures, values, strict=True)}
+
+
+def _slopes(fit: AxisFit, j: int, spread: Array) -> tuple[Figures, Array]:
+    """Figures of a channel's poles and delay, and their derivatives by its parameters."""
+    layout, solution = fit.problem.layout, fit.solution
+    at = np.concatenate([solution.theta, solution.linear])[_places(fit, j)]
+    figures = _figures(at, layout.poles, layout.frequency)[1:]  # the gain is another matter
+    return figures, slope_of(lambda p: np.array([f(p) for _, _, f in figures]), at, spread)
+
+
+def _places(fit: AxisFit, j: int) -> list[int]:
+    """Places of a channel's parameters among all: poles, delay where it is free, numerator."""
+    layout = fit.problem.layout
+    group, numerator = layout.group(j), layout.numerator(j)
+    found = [*range(group.start, group.stop)]
+    if j in layout.free_delays:
+        found.append(layout.delay_place(j))
+    return [*found, *range(layout.size + numerator.start, layout.size + numerator.stop)]
 
 
 def bounded(
@@ -79,7 +127,20 @@ def bounded(
         Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
         for (what, unit), v, s in zip(names, values, std, strict=False)
     ]
-    return channel, ServoBounds(fit.structure, *estimates)
+
+    def figures(p: Array) -> Array:
+        own = p[places] if given is None else np.insert(p[places], n, given)
+        return np.concatenate(
+            [[value(own) for *_, value in _figures(own, n, 1.0)], bounds(p[parts])]
+        )
+
+    size = len(whole)
+    every = known.covariance[:size, :size].copy()
+    if given is None:
+        every[n, n] += fit.problem.doubt**2
+    stds = np.concatenate([[e.std for e in channel.estimates], std])
+    joint = _scaled(propagated(figures, whole, every), stds)
+    return replace(channel, joint=joint), ServoBounds(fit.structure, *estimates)
 
 
 def nothing(like: ChannelFit, found: tuple[Estimate, ...] = ()) -> ChannelFit:
@@ -137,6 +198,7 @@ def _channel(
 
     std = known.deviations(values_of, at, places, doubts)
     own = known.covariance[np.ix_(places, places)] + np.diag(doubts**2)
+    joint = _scaled(propagated(values_of, at, own), std)
     if given is not None:
         own = np.insert(np.insert(own, poles, 0.0, 0), poles, 0.0, 1)
     num, den = polynomials(parameters, poles, frequency)
@@ -147,8 +209,18 @@ def _channel(
     )
     return ChannelFit(
         tuple(num.tolist()), tuple(den.tolist()), float(parameters[poles]), estimates,
-        parameters, own,
+        parameters, own, joint,
     )  # fmt: skip
+
+
+def _scaled(covariance: Array, std: Array) -> Array:
+    """A covariance (n, n) with these deviations (n,), its correlations kept.
+
+    Positive definite by a trace also where two figures vary as one, such as gain and rate limit.
+    """
+    now = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+    scale = np.divide(std, now, out=np.zeros(len(std)), where=now > 0.0)
+    return np.asarray(covariance * np.outer(scale, scale) + np.diag(_TRACE * std**2))
 
 
 def _determined(what: str, value: float, std: float, longest: float, lag: float) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.identify.diagnostics import Saturation, residual_tests
-from analysis.identify.evidence import AxisEvidence, ChannelFit
+from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate
 from analysis.identify.fit import AxisFit
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem import Problem
@@ -13,12 +13,12 @@ from analysis.identify.selection import Choice
 from analysis.identify.servo_fit import ServoFit
 from analysis.identify.states import Part
 from analysis.identify.uncertainty import Uncertainty
+from analysis.identify.unexplained import repeatable
 from analysis.recording.measurements import Measurement
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
-_GOOD = 95.0  # from here on what the model lacks is small, and the intervals allow for it
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
-_FOLLOWS = 0.15  # correlation with the command's changes that matters, likewise
+_ANSWER = 0.1  # share of the residual's power that another linear model would take; chance: 0
 
 
 def stamp_warnings(records: Sequence[Measurement]) -> list[str]:
@@ -47,9 +47,16 @@ def evidence(
     checked: Saturation,
     known: Uncertainty,
     stamps: float,
+    sizes: tuple[Estimate, ...],
+    smear: dict[str, float],
     own: int = 0,
 ) -> AxisEvidence:
-    """What speaks for a fit; `own` is the column of the axis' own command."""
+    """What speaks for a fit; `own` is the column of the axis' own command.
+
+    Parameters
+    ----------
+    sizes, smear : what the sizes and the scattered times of the steps change poles and delay by
+    """
     problem = fit.problem
     residual = fit.residual if isinstance(fit, ServoFit) else fit.solution.residual
     spikes = 0 if isinstance(fit, ServoFit) else int(fit.spikes.sum())
@@ -72,6 +79,8 @@ def evidence(
     return AxisEvidence(
         name, int(counted.sum()), spikes, fit.noise, tuple(fits[0]), tuple(fits[1]),
         tests[0], tests[1], checked, fit.converged, known.spread, stamps, known.disagree,
+        known.disagree or known.colour is not None,
+        repeatable(problem, residual, min(own, problem.parts[0].input.shape[1] - 1)), sizes, smear,
     )  # fmt: skip
 
 
@@ -101,27 +110,29 @@ def selection_warnings(
 
 
 def warnings_of(
-    axis: AxisEvidence, row: tuple[ChannelFit, ...], longest: float, problem: Problem
+    axis: AxisEvidence,
+    row: tuple[ChannelFit, ...],
+    longest: float,
+    problem: Problem,
+    own: int = 0,
 ) -> list[str]:
-    """One line for everything a reader must know before quoting a figure."""
+    """One line for everything a reader must know before quoting a figure.
+
+    What a model lacks is one where it changes a figure by more than its interval, where the
+    intervals do not allow for it, or where another linear model would have it. Otherwise it is
+    noise or scatter, which the intervals are made of.
+
+    Parameters
+    ----------
+    own : place in `row` of the channel from the axis' own command
+    """
     name = f"axis '{axis.name}'"
     found = []
     if not axis.converged:
         found.append(f"{name}: the search did not settle; treat the figures as a guess")
-    lacking = not _fit(axis) >= _GOOD
-    found += _fit_warnings(axis, name, lacking=lacking)
-    if lacking:
-        found += _residual_warnings(axis, name)
-    if axis.disagree and lacking:
-        found.append(
-            f"{name}: steps disagree {axis.spread:.1f} times more than their noise"
-            + (
-                f", as if commands were dated {1e3 * axis.stamps:.2g} ms off"
-                if axis.stamps > 0.0
-                else ""
-            )
-            + "; intervals are from the scatter of whole steps"
-        )
+    found += _fit_warnings(axis, name)
+    found += _residual_warnings(axis, name)
+    found += _smear_warnings(axis, name, row[own])
     if axis.spikes:
         found.append(f"{name}: {axis.spikes} readings set aside as spikes")
     for channel in row:
@@ -142,48 +153,72 @@ def _fit(axis: AxisEvidence) -> float:
     return float(np.median([f for fits in _fits(axis).values() for f in fits] or [np.nan]))
 
 
-def _fit_warnings(axis: AxisEvidence, name: str, *, lacking: bool) -> list[str]:
+def _fit_warnings(axis: AxisEvidence, name: str) -> list[str]:
     found = []
     if not _fit(axis) >= _POOR and not _noise_alone(axis):
         both = _fits(axis).items()
         text = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both if fits)
         found.append(f"{name}: poor fit ({text}); another order, or something unmodelled")
-    if axis.saturation.saturated and lacking:
+    if axis.saturation.saturated and (changed := _changed(axis)) is not None:
         found.append(
             f"{name}: rate-limited, the speed grows with the amplitude to the power "
-            f"{axis.saturation.exponent:.2f}, not 1; a linear natural frequency means little, "
-            "fit the servo"
+            f"{axis.saturation.exponent:.2f}, not 1{changed}; fit the servo"
         )
     elif axis.saturation.saturated is None and axis.saturation.steps >= 4:
         found.append(f"{name}: steps of one size only; cannot distinguish saturation from slowness")
     return found
 
 
+def _changed(axis: AxisEvidence) -> str | None:
+    """Poles and delay that the sizes of the steps change; None where they are shown to change none.
+
+    Empty where the steps cannot tell.
+    """
+    if not axis.sizes:
+        return ""
+    found = [
+        f"{e.name} {_short(e.value, e.unit)}" for e in axis.sizes if abs(e.value) > 1.96 * e.std
+    ]
+    return f" (from the smallest to the largest: {', '.join(found)})" if found else None
+
+
+def _short(value: float, unit: str) -> str:
+    return f"{1e3 * value:+.2g} ms" if unit == "s" else f"{value:+.2g} {unit}".removesuffix(" 1")
+
+
 def _noise_alone(axis: AxisEvidence) -> bool:
     """Whether what is left is white: then no model of this axis fits better."""
     tests = [t for t in (axis.residual_angle, axis.residual_rate) if t is not None]
-    return all(
-        t.autocorrelation < _COLOURED and t.cross_correlation < max(t.bound, _FOLLOWS)
-        for t in tests
-    )
+    return axis.repeats < _ANSWER and all(t.autocorrelation < _COLOURED for t in tests)
 
 
 def _residual_warnings(axis: AxisEvidence, name: str) -> list[str]:
     found = []
     for what, tests in (("angle", axis.residual_angle), ("rate", axis.residual_rate)):
-        if tests and tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3:
+        coloured = tests and tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3
+        if tests and coloured and not axis.allowed:
             found.append(
                 f"{name}: the {what} residual is not white (autocorrelation "
-                f"{tests.autocorrelation:.2f}); motion the model lacks, or coloured noise, "
-                "which the intervals allow for"
+                f"{tests.autocorrelation:.2f}); intervals do not allow for it, record more steps"
             )
-        if tests and tests.cross_correlation > max(tests.bound, _FOLLOWS):
-            found.append(
-                f"{name}: the {what} residual follows the command (correlation "
-                f"{tests.cross_correlation:.2f} with its changes, noise stays below "
-                f"{tests.bound:.2f}); the model lacks an answer to it"
-            )
+    if axis.repeats > _ANSWER:
+        share = f"{100 * axis.repeats:.0f} % of it"
+        found.append(
+            f"{name}: the residual follows the command, and another order or delay explains {share}"
+        )
     return found
+
+
+def _smear_warnings(axis: AxisEvidence, name: str, channel: ChannelFit) -> list[str]:
+    found = []
+    for e in channel.estimates:
+        change = axis.smear.get(e.name.partition(" ")[2], 0.0)
+        if abs(change) > 1.96 * e.std:
+            found.append(f"{e.name} {_short(change, e.unit)}")
+    if not found:
+        return []
+    text = f"{name}: steps come {1e3 * axis.stamps:.2g} ms (rms) before or after their commands' "
+    return [f"{text}stamps, which changes {', '.join(found)}; give stamps (--commands)"]
 
 
 def _channel_warnings(

@@ -62,6 +62,11 @@ class AxisEvidence(Plain):
         unknown
     stamps : how far each step's time is off beyond the noise, rms [s]; NaN if unknown
     disagree : steps scatter more than noise explains, and the intervals are theirs
+    allowed : intervals allow for a residual that is not white, by its colour or by whole steps
+    repeats : share of the residual's power that a better linear model would take
+    sizes : what poles and delay change by from the smallest to the largest step, where the speed
+        does not grow with the step
+    smear : what the scatter of the steps' times changes poles and delay by
     """
 
     name: str
@@ -77,6 +82,10 @@ class AxisEvidence(Plain):
     spread: float
     stamps: float
     disagree: bool
+    allowed: bool
+    repeats: float
+    sizes: tuple[Estimate, ...]
+    smear: dict[str, float]
 
     @property
     def fit(self) -> tuple[float, ...]:
@@ -123,6 +132,8 @@ class ChannelFit:
     delay : [s]; below zero if the command was given before the sample that first shows it
     estimates : gain, poles, zeros and delay in the field's own figures
     parameters : what `covariance` is of: ln c of the denominator, delay [s], numerator coefficients
+    joint : covariance of the estimates, then of those of the servo's bounds; its diagonal is their
+        deviations
     """
 
     num: tuple[float, ...]
@@ -131,3 +142,4 @@ class ChannelFit:
     estimates: tuple[Estimate, ...]
     parameters: Array = field(repr=False)
     covariance: Array = field(repr=False)
+    joint: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False)

@@ -141,10 +141,10 @@ def _linear(
     for i, problem in enumerate(problems):
         output = first.outputs[i]
         choice = select(problem, longest)
-        fit = choice.fit
+        fit, jacobian = choice.fit, whole_jacobian(choice.fit.solution)
         known, stamps = _known(
             fit,
-            whole_jacobian(fit.solution),
+            jacobian,
             fit.solution.weighted,
             fit.problem.layout.size + fit.problem.layout.numerators,
             _delay_places(fit.problem),
@@ -159,10 +159,15 @@ def _linear(
         )  # fmt: skip
         checked = saturation(fit.problem, fit.problem.measured - fit.solution.residual)
         rows.append(row)
-        axes.append(evidence(fit, output, checked, known, stamps, i))
+        k = min(i, len(first.inputs) - 1)
+        place = choice.columns.index(k) if k in choice.columns else -1
+        shown = checked.saturated and place >= 0
+        sizes = channels.changes(fit, jacobian, place) if shown else ()
+        smear = channels.smear(fit, jacobian, place, stamps)
+        axes.append(evidence(fit, output, checked, known, stamps, sizes, smear, i))
         warnings += selection_warnings(problem, choice, row, first.inputs, output)
-        warnings += warnings_of(axes[-1], row, longest, problem)
-        if (k := min(i, len(first.inputs) - 1)) in choice.columns:
+        warnings += warnings_of(axes[-1], row, longest, problem, k)
+        if k in choice.columns:
             gain = row[k].num[-1] / row[k].den[-1]
             warnings += checks.check_gain(gain, first, first.inputs[k], output)
     warnings += stamp_warnings(records)
@@ -200,7 +205,7 @@ def _bounded(
         )
         bounds.append(limits)
         none = Saturation(float("nan"), float("nan"), 0, 1.0, None)
-        axes.append(evidence(fit, first.outputs[i], none, known, stamps))
+        axes.append(evidence(fit, first.outputs[i], none, known, stamps, (), {}, i))
         warnings += warnings_of(axes[-1], (channel,), longest, problem)
         warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])
     warnings += stamp_warnings(records)

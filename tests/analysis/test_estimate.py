@@ -146,6 +146,18 @@ def test_a_gimbal_unlike_its_model_is_compared_with_its_own_beginning(changed):
         assert change.after == pytest.approx(0.05, abs=0.003)
 
 
+def test_a_property_that_nothing_shows_does_not_lower_the_scatter():
+    """Disturbed estimates of three properties, and the same beside two that no reading shows."""
+    t = PERIOD * np.arange(6001)
+    J = model(t)(np.array([1.0, 0.0, 0.0]))[1]
+    r = NOISE * noise(len(t), 2) + 0.1 * J[:, 0] * np.sign(np.sin(2 * np.pi * 0.13 * t))
+    blind = np.column_stack([J, np.zeros((len(t), 2))])
+    prior = np.array([0.1, 0.03, 1e-2, 0.2, 0.2])
+    three, five = (scatter(information(t, r, j), prior[: j.shape[1]]) for j in (J, blind))
+    assert three > 1.5
+    assert five == pytest.approx(three, rel=1e-6)
+
+
 def test_estimates_scatter_as_the_noise_makes_them_and_more_with_what_no_property_explains():
     t = PERIOD * np.arange(6001)
     J, prior = model(t)(np.array([1.0, 0.0, 0.0]))[1], np.array([0.1, 0.03, 0.01])

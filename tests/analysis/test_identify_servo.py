@@ -75,7 +75,31 @@ def test_a_simulated_limit_is_found_and_the_linear_fit_flagged():
 def test_an_unlimited_servo_is_not_flagged():
     rng = np.random.default_rng(1)
     r = studies.servo_record(rng, studies.Gimbal(40.0, 0.7, 0.01, 1.0), duration=6.0)
-    assert not any("rate-limited" in w for w in identify([r]).warnings)
+    assert identify([r]).warnings == ()
+
+
+def test_what_the_size_of_the_steps_changes_is_that_of_fits_to_small_and_large_ones():
+    """A limited servo: the change of its frequency against two fits, of large and small steps."""
+    rng = np.random.default_rng(5)
+    t, at = studies.stamps(rng, 7.0, 0.01), np.arange(0.2, 7.0, 0.6)
+    u = np.radians(6.0) * np.tile([1.0, -1.0, 0.4, -0.4], 3)
+    u = np.cumsum(u)  # steps of 6° there and back, then of 2.4°
+    motion = studies.sensed(rng, *studies.rate_limited(t, at, u, 40.0, 0.7, 0.01, 2.0))
+    runs = []
+    for big in (True, False, None):
+        keep = np.ones(len(t), bool)
+        if big is not None:
+            number = np.clip(np.searchsorted(at, t, side="right") - 1, 0, None)
+            keep = (number % 4 < 2) == big
+        angle, rate = (np.where(keep, v, np.nan) for v in motion)
+        runs.append(measurement(t, u, command_time=at, before=[0.0], angle=angle, rate=rate))
+    large, small, both = (identify([r], max_delay=0.05) for r in runs)
+    name = "natural frequency"
+    change = next(e for e in both.axes[0].sizes if e.name == name)
+    apart = large.estimate(f"x/x {name}").value - small.estimate(f"x/x {name}").value
+    assert change.value < -1.96 * change.std
+    assert change.value == pytest.approx(apart, rel=0.3)  # one step of Gauss and Newton
+    assert any(f"{name} -" in w for w in both.warnings if "rate-limited" in w)
 
 
 def test_speed_servo_without_limit_is_the_linear_response():

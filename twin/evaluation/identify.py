@@ -109,19 +109,28 @@ def _percent(fits: Sequence[float]) -> str:
 
 
 def _unexplained(a: AxisEvidence) -> Rows:
-    """How the speed grows with the step, how far the residual follows the command, the scatter."""
+    """How the figures change with the step, what the residual is, and the scatter of steps."""
     rows = []
     s = a.saturation
     if np.isfinite(s.exponent):
         law = f"step to the power {s.exponent:.2f} ± {1.96 * s.std:.2f} (linear: 1)"
         rows.append((f"{a.name} speed", f"{law}, {s.steps} steps"))
+    if a.sizes:
+        changes = ", ".join(f"{e.name} {quantity(e.value, 1.96 * e.std, e.unit)}" for e in a.sizes)
+        rows.append((f"{a.name} largest step", f"against the smallest: {changes}"))
     for what, tests in (("angle", a.residual_angle), ("rate", a.residual_rate)):
-        if tests and tests.cross_correlation > tests.bound:
-            value = f"correlation {tests.cross_correlation:.3f} with the command's changes"
-            rows.append((f"{a.name} {what} residual", f"{value} (noise: below {tests.bound:.3f})"))
+        if tests and tests.whiteness < 1e-3:
+            text = f"not white, autocorrelation {tests.autocorrelation:.2f}"
+            text += "; the intervals allow for it" if a.allowed else ""
+            rows.append((f"{a.name} {what} residual", text))
+    if a.repeats > 0.0:
+        text = f"another linear model explains {100 * a.repeats:.0f} % of it"
+        rows.append((f"{a.name} residual", text))
     if a.disagree:
-        value = f"scatter {a.spread:.1f} times more than noise; the intervals are of that scatter"
-        rows.append((f"{a.name} steps", value))
+        value = f"scatter {a.spread:.1f} times more than noise"
+        if a.stamps > 0.0:
+            value += f", as if commands were dated {1e3 * a.stamps:.2g} ms off"
+        rows.append((f"{a.name} steps", f"{value}; the intervals are of that scatter"))
     return rows
 
 
