@@ -125,7 +125,7 @@ def bounded(
         Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
         for (what, unit), v, s in zip(names, values, std, strict=False)
     ]
-    return channel, ServoBounds(fit.structure, *estimates)
+    return channel, ServoBounds(fit.structure, fit.losses, *estimates)
 
 
 def nothing(like: ChannelFit, found: tuple[Estimate, ...] = ()) -> ChannelFit:
