@@ -4,7 +4,8 @@ python -m tests.benchmarks.check_before [RECORDS [FIRST SEED]]
 
 Servos with bounded speed, dead band and play (small Euler steps, not the estimator's motion); every
 other record is poor: steps of one size, one way only, few of them, or sampled slowly and noisily.
-A parameter misses where the half width of its interval, or its error, is beyond the bar.
+A parameter misses where its interval is wider than the bar: poles, delay and gain of the linear
+fit, bounds of the servo's.
 """
 
 import sys
@@ -67,9 +68,9 @@ def record(seed: int) -> tuple[Measurement, Servo, str]:
     period, noise = (0.02, 2e-3) if poor == "slow" else (0.004, 3e-4)
     count = 4 if poor == "few" else 28
     size = span / 2.0 * rng.permutation(np.geomspace(0.1, 1.0, count))
-    if poor == "one size":
-        size[:] = span / 2.0
     level = size * np.where(np.arange(count) % 2, -1.0, 1.0)
+    if poor == "one size":
+        level = span / 2.0 * (1.0 - np.arange(count) % 2)
     if poor == "one way":
         level = np.cumsum(np.sort(size))
         level *= span / level[-1]
@@ -82,38 +83,46 @@ def record(seed: int) -> tuple[Measurement, Servo, str]:
     return run, servo, poor
 
 
-def judged(seed: int) -> tuple[str, dict[str, tuple[float, float, float]]]:
-    """In what a record is poor; by parameter, half widths before and after, and the bar."""
+def judged(seed: int) -> tuple[str, dict[str, tuple[float, float]]]:
+    """In what a record is poor; by parameter, half widths over bars before and after the fit."""
     run, _, poor = record(seed)
-    found = {e.name.partition(" ")[2]: e for e in expectations([run])}
-    model = identify([run], servo="speed")
-    linear = identify([run])
-    after = {e.name.partition(" ")[2]: e for e in linear.estimates}
-    after |= {e.name.partition(" ")[2]: e for e in model.servo[0].estimates}
+    after = {}
+    for model in (identify([run]), identify([run], servo="speed")):
+        estimates = model.servo[0].estimates if model.servo else model.estimates
+        after |= {e.name.partition(" ")[2]: e for e in estimates}
     rows = {}
-    for name, expected in found.items():
-        e = after[name]
-        size = 1.0 if name == "delay" else abs(e.value)
-        half = 1.96 * e.std / size if e.determined and size > 0.0 else np.inf
-        rows[name] = (expected.half, half, expected.bar)
+    for expected in expectations([run]):
+        name = expected.name.partition(" ")[2]
+        size = 1.0 if name == "delay" else abs(after[name].value)
+        known = after[name].determined and size > 0.0
+        half = 1.96 * after[name].std / size if known else np.inf
+        rows[name] = (expected.half / expected.bar, half / expected.bar)
     return poor, rows
+
+
+def counted(rows: dict[str, tuple[float, float]]) -> np.ndarray:
+    """Parameters by whether they were named (rows) and missed (columns)."""
+    found = np.zeros((2, 2), int)
+    for before, after in rows.values():
+        found[int(before > 1.0), int(after > 1.0)] += 1
+    return found
 
 
 def table(records: int = 40, first: int = 0) -> Iterator[str]:
     """A line for each record, and the counts."""
-    counts = np.zeros((2, 2), int)  # named, missed
+    total = np.zeros((2, 2), int)
     for seed in range(first, first + records):
         poor, rows = judged(seed)
-        texts = []
-        for name, (before, after, bar) in rows.items():
-            named, missed = before > bar, after > bar
-            counts[int(named), int(missed)] += 1
-            if named != missed:
-                texts.append(f"{name} {before / bar:.2g} before, {after / bar:.2g} after")
-        wrong = "; ".join(texts) or "all as named"
-        yield f"seed {seed}, {poor or 'good':<9}{wrong} (half widths over bars)"
-    yield f"{counts[:, 1].sum()} missed their bar, {counts[1, 1]} of them named before"
-    yield f"{counts[1].sum()} were named, {counts[1, 0]} of them in vain"
+        total += counted(rows)
+        wrong = [
+            f"{name} {before:.2g} before, {after:.2g} after"
+            for name, (before, after) in rows.items()
+            if (before > 1.0) != (after > 1.0)
+        ]
+        text = "; ".join(wrong) or "all as named"
+        yield f"seed {seed}, {poor or 'good'}: {text} (half widths over bars)"
+    yield f"{total[:, 1].sum()} missed their bar, {total[1, 1]} of them named before"
+    yield f"{total[1].sum()} were named, {total[1, 0]} of them in vain"
 
 
 if __name__ == "__main__":
