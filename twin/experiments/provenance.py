@@ -11,7 +11,7 @@ from twin.config.paths import named
 from twin.config.seats import SIMULATED
 from twin.experiments.kept import RESULTS, Origin, files_of, repeated
 from twin.plant.plant import Plant
-from twin.recorder import DetachedRecorder, Recorder, Sink
+from twin.recorder import DetachedRecorder, Sink
 from twin.recorder.rows import Rows
 
 if TYPE_CHECKING:
@@ -62,6 +62,8 @@ def make_recorder(
     if real_time:
         properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")
     path = named(config.out, verb, ".rrd", force=config.force)
+    from twin.recorder import Recorder
+
     make = DetachedRecorder if real_time else Recorder
     return make(
         path,

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import scipy  # its part `optimize` takes a quarter of a second and is loaded where it is used
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from twin.errors import TwinError
 from twin.physics import aerodynamics as air
@@ -92,7 +92,9 @@ class Stability:
         if righting[:-1].all():
             return float(angles[-1])
         first = int(np.argmin(righting))
-        return float(brentq(lambda a: sum(self.moment(a)), angles[first - 1], angles[first]))
+        return float(
+            scipy.optimize.brentq(lambda a: sum(self.moment(a)), angles[first - 1], angles[first])
+        )
 
 
 @dataclass(frozen=True)
