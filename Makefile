@@ -81,7 +81,7 @@ docs: env
 	$(BIN)/python -m sphinx -qEW --keep-going -c docs . build/docs
 	@echo "docs: build/docs/index.html"
 
-# Writes what is generated: the typed signatures, the state diagrams, the tables of messages, the licences.
+# Writes what is generated: the typed signatures, the state tables, the tables of messages, the licences.
 generated: env
 	$(BIN)/python .ci/stub.py
 	$(BIN)/python .ci/states.py

@@ -1,4 +1,4 @@
-"""Writes the state diagrams of docs/states.md from the transition tables of the code.
+"""Writes the tables of transitions in docs/states.md from the transition tables of the code.
 
 python .ci/states.py          write them
 python .ci/states.py --check  exit 1 where they are out of date
@@ -26,7 +26,7 @@ def main() -> int:
     if missing:
         print(f"docs/states.md has no block for {', '.join(missing)}")
         return 1
-    new = BLOCK.sub(lambda m: f"{m[1]}{diagram(table(m[2]))}{m[3]}", text)
+    new = BLOCK.sub(lambda m: f"{m[1]}\n{rows(table(m[2]))}\n{m[3]}", text)
     if "--check" in sys.argv:
         if new != text:
             print("docs/states.md is out of date; run `python .ci/states.py`")
@@ -51,16 +51,12 @@ def table(module: str) -> Table:
     return transitions
 
 
-def diagram(transitions: Table) -> str:
-    """A table as a Mermaid state diagram; the first member of the states is the initial one."""
-    states = list(type(next(iter(transitions.values()))))
-    arrows: dict[tuple[StrEnum, StrEnum], list[StrEnum]] = {}
-    for (old, sign), new in transitions.items():
-        arrows.setdefault((old, new), []).append(sign)
-    order = sorted(arrows, key=lambda a: (states.index(a[0]), states.index(a[1])))
-    lines = ["stateDiagram-v2", f"    [*] --> {states[0]}"]
-    lines += [f"    {old} --> {new}: {' or '.join(arrows[old, new])}" for old, new in order]
-    return "```mermaid\n" + "\n".join(lines) + "\n```\n"
+def rows(transitions: Table) -> str:
+    """A table in Markdown: a row for each state, a column for each sign."""
+    states, signs = (list(type(member)) for member in next(iter(transitions)))
+    lines = [["state", *signs], ["---"] * (len(signs) + 1)]
+    lines += [[old, *(transitions.get((old, sign), "") for sign in signs)] for old in states]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 if __name__ == "__main__":

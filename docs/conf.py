@@ -11,7 +11,6 @@ import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 
-from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -107,7 +106,6 @@ def without_types(*arguments: object) -> None:
 
 def setup(app: Sphinx) -> None:
     """Connect the functions above; Sphinx calls it."""
-    app.add_lexer("mermaid", TextLexer)  # drawn by code hosts; the site shows the text
     app.connect("source-read", with_navigation)
     app.connect("autodoc-process-docstring", without_types, priority=100)  # before napoleon
     app.connect("build-finished", with_index)

@@ -20,6 +20,9 @@ MPU6050, MPU6500 = 0x68, 0x70  # WHO_AM_I
 SUCCESSORS = (MPU6500, 0x71, 0x73)
 GYRO_DELAY_6500_S = (0.97e-3, 2.9e-3, 3.9e-3, 5.9e-3, 9.9e-3, 17.85e-3, 33.48e-3)
 GYRO_DELAY_S = (0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3)  # by DLPF setting
+# Between two samples of the gyro, by DLPF setting: register map 4.2, register 25; MPU6500 alike.
+GYRO_SAMPLE_S = (0.125e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
+MPU_CLOCK = 0.01  # tolerance of its rate, product specification 6.6
 ACCELEROMETER_NOISE = 400e-6 * STANDARD_GRAVITY  # m/s²/√Hz
 
 

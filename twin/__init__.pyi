@@ -8,9 +8,7 @@ from hardware.frames import HardwareError as HardwareError
 from twin.errors import DivergenceError as DivergenceError
 from twin.errors import TwinError as TwinError
 from twin.campaigns.result import CampaignResult
-from twin.cli.demo.result import DemoResult
 from twin.cli.doctor import DoctorResult
-from twin.cli.live.result import LiveResult
 from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.export import ExportResult
@@ -31,6 +29,8 @@ from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
 from twin.experiments.vehicle import BuildResult
 from twin.experiments.vehicle import VehicleResult
+from twin.workflows.demo.result import DemoResult
+from twin.workflows.live.result import LiveResult
 
 def calibrate(
     *,

@@ -1,6 +1,7 @@
 """Fitted parameters as transfer functions and as the figures engineers quote, with deviations."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,10 +12,11 @@ from analysis.identify.evidence import ChannelFit, Estimate, ServoBounds
 from analysis.identify.fit import AxisFit
 from analysis.identify.problem import Problem
 from analysis.identify.servo_fit import ServoFit
-from analysis.identify.uncertainty import Uncertainty, slope_of
+from analysis.identify.uncertainty import Uncertainty, propagated, slope_of
 from analysis.identify.unexplained import over_sizes, smeared
 
 _STEP = 1e-3  # deviation of a parameter for slopes, as in `slope_of`
+_TRACE = 1e-9  # of a variance
 
 Figures = list[tuple[str, str, Callable[[Array], float]]]  # name, unit, value of the parameters
 
@@ -126,7 +128,20 @@ def bounded(
         Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
         for (what, unit), v, s in zip(names, values, std, strict=False)
     ]
-    return channel, ServoBounds(fit.structure, fit.losses, *estimates)
+
+    def figures(p: Array) -> Array:
+        own = p[places] if given is None else np.insert(p[places], n, given)
+        return np.concatenate(
+            [[value(own) for *_, value in _figures(own, n, 1.0)], bounds(p[parts])]
+        )
+
+    size = len(whole)
+    every = known.covariance[:size, :size].copy()
+    if given is None:
+        every[n, n] += fit.problem.doubt**2
+    stds = np.concatenate([[e.std for e in channel.estimates], std])
+    joint = _scaled(propagated(figures, whole, every), stds)
+    return replace(channel, joint=joint), ServoBounds(fit.structure, fit.losses, *estimates)
 
 
 def nothing(like: ChannelFit, found: tuple[Estimate, ...] = ()) -> ChannelFit:
@@ -184,6 +199,7 @@ def _channel(
 
     std = known.deviations(values_of, at, places, doubts)
     own = known.covariance[np.ix_(places, places)] + np.diag(doubts**2)
+    joint = _scaled(propagated(values_of, at, own), std)
     if given is not None:
         own = np.insert(np.insert(own, poles, 0.0, 0), poles, 0.0, 1)
     num, den = polynomials(parameters, poles, frequency)
@@ -193,8 +209,18 @@ def _channel(
     )
     return ChannelFit(
         tuple(num.tolist()), tuple(den.tolist()), float(parameters[poles]), estimates,
-        parameters, own,
+        parameters, own, joint,
     )  # fmt: skip
+
+
+def _scaled(covariance: Array, std: Array) -> Array:
+    """A covariance (n, n) with these deviations (n,), its correlations kept.
+
+    Positive definite by a trace also where two figures vary as one, such as gain and rate limit.
+    """
+    now = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+    scale = np.divide(std, now, out=np.zeros(len(std)), where=now > 0.0)
+    return np.asarray(covariance * np.outer(scale, scale) + np.diag(_TRACE * std**2))
 
 
 def _determined(what: str, value: float, std: float, longest: float) -> bool:

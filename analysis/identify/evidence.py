@@ -135,6 +135,8 @@ class ChannelFit:
     delay : [s]; below zero if the command was given before the sample that first shows it
     estimates : gain, poles, zeros and delay in the field's own figures
     parameters : what `covariance` is of: ln c of the denominator, delay [s], numerator coefficients
+    joint : covariance of the estimates, then of those of the servo's bounds; its diagonal is their
+        deviations
     """
 
     num: tuple[float, ...]
@@ -143,3 +145,4 @@ class ChannelFit:
     estimates: tuple[Estimate, ...]
     parameters: Array = field(repr=False)
     covariance: Array = field(repr=False)
+    joint: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False)

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from analysis.array import Array
 from analysis.identify.errors import IdentificationError
 from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.plain import plain
-from analysis.transfer_function import Channel, Servo, TransferFunctionModel
+from analysis.transfer_function import Channel, Covariance, Servo, TransferFunctionModel
 from analysis.transfer_function.servo import Structure
 
 
@@ -115,7 +117,34 @@ class IdentifiedModel:
                 "warnings": list(self.warnings),
                 "servo_structure": [b.structure for b in self.servo] if self.servo else None,
             },
+            covariance=self._covariance(),
         )
+
+    def _covariance(self) -> Covariance | None:
+        """Of the figures with an uncertainty; None where figures do not describe a channel.
+
+        Channels into one axis share their poles, and two zeros have no figures.
+        """
+        blocks: list[tuple[list[Estimate], Array]] = []
+        structure = None if self.servo is None else _structure(self.servo)
+        for k, row in enumerate(self.channels):
+            passing = [c for c in row if any(c.num)]
+            if len(passing) != 1 or len(passing[0].num) > 2:
+                return None
+            found = list(passing[0].estimates)
+            if self.servo is not None and self.servo[k].structure == structure:
+                b = self.servo[k]
+                every = (b.rate_limit, b.dead_band, b.backlash, b.rate_limit_back, b.slew)
+                found += [e for e in every if e is not None]
+            blocks.append((found, passing[0].joint))
+        names, values, parts = [], [], []
+        for found, joint in blocks:
+            known = [i for i, e in enumerate(found) if np.isfinite(e.std) and e.std > 0.0]
+            names += [found[i].name for i in known]
+            values += [found[i].value for i in known]
+            parts.append(joint[np.ix_(known, known)])
+        matrix = block_diag(*parts)
+        return Covariance(tuple(names), tuple(values), tuple(map(tuple, matrix.tolist())))
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON; NaN becomes None."""

@@ -48,14 +48,14 @@
       if (style.line) style.line.color = c;
       if (style.marker) style.marker.color = c;
       if (style.marker && style.marker.line) style.marker.line.color = c;
-      const listed = line.style !== "thin" && !seen.has(line.name);
+      const listed = (line.style !== "thin" || line.labels) && !seen.has(line.name);
       if (listed) seen.add(line.name);
       const own = {
         x: line.x, y: line.y, type: "scatter", name: plain(line.name), legendgroup: line.name,
         showlegend: listed, connectgaps: false, ...axes, ...style,
       };
       if (line.labels) own.text = line.labels.map(plain);
-      if (line.style === "thin") own.hoverinfo = "skip";
+      if (line.style === "thin") own.hoverinfo = line.labels ? "text" : "skip";
       return line.low ? [...band(line, axes), own] : [own];
     });
   }
@@ -74,6 +74,12 @@
     return { ...spec, panels: spec.panels.map((p, i) => ({ ...p, row: order.indexOf(i), column: 0 })) };
   }
 
+  // Names at y = 0, 1, 2 … from the top, each line of a name its own.
+  const named = (rows) => ({
+    tickmode: "array", tickvals: rows.map((_, i) => i), range: [rows.length - 0.6, -0.4], zeroline: false,
+    ticktext: rows.map((r) => plain(r).split("\n").join("<br>")), showline: false, ticks: "", tickfont: { size: 11.5 },
+  });
+
   function layout(spec, place, width) {
     if (!width && place.clientWidth < NARROW) spec = stacked(spec);
     const ink = colour("ink"), rule = colour("rule"), quiet = colour("quiet");
@@ -88,7 +94,7 @@
       margin: { l: 66, r: 12, t: 46, b: 52 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { family: "system-ui, sans-serif", size: 12.5, color: ink },
-      hovermode: "x", hoverlabel: { bgcolor: colour("shade"), font: { color: ink } },
+      hovermode: spec.lines.some((l) => l.labels) ? "closest" : "x", hoverlabel: { bgcolor: colour("shade"), font: { color: ink } },
       legend: { orientation: "h", x: 0, y: 1, yref: "container", yanchor: "top", xanchor: "left" },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: quiet, activecolor: ink },
       annotations: [],
@@ -110,7 +116,9 @@
       out["yaxis" + suffix(i)] = {
         ...line, anchor: "x" + suffix(i), domain: [top - h, top], type: p.y_log ? "log" : "linear",
         title: { text: plain(p.y_label), standoff: 6, font: { size: 12.5 } }, zeroline: !p.y_log,
+        ...(p.rows.length ? named(p.rows) : {}),
       };
+      if (p.rows.length) Object.assign(out["xaxis" + suffix(i)], { showticklabels: false, ticks: "", showgrid: false, zeroline: false, showline: false });
       out.annotations.push({
         text: "<b>" + plain(p.title) + "</b>", x: left, y: top, xref: "paper", yref: "paper",
         xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 12.5, color: ink },

@@ -45,7 +45,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One pair of axes in a plot's grid."""
+    """One pair of axes in a plot's grid; `rows` name y = 0, 1, 2 … from the top."""
 
     title: str
     y_label: str
@@ -53,6 +53,7 @@ class Panel:
     column: int = 0
     y_log: bool = False
     x_label: str = ""  # of an own x axis; without it the panel shares the plot's
+    rows: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,7 @@ class Plot:
             "x_range": self.x_range,
             "panels": [
                 {"title": p.title, "y_label": p.y_label, "row": p.row, "column": p.column,
-                 "y_log": p.y_log, "x_label": p.x_label}
+                 "y_log": p.y_log, "x_label": p.x_label, "rows": p.rows}
                 for p in self.panels
             ],
             "lines": [_line(line) for line in self.lines],

@@ -11,10 +11,12 @@ from analysis.transfer_function.file import SCHEMA, ModelFileError
 from analysis.transfer_function.margins import Loop, Margins, margins
 from analysis.transfer_function.model import TransferFunctionModel
 from analysis.transfer_function.servo import Servo, speed_loop
+from analysis.transfer_function.uncertain import Covariance, distribution, with_figures
 
 __all__ = [
     "SCHEMA",
     "Channel",
+    "Covariance",
     "Discrete",
     "DiscreteChannel",
     "Loop",
@@ -23,7 +25,9 @@ __all__ = [
     "Servo",
     "TransferFunctionModel",
     "discretise_channel",
+    "distribution",
     "margins",
     "speed_loop",
     "whole_steps",
+    "with_figures",
 ]

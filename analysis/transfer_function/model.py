@@ -15,6 +15,7 @@ from analysis.transfer_function.channel import Channel
 from analysis.transfer_function.discrete import Discrete, discretise_channel, whole_steps
 from analysis.transfer_function.file import SCHEMA, ModelFileError
 from analysis.transfer_function.servo import Servo, play, speed_loop
+from analysis.transfer_function.uncertain import Covariance
 
 _SERVO_KEYS = {
     "rate_limit_rad_s": "rate_limit",
@@ -36,6 +37,7 @@ class TransferFunctionModel:
     inputs, outputs : names of the axes
     servo : bounds of the servos, or None for a purely linear model
     std, fit, source : notes of whoever identified it, any JSON; kept, not used
+    covariance : of its figures; None where they are not known to vary
     """
 
     channels: tuple[tuple[Channel, ...], ...]
@@ -45,6 +47,7 @@ class TransferFunctionModel:
     std: object = field(default=None, compare=False)
     fit: object = field(default=None, compare=False)
     source: object = field(default=None, compare=False)
+    covariance: Covariance | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.servo is not None and self.servo.structure != "command":
@@ -103,8 +106,9 @@ class TransferFunctionModel:
         needed = {"schema", "inputs", "outputs", "channels"}
         if "schema" in content and content["schema"] != SCHEMA:
             raise ModelFileError(f"schema is {content['schema']!r}, not {SCHEMA!r}")
-        file.keys(content, "the model", needed, {"servo", "std", "fit", "source"})
+        file.keys(content, "the model", needed, {"servo", "std", "fit", "source", "covariance"})
         rows = file.sequence(content["channels"], "channels", file.LARGEST_SIZE)
+        covariance = content.get("covariance")
         return cls(
             channels=tuple(_row(row, f"channels[{i}]") for i, row in enumerate(rows)),
             inputs=_names(content["inputs"], "inputs"),
@@ -113,6 +117,7 @@ class TransferFunctionModel:
             std=file.free(content.get("std"), "std"),
             fit=file.free(content.get("fit"), "fit"),
             source=file.free(content.get("source"), "source"),
+            covariance=None if covariance is None else Covariance.from_dict(covariance),
         )
 
     def to_dict(self) -> dict[str, object]:
@@ -126,6 +131,7 @@ class TransferFunctionModel:
                 if whole or name not in _SET_POINT_ONLY
             }
             servo = {**numbers, "structure": self.servo.structure}
+        known = {} if self.covariance is None else {"covariance": self.covariance.to_dict()}
         return {
             "schema": SCHEMA,
             "inputs": list(self.inputs),
@@ -138,6 +144,7 @@ class TransferFunctionModel:
             "std": self.std,
             "fit": self.fit,
             "source": self.source,
+            **known,
         }
 
     def channel(self, output: int | str, input_: int | str) -> Channel:

@@ -12,7 +12,7 @@ from hardware.emulator.sensors import Gaussian, ImuPair, SensorParameters
 from hardware.emulator.sensors import sample as sample_sensors
 from hardware.emulator.servo import ServoParameters
 from hardware.frames import PAIR_NAMES, POTENTIOMETER_NAMES, Pair, Triple
-from hardware.parts import GYRO_DELAY_S, POTENTIOMETER_TRAVEL
+from hardware.parts import GYRO_DELAY_S, GYRO_SAMPLE_S, POTENTIOMETER_TRAVEL
 from hardware.protocol import constants as c
 
 DRAINS = {("supply", "sag"), ("supply", "droop")}  # faults that lower it for all
@@ -129,7 +129,7 @@ class Bench:
         if self.injections:
             truth[:3] *= 1.0 + self._value("gyro", "gain")
             truth[6:9] += radians(self._value("base_gyro", "bias"))
-        self._imus.advance(dt, truth, GYRO_DELAY_S[self.dlpf])
+        self._imus.advance(dt, truth, GYRO_DELAY_S[self.dlpf], GYRO_SAMPLE_S[self.dlpf])
 
     def _watch_switches(self) -> None:
         s = self.parameters.sensors
@@ -215,7 +215,7 @@ class Bench:
 
         Parameters
         ----------
-        age : how long ago each was read, at most the latest `advance` [s]
+        age : how long ago each was read, at most two advances [s]
         """
         counts = self._imus.counts(age)
         for name, half in (("gyro", slice(0, 6)), ("base_gyro", slice(6, 12))):
@@ -224,6 +224,10 @@ class Bench:
             else:
                 self._frozen.pop(name, None)
         return counts
+
+    def imu_updates(self) -> list[tuple[float, int]]:
+        """Return when the IMUs' registers changed in the latest `advance`, as `ImuPair.updates`."""
+        return self._imus.updates()
 
     def imu_present(self) -> tuple[bool, bool]:
         """Return whether the IMUs of holder and base answer on the bus."""

@@ -96,7 +96,8 @@ class FirmwareRig:
 
     def _advance_tick(self) -> None:
         self._show_sensors()
-        self.nano.advance_us(LOOP_US)
+        self.bench.advance(self._tick_s)
+        self._run_nano()
         pulses = self.nano.pulses()
         if pulses:
             for pulse in pulses:
@@ -106,13 +107,12 @@ class FirmwareRig:
             self.bench.set_pulses((a * second, b * second, c * second))
         if self._present[0]:
             self.bench.dlpf = self.nano.dlpf(self._sensors[0])
-        self.bench.advance(self._tick_s)
         self._tick += 1
         if self.bench.supply_dipped():
             self.nano.reset()
 
     def _show_sensors(self) -> None:
-        bench, imu = self.bench, self.bench.imu_counts()
+        bench = self.bench
         stick = bench.joystick_codes()
         self.nano.set_adc([*bench.potentiometer_codes(), 0, 0, *stick])
         bits = bench.switch_bits()
@@ -121,5 +121,15 @@ class FirmwareRig:
         for k, sensor in enumerate(self._sensors):
             if present[k] != self._present[k]:
                 self.nano.plug_imu(sensor, present[k])
-            self.nano.set_imu_counts(sensor, imu[6 * k : 6 * k + 3], imu[6 * k + 3 : 6 * k + 6])
         self._present = present
+
+    def _run_nano(self) -> None:
+        """Run the program for a tick; the IMUs change their registers when they sample."""
+        done = 0
+        for age, k in self.bench.imu_updates():
+            at = round(LOOP_US * (1.0 - age / self._tick_s))  # whole µs do not drift
+            self.nano.advance_us(at - done)
+            done = at
+            imu = self.bench.imu_counts((age, age))[6 * k : 6 * k + 6]
+            self.nano.set_imu_counts(self._sensors[k], imu[:3], imu[3:])
+        self.nano.advance_us(LOOP_US - done)

@@ -12,10 +12,14 @@ from hardware.parts import (
     ACCELEROMETER_NOISE,
     GYRO_BIAS_WALK,
     GYRO_NOISE,
+    MPU_CLOCK,
     POTENTIOMETER_TRAVEL,
     SWITCH_ANGLE,
 )
 from hardware.protocol import constants as c
+
+_PAST = 4  # values kept: a sample is read up to 1 ms after it was taken, and sent 1 ms later
+_ROUNDING = 1e-9  # s; an instant at which a sample is taken shows that sample
 
 
 class Gaussian:
@@ -71,6 +75,7 @@ class Mpu6050:
     bias_walk : of the zero-rate output while it warms up [rad/s/√s]
     accelerometer_bias : [m/s²]
     accelerometer_scale : [1]
+    clock : by how much its own clock is fast [1]
     """
 
     gyro_bias: Triple = (0.0, 0.0, 0.0)
@@ -78,6 +83,7 @@ class Mpu6050:
     bias_walk: float = GYRO_BIAS_WALK
     accelerometer_bias: Triple = (0.0, 0.0, 0.0)
     accelerometer_scale: Triple = (1.0, 1.0, 1.0)
+    clock: float = 0.0037  # no two clocks agree: any phase comes by within 0.3 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,19 +143,21 @@ def sample(rng: np.random.Generator, switch_sigma: float = radians(0.03)) -> Sen
     )
     errors = rng.normal(0, switch_sigma, 4)
     a, b, d, e = potentiometers
+    clocks = rng.spawn(1)[0].uniform(-MPU_CLOCK, MPU_CLOCK, 2).tolist()
     return replace(
         base,
         potentiometers=(a, b, d, e),
-        imus=(_imu(rng), _imu(rng)),
+        imus=(replace(_imu(rng), clock=clocks[0]), replace(_imu(rng), clock=clocks[1])),
         switch_angle=tuple((np.array(base.switch_angle) + errors).tolist()),
         differential=radians(rng.uniform(0.2, 0.6)),
     )
 
 
 class ImuPair:
-    """Both IMUs at once: noise, low-pass and quantisation of 2 × (gyro, accelerometer).
+    """Both IMUs at once: noise, low-pass, sampling and quantisation of 2 × (gyro, accelerometer).
 
-    Vectors are (12,): holder gyro, holder accelerometer, base gyro, base accelerometer.
+    Each samples by its own clock, in no step with the board's; its registers show the latest
+    sample. Vectors are (12,): holder gyro, holder accelerometer, base gyro, base accelerometer.
     """
 
     def __init__(self, parameters: tuple[Mpu6050, Mpu6050], rng: np.random.Generator) -> None:
@@ -168,14 +176,24 @@ class ImuPair:
             self._walk[g] = imu.bias_walk
             self._lsb[g], self._lsb[a] = c.GYRO_SCALE, c.ACCELEROMETER_SCALE
         self._stage = np.zeros((2, 12))
-        self._before = np.zeros(12)  # the second stage `_dt` earlier
-        self._dt = 1.0
+        self._past = np.zeros((_PAST, 12))  # the second stage now, `_dt` earlier, ...
+        self._time, self._dt, self._period = 0.0, 1.0, 1e-3
+        self._clock = [1.0 + imu.clock for imu in parameters]
+        self._phase: list[float] = rng.spawn(1)[0].uniform(0.0, 1e-3, 2).tolist()
         self._samples = np.empty((0, 12))
         self._at = 0
         self._primed = False
 
-    def advance(self, dt: float, truth: NDArray[np.float64], delay: float) -> None:
-        """Advance by dt [s] of true motion (12,) through a low-pass of the given delay [s]."""
+    def advance(
+        self, dt: float, truth: NDArray[np.float64], delay: float, period: float = 1e-3
+    ) -> None:
+        """Advance by dt [s] of true motion (12,).
+
+        Parameters
+        ----------
+        delay : of the low-pass [s]
+        period : between two samples, by the chips' clocks [s]
+        """
         if self._at >= len(self._samples):
             self._samples, self._at = self._rng.standard_normal((1024, 12)), 0
         sample = self._samples[self._at]
@@ -184,22 +202,44 @@ class ImuPair:
         sensed = self._matrix @ truth + self.bias + self._noise * (0.5 / dt) ** 0.5 * sample
         if not self._primed:
             self._stage[:] = sensed
-            self._before[:] = sensed
+            self._past[:] = sensed
             self._primed = True
-        self._before[:], self._dt = self._stage[1], dt
+        self._time, self._dt, self._period = self._time + dt, dt, period
         blend = dt / (dt + delay / 2)  # two first-order stages, each with half of the delay
         self._stage[0] += blend * (sensed - self._stage[0])
         self._stage[1] += blend * (self._stage[0] - self._stage[1])
+        self._past[1:] = self._past[:-1]
+        self._past[0] = self._stage[1]
+
+    def sampled(self, chip: int, age: float) -> float:
+        """Return how long ago the sample was taken that a chip's registers showed `age` ago [s]."""
+        period = self._period / self._clock[chip]
+        since = self._time - age - self._phase[chip] + _ROUNDING
+        return age + since % period - _ROUNDING
+
+    def updates(self) -> list[tuple[float, int]]:
+        """Return the samples of the latest `advance`: how long ago [s], chip; oldest first."""
+        taken = []
+        for chip in (0, 1):
+            age = self.sampled(chip, 0.0)
+            while age < self._dt:
+                taken.append((age, chip))
+                age += self._period / self._clock[chip]
+        return sorted(taken, reverse=True)
 
     def counts(self, age: Pair = (0.0, 0.0)) -> list[int]:
         """Return the registers (12,), saturated at 16 bit.
 
         Parameters
         ----------
-        age : how long ago holder and base were read, within the latest `advance` [s]
+        age : how long ago holder and base were read, at most two advances [s]
         """
-        back = np.repeat(age, 6) / self._dt
-        value = self._stage[1] + back * (self._before - self._stage[1])
+        value = np.empty(12)
+        for chip in (0, 1):
+            back = min(self.sampled(chip, age[chip]) / self._dt, _PAST - 1.001)
+            k, half = int(back), slice(6 * chip, 6 * chip + 6)
+            newer, older = self._past[k, half], self._past[k + 1, half]
+            value[half] = newer + (back - k) * (older - newer)
         codes = np.clip(np.rint(value / self._lsb), -32768, 32767)
         values: list[int] = codes.astype(int).tolist()
         return values

@@ -30,7 +30,8 @@ class Axis:
     innovation : smoothed mean innovation [rad]
     doubtful : time for which the potentiometers disagree and neither can be named [s]
     common : time for which both disagree with the gyro and neither side can be named [s]
-    pace : largest rate of late [rad/s], fading with `FADING`
+    pace : largest rate of gimbal and base of late [rad/s], fading with `FADING`
+    wandering : time for which the filter's bias is not believed, since it was told to forget [s]
     """
 
     free: float = 0.0
@@ -42,11 +43,12 @@ class Axis:
     doubtful: float = 0.0
     common: float = 0.0
     pace: float = 0.0
+    wandering: float = 0.0
 
     def begin(self) -> None:
         """Start again on a first frame, or after a gap."""
         self.distance = [0.0, 0.0]
-        self.innovation = self.doubtful = self.common = self.pace = 0.0
+        self.innovation = self.doubtful = self.common = self.pace = self.wandering = 0.0
 
     def count(self, k: int, railed: bool, bad: bool, dt: float) -> None:
         """Update the shares of bad readings of potentiometer `k`; `bad` includes `railed`."""
@@ -71,5 +73,6 @@ class Axis:
         self.innovation += min(1.0, dt / QUICK) * (sum(used) / count - self.innovation)
         size = abs(self.innovation)
         if size > DOUBT * (2 / count) ** 0.5 + LAG * abs(rate):
+            self.wandering = LEAK
             return size, radians(10.0)
         return None

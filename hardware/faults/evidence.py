@@ -22,6 +22,7 @@ class Reading(NamedTuple):
     fresh : the gyro was read for this frame; else its last reading is repeated
     command : gimbal angles of the pulse widths in force; None while the servos are not driven [rad]
     switches : closed limit switches +x, −x, +y, −y
+    carried : rates of the base about the same axes, which were subtracted from it [rad/s]
     force, base_force : readings of the accelerometers on holder and base [m/s²]
     """
 
@@ -36,6 +37,7 @@ class Reading(NamedTuple):
     switches: tuple[bool, bool, bool, bool] = (False, False, False, False)
     force: Triple = (0.0, 0.0, 0.0)
     base_force: Triple = (0.0, 0.0, 0.0)
+    carried: Pair = (0.0, 0.0)
 
 
 class Prediction(NamedTuple):

@@ -13,11 +13,11 @@ from math import cos, degrees, radians
 from typing import Any
 
 from hardware.faults.actuation import MISREAD, Actuation
-from hardware.faults.axis import DRIFT, FADING, LAG, LEAK, MOSTLY, SMOOTHING, STRANDED, Axis
+from hardware.faults.axis import DRIFT, MOSTLY, STRANDED, Axis
+from hardware.faults.drift import SETTLING, Drift
 from hardware.faults.evidence import Prediction, Reading, Remedy
 from hardware.faults.gravity import Gravity
 from hardware.faults.memory import filled, number
-from hardware.faults.parity import Parity
 from hardware.faults.states import (
     GYRO,
     NAMED,
@@ -29,23 +29,19 @@ from hardware.faults.states import (
     State,
     Track,
 )
-from hardware.faults.tracks import DOUBTFUL
 from hardware.frames import Pair, Triple
 from hardware.parts import RAIL
 
-SETTLING = 1.5  # s; the gyro's bias is not yet known before
-LEARNING = 0.4  # s; over which it is averaged at first
 FROZEN = 10  # equal gyro readings in a row, when its noise moves the last digit every time
 FROZEN_DELAYS = 5.5  # delays of its low-pass; a healthy one at rest for 600 s stood still for 2.0
-COMMON_DRIFT = radians(0.3)  # of both potentiometers of an axis together, when at rest
-COMMON_LAG = 1.6e-3  # s; of that drift while moving: healthy units in slews of 280 °/s reach 0.7°
-DEPARTED = radians(0.25)  # from gravity, 10 σ of its average
-AVERAGED = 0.2  # of an offset that its average has reached
+# By which both potentiometers have left gravity where they drift, and of an axis's offset: servos
+# that jam or slip, and healthy ones in slews, leave at most 0.09° and 0.03; drifts at least 0.22°
+# and 0.14 (up to 2 °/s; units 100 to 104, 120 and 121).
+SHIFTED, AVERAGED = radians(0.15), 0.08
 KNOWN = radians(0.3)  # angle of a rig without potentiometers, from which its servos are judged
-UNDECIDED = 0.2  # s of disagreement with the gyro that the servo's command does not decide
 
 
-class Monitor(Parity):
+class Monitor(Drift):
     """Monitors one rig; calls `listener(sensor, old, new, kind)` on every change.
 
     Parameters
@@ -62,11 +58,8 @@ class Monitor(Parity):
         *,
         minimal: bool = False,
     ) -> None:
-        super().__init__(listener)
+        super().__init__(listener, actuation)
         self._minimal = minimal
-        self.actuation = actuation or Actuation()
-        self._gravity = Gravity()
-        self._running = 0.0  # s since `begin`
         self._last_gyro: Triple | None = None
         self._equal = 0
         self._blur = 0.0  # 3 σ of the most uncertain potentiometer map [rad]
@@ -197,73 +190,6 @@ class Monitor(Parity):
         stranded = wired and all(axis.outlying[n] > MOSTLY for n in wired)
         return STRANDED if stranded else None
 
-    def _dead_reckon(self, r: Reading, p: Prediction, rest: list[float], use: list[bool]) -> None:
-        """Update both dead-reckoned angles and every potentiometer's distance from them."""
-        dt, first = r.dt, self._running <= r.dt
-        smooth = min(1.0, dt / SMOOTHING)
-        wrong_gyro = self._out[GYRO]
-        leak = 0.1 * LEAK if wrong_gyro else LEAK
-        for k, axis in enumerate(self._axes):
-            if first or wrong_gyro:
-                axis.bias = p.bias[k]
-            elif self._running < SETTLING:  # the filter's wanders by some °/s in fast motion
-                axis.bias += (p.bias[k] - axis.bias) * dt / (dt + min(self._running, LEARNING))
-            cosine = 1.0 if k else cos(p.angle[1])
-            axis.free += (r.rate[k] - axis.bias) / cosine * dt
-            axis.pace = max(abs(p.rate[k]), axis.pace * (1.0 - min(1.0, dt / FADING)))
-            offset = p.angle[k] - (axis.free + p.rate[k] * p.gyro_delay)
-            if first:
-                axis.free += offset
-                offset = 0.0
-            distance = axis.distance
-            for n, i in ((0, 2 * k), (1, 2 * k + 1)):
-                # Single wrong readings are outliers; they must not look like a drift.
-                if use[i] or axis.outlying[n] >= MOSTLY or self._out[i]:
-                    distance[n] += smooth * (rest[i] + offset - distance[n])
-            # While they part, the angle stays with the gyro: the estimate follows their mean.
-            named = self._out[2 * k] or self._out[2 * k + 1]
-            if named or abs(distance[0] - distance[1]) < 0.5 * DRIFT:
-                axis.free += offset * min(1.0, dt / leak)
-                axis.bias += (p.bias[k] - axis.bias) * min(1.0, dt)
-
-    def _compare(self, r: Reading, p: Prediction) -> None:
-        """Detect potentiometers that drift apart, and both drifting from the gyro.
-
-        The second only with calibrated maps: without, the gyro's bias is not known either.
-        """
-        for k, axis in enumerate(self._axes):
-            a, b = axis.distance
-            if axis.doubtful:
-                axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
-            uncertain = max(p.tolerance[2 * k], p.tolerance[2 * k + 1])
-            moving = LAG * abs(p.rate[k]) + uncertain
-            common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT
-            common -= COMMON_LAG * axis.pace + uncertain
-            if abs(a - b) > DRIFT + moving:
-                if not self._sagging(r):
-                    self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
-            elif common > 0 and uncertain <= DRIFT and not self._mute(r, k):
-                self._part(k, p.angle[k], 0.5 * (a + b), r.dt)
-            elif axis.common:
-                axis.common = max(0.0, axis.common - r.dt)
-
-    def _part(self, k: int, angle: float, apart: float, dt: float) -> None:
-        """Name gyro or both potentiometers of an axis: whichever the servo's command contradicts.
-
-        Parameters
-        ----------
-        angle : of the potentiometers [rad]
-        apart : how far it is from the angle dead-reckoned by the gyro [rad]
-        """
-        axis = self._axes[k]
-        axis.common += dt
-        by_gyro = abs(self.actuation.excess(k, angle - apart))
-        excess = abs(self.actuation.excess(k, angle))
-        if self._out[PAIR + k] or excess > 2 * by_gyro:
-            self._accuse(PAIR + k, 0.2, "deviating")
-        elif self._out[GYRO] or by_gyro > 2 * excess or axis.common > UNDECIDED:
-            self._accuse(GYRO, 0.2, "bias")
-
     def _watch_servos(self, r: Reading, p: Prediction) -> None:
         """Name servos that do not obey, or the potentiometers that only make it look so."""
         actuation = self.actuation
@@ -275,38 +201,15 @@ class Monitor(Parity):
         for k, kind in enumerate(actuation.kinds):
             if not kind:
                 continue
-            # The horn has not slipped if gravity has not moved either.
-            u, v = self._gravity.departed(2 * k), self._gravity.departed(2 * k + 1)
-            offset = abs(p.angle[k] - actuation.axes[k].model)
+            # A horn that slips takes the holder along, and gravity shows it too.
+            shift = 0.5 * (self._gravity.departed(2 * k) + self._gravity.departed(2 * k + 1))
+            offset = p.angle[k] - actuation.axes[k].model
             slow = kind == UNNAMED or kind.startswith("offset")
-            drifted = slow and 0.5 * abs(u + v) > max(DEPARTED, AVERAGED * offset)
+            drifted = slow and shift * offset > 0
+            drifted = drifted and abs(shift) > max(SHIFTED, AVERAGED * abs(offset))
             if self._minimal and kind == MISREAD:
                 self._accuse(GYRO, 1.0, "bias")
             elif drifted or kind == MISREAD or self._out[PAIR + k]:
                 self._accuse(PAIR + k, 1.0, "deviating")
             else:
                 self._accuse(SERVO + k, 1.0, kind)
-
-    def _disagree(
-        self, index: int, a: float, b: float, margin: float, dt: float, separable: bool
-    ) -> None:
-        """Name the one further off; if the maps are too uncertain, doubt the axis."""
-        u, v = (abs(self._gravity.departed(2 * index + n)) for n in (0, 1))
-        if separable and max(u, v) > DEPARTED:  # slow, and the estimate has followed half of it
-            a, b = u, v
-        if not separable:
-            self._doubt(index, dt)
-        elif abs(a) > abs(b) + 0.5 * margin:
-            self._accuse(2 * index, 0.2, "deviating")
-        elif abs(b) > abs(a) + 0.5 * margin:
-            self._accuse(2 * index + 1, 0.2, "deviating")
-        else:
-            self._doubt(index, dt)
-
-    def _doubt(self, index: int, dt: float) -> None:
-        if not (self._out[2 * index] or self._out[2 * index + 1]):
-            self._axes[index].doubtful += 2 * dt
-
-    def _lost(self, index: int) -> Pair:
-        a, b = self._axes[index].distance
-        return abs(a + b) / 2 + DRIFT, radians(30.0)

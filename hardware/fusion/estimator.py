@@ -152,28 +152,30 @@ class Fusion:
         if self.calibration.minimal:
             x, y = tilts(frame.accelerometer)
             f = x, x, y, y
+        rate, carried = self._rates(frame)
         return Reading(
             dt_us * 1e-6,
             f,
             (a.angle(f[0]), b.angle(f[1]), c.angle(f[2]), d.angle(f[3])),
             self._gains,
             frame.gyro,
-            self._rate(frame),
+            rate,
             bool(frame.flags & _HOLDER_IMU),
             self._commands.angles(frame),
             frame.switches,
             frame.accelerometer,
             frame.base_accelerometer,
+            carried,
         )
 
-    def _rate(self, frame: SensorFrame) -> Pair:
-        """The gimbal's own rates by the holder's gyro: x rate · cos y, and y rate [rad/s]."""
+    def _rates(self, frame: SensorFrame) -> tuple[Pair, Pair]:
+        """The gimbal's own rates by the holder's gyro, x · cos y and y, and the base's [rad/s]."""
         x, y = self.calibration.gyro.rates(frame.gyro)
         if self.base is None:
-            return x, y
+            return (x, y), (0.0, 0.0)
         state = self.filter.state
         u, v = _on_holder(self.base.rate(frame.base_gyro), state[ANGLE], state[STATES + ANGLE])
-        return x - u, y - v
+        return (x - u, y - v), (u, v)
 
     def _start(self, reading: Reading) -> None:
         wired = self.monitor.begin(reading)

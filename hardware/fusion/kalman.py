@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.frames import AXES, Pair
-from hardware.parts import GYRO_BIAS_WALK, GYRO_DELAY_S, GYRO_NOISE
+from hardware.parts import GYRO_BIAS_WALK, GYRO_DELAY_S, GYRO_NOISE, GYRO_SAMPLE_S
 from hardware.protocol import constants
 
 Array = NDArray[np.float64]
@@ -34,7 +34,8 @@ class Noise:
     potentiometer : standard deviation of one reading, fraction of the supply [1]
     supply : standard deviation of the common supply error of one frame [1]
     gyro : angle random walk of the gyro [rad/√s]; 0.005 °/s/√Hz one-sided is 0.0035 °/√s
-    gyro_delay : delay of the gyro's low-pass and age of its reading in the frame [s]
+    gyro_delay : delay of the gyro's low-pass, mean age of the sample that is read, and age
+        of the reading in the frame [s]
     bias : random walk of the gyro bias [rad/s/√s]
     acceleration : white angular acceleration of the gimbal [rad/s²/√Hz]; a servo reaches
         240 °/s within 20 ms, 4.2/√0.02
@@ -43,7 +44,7 @@ class Noise:
     potentiometer: float = 6.5e-4  # 0.6 LSB of noise and 1/√12 LSB of quantisation, of 1024
     supply: float = 5e-4
     gyro: float = GYRO_NOISE / sqrt(2.0)
-    gyro_delay: float = GYRO_DELAY_S[constants.DLPF] + 0.6e-3
+    gyro_delay: float = GYRO_DELAY_S[constants.DLPF] + GYRO_SAMPLE_S[constants.DLPF] / 2 + 1e-3
     bias: float = GYRO_BIAS_WALK
     acceleration: float = 30.0
 

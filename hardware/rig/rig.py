@@ -7,7 +7,7 @@ from hardware.calibration.result import Calibration, nominal
 from hardware.faults import Fault
 from hardware.frames import GimbalCommand, GimbalState, Pair, SensorFrame
 from hardware.fusion import BaseMap, Fusion, Noise
-from hardware.parts import GYRO_DELAY_6500_S, GYRO_DELAY_S, SUCCESSORS
+from hardware.parts import GYRO_DELAY_6500_S, GYRO_DELAY_S, GYRO_SAMPLE_S, SUCCESSORS
 from hardware.protocol import (
     Command,
     Config,
@@ -210,7 +210,8 @@ class Rig(Connection):
             self.line.send(HelloRequest())
             self._asked = True
         delays = GYRO_DELAY_6500_S if chip in SUCCESSORS else GYRO_DELAY_S
-        low_pass = delays[min(self.hello.dlpf, constants.DLPF_HIGHEST)]
-        self.gyro_delay = low_pass + t.imu_age_us[0] * 1e-6
+        setting = min(self.hello.dlpf, constants.DLPF_HIGHEST)
+        held = GYRO_SAMPLE_S[setting] / 2  # on the mean: the chip samples by its own clock
+        self.gyro_delay = delays[setting] + held + t.imu_age_us[0] * 1e-6
         self.fusion.set_gyro_delay(self.gyro_delay)
         self._delay_known = True

@@ -201,10 +201,11 @@ static void bus_event(avr_irq_t *irq, uint32_t value, void *param) {
   if (what & TWI_COND_STOP) n->selected = -1;
   if (what & TWI_COND_START) {
     int i = (address >> 1) - 0x68;
+    int fresh = n->selected != i; /* a repeated START belongs to the transaction before it */
     n->selected = i >= 0 && i < IMUS && n->imu[i].present ? i : -1;
     n->expect_register = !(address & 1);
     if (n->selected < 0) return;
-    memcpy(n->imu[i].latched, n->imu[i].reg + MPU_FIRST, MPU_READING);
+    if (fresh) memcpy(n->imu[i].latched, n->imu[i].reg + MPU_FIRST, MPU_READING);
     acknowledge(n, address);
   }
   if (n->selected < 0) return;

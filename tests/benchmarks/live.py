@@ -17,8 +17,8 @@ from analysis.identify import FIGURES, IdentifiedModel, Wish, by_frames, identif
 from analysis.recording import Measurement, Recording, TimeSeries, measurement_of
 from hardware.protocol import constants
 from tests.benchmarks.identification import Gimbal, moved
-from twin.cli.live.measurement import half_widths, until_known
-from twin.cli.live.pieces import TICK, Piece
+from twin.workflows.live.measurement import half_widths, until_known
+from twin.workflows.live.pieces import TICK, Piece
 
 ASKED = (Wish("delay", 0.3e-3), Wish("bandwidth", 0.01))
 LARGEST, NOISE = np.radians(5.0), np.radians(0.05)

@@ -28,8 +28,8 @@ RATES = (250.0, 50.0)  # Hz
 
 def table() -> Iterator[Row]:
     """Figures of the table: ratios of the medians of rounds that take turns."""
-    peer = _peer()
-    if peer is None:
+    other = peer(str(FLIGHTS))
+    if other is None:
         yield Row("passive flights", None, note="skipped: rocketpy is not installed")
         return
     with tempfile.TemporaryDirectory() as folder:
@@ -38,13 +38,13 @@ def table() -> Iterator[Row]:
         rounds = [_round(Path(folder, "flight.rrd")) for _ in range(ROUNDS)]
     median = {k: statistics.median(r[k] for r in rounds) for k in rounds[0]}
     theirs = median.pop("peer")
-    name = f"RocketPy {peer['version']}, build included"
+    name = f"RocketPy {other['version']}, build included"
     for (rate, recorded), ours in median.items():
         least = 1.5 if recorded else 5.0
         what = f"passive flights at {rate:g} Hz, {'recorded' if recorded else 'not recorded'}"
         limit = least if rate == RATES[-1] else None
         yield Row(what, theirs / ours, "×", least=limit, peer=1.0, note=name)
-    flown, converged = peer["flown"], peer["converged"]
+    flown, converged = other["flown"], other["converged"]
     yield Row("apogee, RocketPy to its converged", _percent(flown[0], converged[0]), "%")
     finest = fly(_config(250.0, dt=0.001), recorded=False).figures
     for rate in RATES:
@@ -59,7 +59,7 @@ def _percent(value: float, of: float) -> float:
 
 def _round(out: Path) -> dict[object, float]:
     """Processor time of one flight [s], of the peer and at every rate, recorded or not."""
-    spent: dict[object, float] = {"peer": float((_peer() or {})["flight_s"])}
+    spent: dict[object, float] = {"peer": float((peer(str(FLIGHTS)) or {})["flight_s"])}
     for rate in RATES:
         for recorded in (False, True):
             spent[rate, recorded] = min(
@@ -81,7 +81,7 @@ def _flown(rate: float, out: Path | None) -> tuple[float, float]:
     return time.process_time() - began, float(result.figures.apogee_m or 0.0)
 
 
-def _peer() -> dict[str, Any] | None:
+def peer(*arguments: str) -> dict[str, Any] | None:
     """What the peer prints, or None where no interpreter has RocketPy."""
     python = os.environ.get("ROCKETPY_PYTHON", sys.executable)
     known = subprocess.run(
@@ -89,10 +89,10 @@ def _peer() -> dict[str, Any] | None:
     )
     if known.returncode:
         return None
-    command = [python, "-P", str(PEER), str(FLIGHTS)]
+    command = [python, "-P", str(PEER), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    peer: dict[str, Any] = json.loads(done.stdout)
-    return peer
+    printed: dict[str, Any] = json.loads(done.stdout)
+    return printed
 
 
 if __name__ == "__main__":

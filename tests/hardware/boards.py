@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hardware.device import BYTE_US, Device
 from hardware.emulator import Emulator
+from hardware.frames import Pair, Triple
 from hardware.protocol import (
     Board,
     Decoder,
@@ -216,3 +217,25 @@ class PiRig(Rig):
     def output(self) -> tuple[int, ...]:
         duty = (pwm_value(self.root, k, "duty_cycle") for k in range(self.outputs))
         return tuple(value // constants.TICK_NS for value in duty)
+
+
+class Ramp:
+    """A plant whose two IMUs turn with 2 rad/s² about x, so that a reading's age shows."""
+
+    time = 0.0
+
+    def advance(self, dt: float, _shaft: Triple) -> None:
+        self.time += dt
+
+    def angles(self) -> Pair:
+        return 0.0, 0.0
+
+    rates = angles
+
+    def holder_imu(self) -> tuple[Triple, Triple]:
+        return (2.0 * self.time, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+    base_imu = holder_imu
+
+    def set_supply(self, _fraction: float) -> None:
+        pass

@@ -4,10 +4,14 @@ import os
 import random
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
+from hardware.emulator import FirmwareRig, reference_rig
+from hardware.emulator.sensors import Mpu6050
 from hardware.firmware import FirmwareError, build, build_elf, build_hash, size
 from hardware.firmware.build import FLAGS, FLASH_SIZE, FOLDER, RAM_SIZE, SKETCH, sources
 from hardware.protocol import (
@@ -26,12 +30,14 @@ from hardware.protocol import (
     Ping,
     Pong,
     Telemetry,
+    constants,
     default_config,
     encode,
     hello,
 )
 from hardware.simavr import nano as avr
 from hardware.simavr.nano import BASE, HOLDER, Pulse, SimulatedNano, SimulatedNanoError
+from tests.hardware.boards import Ramp
 
 if absent := avr.missing():
     assert not os.environ.get("CI"), f"missing in CI: {absent}"
@@ -244,6 +250,33 @@ def test_clock_stamps_are_right_after_the_line_was_flooded(bench):
         # the last byte of a PING arrives 0.3 ms after its first; the device's clock began with it
         assert max(stamps) - min(stamps) < 50
         assert abs(stamps[0]) < 500
+
+
+def test_gyro_readings_have_the_stated_age_and_that_of_the_chips_latest_sample():
+    """Low-pass of DLPF 2 [RM-MPU-6000A-00], start of the burst to the report, 0 to 1 ms held."""
+    chip = Mpu6050(bias_walk=0.0, clock=0.01)  # every phase against the Nano's clock in 100 ms
+    rig = reference_rig()
+    device = FirmwareRig(
+        replace(rig, sensors=replace(rig.sensors, imus=(chip, chip))), plant=Ramp()
+    )
+    device.bench._imus._noise[:] = 0
+    decoder, edges, readings = Decoder(), [], []
+    record = device.nano.pulses
+    device.nano.pulses = lambda: edges.extend(p := record()) or p
+    for k in range(250):
+        device.advance_us(1000)
+        decoder.receive_data(device.read())
+        readings += [f.message for f in decoder if k >= 50 and isinstance(f.message, Telemetry)]
+    device.close()
+    last = readings[-1]
+    began = next(e.time_us for e in edges if e.servo == 0)
+    offset = (began - last.device_us + last.frame_us) % FRAME_US  # of the device's clock
+    for name, k in (("holder_gyro", 0), ("base_gyro", 1)):
+        gyro = np.array([getattr(m, name)[0] for m in readings]) * constants.GYRO_SCALE
+        true = 2e-6 * (np.array([m.device_us for m in readings]) + offset)
+        held = (true - gyro) / 2 - 2.8e-3 - 1e-6 * np.array([m.imu_age_us[k] for m in readings])
+        assert held.mean() == pytest.approx(0.5e-3, abs=0.05e-3)
+        assert held.std() == pytest.approx(1e-3 / 12**0.5, abs=0.05e-3)
 
 
 def test_the_imus_get_the_low_pass_setting_of_config(bench):

@@ -120,8 +120,10 @@ def test_a_turning_base_is_taken_out_of_the_holders_gyro():
     base, gimbal = np.array([0.4, -0.2, 0.3]), (0.7, -0.5)
     ring = rotation(0, y).T @ [gimbal[0], 0, 0]
     seen = rotation(x, y).T @ base + ring + [0, gimbal[1], 0]
-    rates = fusion._rate(replace(STILL, gyro=tuple(seen), base_gyro=tuple(base)))
+    reading = replace(STILL, gyro=tuple(seen), base_gyro=tuple(base))
+    rates, carried = fusion._rates(reading)
     np.testing.assert_allclose(rates, (gimbal[0] * cos(y), gimbal[1]), atol=1e-12)
+    np.testing.assert_allclose(carried, (rotation(x, y).T @ base)[:2], atol=1e-12)
 
 
 class TestSnapshot:

@@ -42,6 +42,7 @@ from hardware.protocol import (
     Telemetry,
     constants,
 )
+from tests.hardware.boards import Ramp
 
 
 def quiet(parameters):
@@ -204,40 +205,44 @@ def test_gyro_is_late_by_the_delay_of_its_setting(dlpf):
     assert lag == pytest.approx(delay, rel=1e-6)  # a ramp of 1 rad/s² lags by its delay
 
 
-def test_imu_counts_have_the_age_given_in_telemetry():
+def test_imu_counts_have_the_age_given_in_telemetry_and_that_of_the_chips_latest_sample():
     rig = quiet(replace(reference_rig(), skew=2e-3))
-    still = Mpu6050(bias_walk=0.0)
+    still = Mpu6050(bias_walk=0.0, clock=8e-3)  # against the board's 2e-3: all phases in 167 ms
     rig = replace(rig, sensors=replace(rig.sensors, imus=(still, still)))
-
-    class Ramp:  # both IMUs turn with 2 rad/s²
-        time = 0.0
-
-        def advance(self, dt, _shaft):
-            self.time += dt
-
-        def angles(self):
-            return 0.0, 0.0
-
-        rates = angles
-
-        def holder_imu(self):
-            return (2.0 * self.time, 0.0, 0.0), (0.0, 0.0, 0.0)
-
-        base_imu = holder_imu
-
     plant = Ramp()
     device = Emulator(rig, plant=plant)
     device.bench._imus._noise[:] = 0
     lag = []
     device.observer = lambda *_: lag.append(2.0 * plant.time)
-    frames = _Host(device).telemetry(500)
-    late = GYRO_DELAY_S[constants.DLPF]
+    frames = _Host(device).telemetry(868)
+    late = 2.8e-3  # DLPF 2, register map 4.2
     for name, k in (("holder_gyro", 0), ("base_gyro", 1)):
         read = np.array([getattr(m, name)[0] for m in frames[100:]]) * constants.GYRO_SCALE
         behind = np.array(lag[100 : 100 + len(read)]) - read
         stated = late + np.mean([m.imu_age_us[k] for m in frames]) * 1e-6
-        # 0.2 % of the clock, and 1/√12 LSB of quantisation over 100 and more readings
-        assert behind.mean() / 2.0 == pytest.approx(stated, rel=5e-3)
+        held = 1e3 * (behind / 2.0 - stated)  # ms; one step of the gyro is 0.13 ms of this ramp
+        # Uniform over the 1 ms between two samples, over two rounds of all phases.
+        assert held.mean() == pytest.approx(0.5, abs=0.02)
+        assert held.std() == pytest.approx(1 / 12**0.5, abs=0.03)
+        assert held.min() > -0.15
+        assert held.max() < 1.15
+
+
+def test_imu_samples_by_its_own_clock_and_holds_what_it_sampled():
+    fast, slow = Mpu6050(bias_walk=0.0, clock=0.01), Mpu6050(bias_walk=0.0, clock=-0.01)
+    imus = ImuPair((fast, slow), np.random.default_rng(1))
+    taken = [[], []]
+    for k in range(1000):
+        imus.advance(1e-3, np.zeros(12), 2.8e-3)
+        for age, chip in imus.updates():
+            taken[chip].append(1e-3 * (k + 1) - age)
+    for chip, rate in ((0, 1010.0), (1, 990.0)):
+        assert np.diff(taken[chip]) == pytest.approx(1 / rate, abs=1e-7)
+    for _ in range(8):  # 8 kHz without the low-pass: register map 4.2, register 25
+        imus.advance(1e-3, np.zeros(12), 0.98e-3, 0.125e-3)
+    ages = [age for age, chip in imus.updates() if chip == 0]
+    assert len(ages) == 8
+    assert -np.diff(ages) == pytest.approx(0.125e-3 / 1.01, abs=1e-7)
 
 
 def test_report_at_a_frames_beginning_shows_the_pulses_of_that_frame(host):

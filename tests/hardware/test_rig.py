@@ -15,7 +15,6 @@ from hardware.emulator import Emulator, parse, sample_rig
 from hardware.emulator.emulator import IMU_AGE_US
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import GimbalCommand
-from hardware.parts import GYRO_DELAY_S
 from hardware.protocol import (
     Arm,
     Board,
@@ -116,15 +115,18 @@ def test_a_pong_is_heard_between_polls_and_frames_wait_for_the_next(skewed):
     assert len(rig.states) == len(late)
 
 
-def test_another_low_pass_changes_the_delay_the_fusion_reckons_with(skewed):
+def test_every_low_pass_gives_the_delay_of_the_data_sheet_and_half_a_sampling_period(skewed):
+    """Register map 4.2, registers 25 and 26 [ms]: 8 kHz without the low-pass, else 1 kHz."""
     device, rig = skewed
     rig.connect()
-    _advance(rig, device, 20)
-    age = 620e-6
-    assert rig.fusion.noise.gyro_delay == pytest.approx(GYRO_DELAY_S[2] + age)
-    rig.configure(replace(default_config(), dlpf=5))
-    _advance(rig, device, 20)
-    assert rig.fusion.noise.gyro_delay == pytest.approx(GYRO_DELAY_S[5] + age)
+    published = (0.98, 1.9, 2.8, 4.8, 8.3, 13.4, 18.6)
+    sampled = (0.0625, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5)  # on the mean, unsynchronised with the read
+    for setting in (2, 0, 1, 3, 4, 5, 6):
+        if setting != 2:  # the default
+            rig.configure(replace(default_config(), dlpf=setting))
+        _advance(rig, device, 20)
+        age = 1e-3 * (published[setting] + sampled[setting]) + 1e-6 * IMU_AGE_US[0]
+        assert rig.fusion.noise.gyro_delay == pytest.approx(age)
 
 
 def test_close_drives_to_neutral(skewed):
@@ -437,7 +439,7 @@ def test_the_gyros_delay_is_that_of_the_chip_named_in_hello(chip, low_pass, monk
         device.advance_us(2000)
         rig.poll()
     assert rig.hello.imu_identity == (chip, chip)
-    assert rig.gyro_delay == pytest.approx(low_pass + IMU_AGE_US[0] * 1e-6)
+    assert rig.gyro_delay == pytest.approx(low_pass + 0.5e-3 + IMU_AGE_US[0] * 1e-6)
 
 
 @pytest.mark.realtime

@@ -118,13 +118,13 @@ PLANTED = (
     ),
     Mutant(
         "gyro-bias fault threshold × 2",
-        "hardware/faults/monitor.py",
+        "hardware/faults/drift.py",
         "COMMON_DRIFT = radians(0.3)", "COMMON_DRIFT = radians(0.6)",
         (_FAULTS, "-k", "smallest"),
     ),
     Mutant(
         "gyro-bias fault threshold / 2",
-        "hardware/faults/monitor.py",
+        "hardware/faults/drift.py",
         "COMMON_DRIFT = radians(0.3)", "COMMON_DRIFT = radians(0.15)",
         (_FAULTS, "-k", "largest or healthy"),
     ),

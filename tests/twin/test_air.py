@@ -9,6 +9,7 @@ import pytest
 
 from twin.config import Fly
 from twin.config.vehicle import Vehicle as Settings
+from twin.experiments.assembly import make_plant
 from twin.experiments.fly import fly
 from twin.experiments.vehicle import vehicle
 from twin.physics import native
@@ -17,6 +18,7 @@ from twin.physics.native.recovery import is_open
 from twin.physics.vehicle import VehicleError
 from twin.physics.vehicle.drag_table import read_drag
 from twin.plant.authority import balance
+from twin.plant.compiled import compiled
 from twin.plant.compose import MJCF
 from twin.plant.model import ModelConfig, load
 
@@ -108,6 +110,23 @@ def test_a_misaligned_thrust_turns_the_vehicle():
     assert difference[:3] == pytest.approx(tilted - [0.0, 0.0, thrust], abs=1e-3 * thrust)
     nozzle = np.array([0.0, 0.0, -0.1774])
     assert difference[3:6] == pytest.approx(np.cross(nozzle, tilted), abs=1e-3 * thrust * 0.18)
+
+
+def test_a_swirling_jet_spins_the_vehicle_by_its_impulse_over_the_falling_inertia():
+    """I dω/dt = swirl · F, I linear in the impulse spent: ω = swirl J ln(I₀/I₁) / (I₀ - I₁)."""
+    swirl = 1e-4
+    vacuum = {"air_enabled": 0, "ramp_length": 0, "motor_burn": 1, "motor_swirl": swirl}
+    config = Fly(vehicle=MJCF / "examples" / "large_rocket.toml", set=tuple(vacuum.items()))
+    with compiled():
+        plant = make_plant(config)
+        before = balance(plant.model)[3]
+        plant.advance(round(6.0e9 / plant.dt_ns))
+        after = balance(plant.model)[3]
+    spin = swirl * float(plant.model.numeric("motor_impulse").data[0])
+    spin *= math.log(before / after) / (before - after)
+    assert before / after > 1.02
+    assert plant.rate[2] == pytest.approx(spin, rel=1e-4)
+    assert plant.rate[:2] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_gravity_falls_with_the_square_of_the_distance_from_the_centre_of_the_earth():

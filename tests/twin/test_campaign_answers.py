@@ -14,6 +14,7 @@ from tests.twin.campaigns import HIT, flown, linear, place, study
 from twin.campaigns.answers import Cell, _sentence, answers
 from twin.campaigns.bundle import _chosen
 from twin.campaigns.campaign import result
+from twin.campaigns.coordinates import coordinates
 from twin.campaigns.design import Streams
 from twin.campaigns.dispersion import ellipse
 from twin.campaigns.reweight import reweighted
@@ -167,6 +168,41 @@ def test_exit_codes_of_a_condition(half, limit, holds, status):
     assert read(s.place).digest == s.digest
     assert made.as_dict()["answer"] in page
     assert "hit_rate" in made.text()
+
+
+def test_parallel_coordinates_show_each_run_where_its_values_are_and_how_it_ended(tmp_path):
+    """Places of every point computed again from the rows."""
+    servo = '[vary.servo]\ndistribution = "choice"\nvalues = ["a", "b"]\n'
+    s = study(tmp_path, servo + linear(120, HIT))
+    runs = Runs(s)
+    work = place(s, runs)
+    table = pa.Table.from_pylist([work(run) for run in range(120)])
+    section = coordinates(answers(s, runs, table), s, table, "refly {}".format)
+    (plot,) = section.parts
+    labels = [row.partition("\n")[0] for row in plot.panels[0].rows]
+    assert set(labels[:-1]) == {"wind_speed", "wind_azimuth", "servo"}
+    assert labels[-1] == "closest_approach_m"
+    rows = table.to_pylist()
+    for line, hit in zip(plot.lines, (True, False), strict=True):
+        assert line.name == ("hit" if hit else "not hit")
+        shown = np.flatnonzero(np.isnan(line.x))
+        assert len(shown) == 40
+        for end in shown:
+            number = int(line.labels[end].removeprefix("refly "))
+            assert rows[number]["hit"] == hit
+            for k, name in enumerate(labels):
+                values = [float(r[name] == "b") if name == "servo" else r[name] for r in rows]
+                expected = (values[number] - min(values)) / (max(values) - min(values))
+                assert line.x[end - 4 + k] == pytest.approx(expected, abs=1e-12)
+                assert line.y[end - 4 + k] == k
+
+
+def test_parallel_coordinates_of_one_parameter_are_left_out(tmp_path):
+    text = f"{HIT}[vary.wind_speed]\ndistribution = 'normal'\nmean = 1\nsd = 1\n[design]\nn = 9"
+    s = study(tmp_path, text)
+    work = place(s, runs := Runs(s), lambda v: (v["wind_speed"], 0.0))
+    table = pa.Table.from_pylist([work(run) for run in range(9)])
+    assert coordinates(answers(s, runs, table), s, table, str) is None
 
 
 def test_the_page_of_a_named_choice_lists_every_value(tmp_path):

@@ -1,18 +1,28 @@
 """A campaign on a cluster of Ray: the rows of this machine's processes, whatever dies meanwhile."""
 
 import os
+import re
 import signal
 import socket
+import sys
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import pytest
 
-from tests.twin.campaigns import study
-from twin.campaigns.campaign import campaign
+from tests.twin.campaigns import HIT, linear, place, study
+from twin.campaigns import cluster as cluster_module
+from twin.campaigns.campaign import campaign, flying
+from twin.campaigns.cluster import rows_of
+from twin.campaigns.parameters import binding
 from twin.campaigns.runs import Runs
+from twin.campaigns.runs import flown as real
 from twin.campaigns.store import Store
+from twin.cli.command import run
 from twin.config.campaign import Campaign
 from twin.errors import TwinError
 
@@ -31,14 +41,175 @@ n = {n}
 """
 
 
-def test_an_address_that_does_not_answer_is_one_line(tmp_path):
-    pytest.importorskip("ray", reason="the extra cluster is not installed")
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A call that is made later."""
+
+    function: Any
+    given: tuple[Any, ...]
+
+
+class FakeRay(ModuleType):
+    """Ray as the campaign uses it: tasks run when their answer is asked for, the last one first.
+
+    Parameters
+    ----------
+    deaths : how often the worker of a task with this run dies, by run
+    fails : calls of `get` or `wait` that raise: name, number of the call, error
+    """
+
+    def __init__(self, deaths=None, fails=None):
+        super().__init__("ray")
+        base = type("RayError", (Exception,), {})
+        died = ("WorkerCrashedError", "NodeDiedError", "ObjectLostError", "OutOfMemoryError",
+                "LocalRayletDiedError", "RaySystemError")  # fmt: skip
+        self.exceptions = SimpleNamespace(RayError=base)
+        for name in died:
+            setattr(self.exceptions, name, type(name, (base,), {}))
+        self.exceptions.RayTaskError = type("RayTaskError", (base,), {"cause": OSError("no room")})
+        self.deaths, self.fails = dict(deaths or {}), dict(fails or {})
+        self.submitted, self.flown, self.open, self.most = [], [], 0, 0
+        self.calls = {"get": 0, "wait": 0}
+        self.down = False
+
+    def init(self, *_, **__):
+        pass
+
+    def shutdown(self):
+        self.down = True
+
+    def cluster_resources(self):
+        return {"CPU": 2.0}
+
+    def remote(self, **_):
+        def of(function):
+            return SimpleNamespace(remote=lambda *given: self._task(function, *given))
+
+        return of
+
+    def _task(self, function, *given):
+        self.submitted.append(given[2])
+        self.open += 1
+        self.most = max(self.most, self.open)
+        return Task(function, given)
+
+    def _failing(self, call):
+        self.calls[call] += 1
+        if self.calls[call] == self.fails.get(call, (0, ""))[0]:
+            raise getattr(self.exceptions, self.fails[call][1])("the cluster\nis gone")
+
+    def wait(self, tasks):
+        self._failing("wait")
+        return tasks[-1:], tasks[:-1]
+
+    def get(self, task):
+        self._failing("get")
+        self.open -= 1
+        for number in task.given[2]:
+            if self.deaths.get(number, 0):
+                self.deaths[number] -= 1
+                raise self.exceptions.WorkerCrashedError
+        answer = task.function(*task.given)
+        self.flown += task.given[2]
+        return answer
+
+
+@pytest.fixture
+def cluster(tmp_path, monkeypatch):
+    """A function that flies a study of the stand-in on a fake cluster that answers."""
+    s = study(tmp_path, linear(48, HIT))
+    runs = Runs(s)
+    work = place(s, runs)
+    monkeypatch.setattr(cluster_module, "rows_of", lambda *given: [work(r) for r in given[2]])
+    kinds = dict.fromkeys(runs.columns, float)
+    store, alone = (Store(tmp_path / name, s, runs.count, kinds) for name in ("out", "alone"))
+    store.begin(force=False)
+    alone.prepare()
+    for part in range(alone.parts):
+        alone.write(part, [work(r) for r in alone.runs_of(part)])
+
+    def fly(ray):
+        monkeypatch.setitem(sys.modules, "ray", ray)
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            flying(s, runs, store, work, None, f"127.0.0.1:{server.getsockname()[1]}")
+        return store.table()
+
+    fly.alone = alone.table()
+    return fly
+
+
+def test_fragments_flown_in_tasks_in_any_order_are_those_of_this_machine(cluster):
+    table = cluster(ray := FakeRay())
+    assert table.equals(cluster.alone)
+    assert sorted(ray.flown) == list(range(48))
+    assert len(ray.submitted) == 6
+    assert ray.most == 2 * cluster_module.AHEAD
+    assert ray.down
+
+
+def test_runs_of_a_dead_worker_are_flown_again_one_by_one_and_nothing_twice(cluster):
+    """Run 20 ends its worker once, run 35 every time."""
+    table = cluster(ray := FakeRay(deaths={20: 1, 35: 9}))
+    assert sorted(ray.flown) == [r for r in range(48) if r != 35]
+    again = [runs for runs in ray.submitted if len(runs) == 1]
+    assert sorted(again) == [[r] for r in (*range(16, 24), *range(32, 40))]
+    outcomes = table["outcome"].to_pylist()
+    assert [r for r, o in enumerate(outcomes) if o == "crashed"] == [35]
+    rest = [r for r in range(48) if r != 35]
+    assert table.take(rest).equals(cluster.alone.take(rest))
+
+
+@pytest.mark.parametrize(
+    ("fails", "message"),
+    [({"get": (3, "RaySystemError")}, "the cluster is gone; `twin campaign resume` continues"),
+     ({"wait": (3, "RaySystemError")}, "the cluster is gone; `twin campaign resume` continues"),
+     ({"get": (3, "RayTaskError")}, "a worker failed: no room")],
+)  # fmt: skip
+def test_a_cluster_that_fails_is_one_line_and_the_campaign_is_resumed(cluster, fails, message):
+    with pytest.raises(TwinError, match=rf"--ray 127.0.0.1:\d+: {message}") as refused:
+        cluster(broken := FakeRay(fails=fails))
+    assert "\n" not in str(refused.value)
+    assert broken.down
+    assert cluster(after := FakeRay()).equals(cluster.alone)
+    assert sorted(broken.flown + after.flown) == list(range(48))
+
+
+def test_a_machine_with_another_study_is_refused(cluster, monkeypatch):
+    monkeypatch.setattr(cluster_module, "rows_of", lambda *_: "on b: differs from the study here")
+    with pytest.raises(TwinError, match=r"--ray 127.0.0.1:\d+: on b: differs from the study here"):
+        cluster(FakeRay())
+
+
+def test_a_worker_flies_the_rows_of_this_machine_or_says_why_not(tmp_path):
+    s = study(tmp_path, SHORT.format(n=8).replace("0.5", "0.05"))
+    runs = Runs(s)
+    work = real(s, runs, binding(s.fly, s.vary, s.folder), tmp_path)
+    assert rows_of(s.place, s.digest, [1, 3]) == [work(1), work(3)]
+    assert re.match(r"on \S+: .*differs from the study here", rows_of(s.place, "other", [1]))
+
+
+@pytest.mark.parametrize("error", [None, ConnectionError("no GCS"), RuntimeError("a\nb")])
+def test_an_address_without_a_cluster_is_one_line_with_exit_2(tmp_path, monkeypatch, capsys, error):
+    """Nobody listens, or somebody else does."""
     s = study(tmp_path, SHORT.format(n=8))
-    with socket.socket() as closed:
-        closed.bind(("127.0.0.1", 0))  # and does not listen
-        address = f"127.0.0.1:{closed.getsockname()[1]}"
-        with pytest.raises(TwinError, match=f"--ray {address}: no cluster of Ray answers there"):
-            campaign(Campaign("run", s.place, ray=address, out=tmp_path / "out"))
+    ray = FakeRay()
+    if error is not None:
+        monkeypatch.setattr(ray, "init", lambda *_, **__: raised(error))
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        if error is not None:
+            other.listen()
+        address = f"127.0.0.1:{other.getsockname()[1]}"
+        with pytest.raises(SystemExit) as end:
+            run(["campaign", "run", s.place, "--ray", address, "--out", str(tmp_path / "out")])
+    said = capsys.readouterr().err.strip().splitlines()
+    assert end.value.code == 2
+    assert said[-1].startswith(f"twin: --ray {address}: no cluster of Ray answers there: ")
+
+
+def raised(error):
+    raise error
 
 
 def test_a_report_needs_no_cluster():

@@ -159,7 +159,7 @@ PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azim
         (f"{PAIR}mean = [0, 0]\ncovariance = [[1, 2], [2, 1]]", "and positive definite"),
         (
             f"{JOINT}{PAIR}mean = [0, 0]\ncovariance = [[1, 0], [0, 1]]",
-            "w is a covariance, and Sobol",
+            "w has a covariance, and Sobol",
         ),
         (
             f"{STAR}{PAIR}nominal = 1\nmean = [0, 0]\ncovariance = [[1, 0], [0, 1]]",

@@ -116,6 +116,9 @@ MISTAKES = [
     ("fly --integrator ab9", "--integrator ab9: must be one of '"),
     ("vehicle", "twin vehicle needs one of show, build, import (`twin vehicle --help`"),
     ("mechanism", "twin mechanism needs one of show, check, build, search"),
+    ("campaign", "twin campaign needs one of run, resume, report, refly (`twin campaign --help`"),
+    ("campaign run", "twin campaign needs an argument: Study file (.toml), or a shipped study"),
+    ("campaign fly", "action fly: must be one of 'run', 'resume', 'report', 'refly'"),
 ]
 
 

@@ -9,17 +9,15 @@ import pytest
 import twin
 from analysis.recording import read
 from hardware.calibration import write
-from twin.cli.demo import demo
-from twin.cli.python import function
 from twin.config import Demo, Step
+from twin.config.verbs import BY_NAME
 from twin.experiments.assembly import rig_calibration
+from twin.workflows.demo import demo
 
 # twenty flights on two processes; what a campaign answers is tested with it
-STUBS = {
-    "campaign": lambda *_, **__: SimpleNamespace(
-        answers=SimpleNamespace(text="hit holds in 95.0% of 20 runs"), passed=True, as_dict=dict
-    )
-}
+CAMPAIGN = SimpleNamespace(
+    answers=SimpleNamespace(text="hit holds in 95.0% of 20 runs"), passed=True, as_dict=dict
+)
 SHORT = {"REPEATS": 1, "HOLD_S": 0.3, "LONGEST_FLIGHT_S": 0.6}
 
 
@@ -31,8 +29,8 @@ def shown(tmp_path_factory):
     write(given, rig_calibration(Step(gimbal="emulator")))
     with pytest.MonkeyPatch.context() as patch:
         for name, value in SHORT.items():
-            patch.setattr(f"twin.cli.demo.stages.{name}", value)
-        patch.setattr("twin.cli.demo.stages.function", lambda name: STUBS.get(name, function(name)))
+            patch.setattr(f"twin.workflows.demo.stages.{name}", value)
+        patch.setitem(BY_NAME, "campaign", SimpleNamespace(run=lambda **_: CAMPAIGN))
         patch.setattr("twin.hil.connect.check_motion", lambda seat: None)
         return twin.demo(calibration=given, out=folder / "out")
 

@@ -8,9 +8,9 @@ import pytest
 import twin
 from analysis.identify import Plant, Wish, remaining
 from tests.benchmarks import live
-from twin.cli.live import measurement, pieces
 from twin.config import Identify
 from twin.errors import TwinError
+from twin.workflows.live import measurement, pieces
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from analysis.recording import Recording
+from twin.config import Fly
 from twin.config.vehicle import Vehicle as Settings
 from twin.errors import TwinError
+from twin.experiments.kept import files_of, restored
 from twin.experiments.vehicle import vehicle
 from twin.physics import openrocket
 from twin.physics.openrocket import container
 from twin.physics.vehicle import described
+from twin.plant.model import ModelConfig, load
 
 CONE = 0.3, 0.04  # length and base radius [m] of the nose, solid, 500 kg/m³
 TUBE = 0.8, 0.04, 0.002  # length, outer radius, wall [m] of the tube, 1000 kg/m³
@@ -200,6 +204,38 @@ def test_import_writes_a_description_that_flies_and_the_figures_beside_openrocke
     shown = vehicle(Settings("show", out))
     assert shown.states[-1].mass + 0.52 == pytest.approx(shown.states[0].mass)
     assert shown.states[0].mass == pytest.approx(result.mass + 1.1, rel=1e-6)
+
+
+def test_a_design_flown_as_it_is_equals_its_written_description(tmp_path: Path) -> None:
+    mount = "<motormount></motormount>"
+    streamer = "<streamer><name>Late</name><deployevent>never</deployevent></streamer>"
+    ork = packed(tmp_path / "own.ork", design(streamer, tube=mount))
+    engine, out = tmp_path / "k.eng", tmp_path / "own.toml"
+    engine.write_text("K1 54 400 P 0.52 1.1 own\n0.05 250\n3.95 250\n4.05 0\n")
+    vehicle(Settings("import", ork, motor=engine, out=out))
+    flown = load(ModelConfig(vehicle=ork, motor=engine))
+    assert flown.sha256 == load(ModelConfig(vehicle=out)).sha256
+    assert flown.notes[0] == "left out: streamer 'Late': opens at 'never', not in this description"
+    with pytest.raises(TwinError, match=r"own\.ork: its motor \(none\).*--motor FILE\.eng"):
+        load(ModelConfig(vehicle=ork))
+    pods = packed(tmp_path / "pods.ork", design("<podset><name>Pods</name></podset>"))
+    with pytest.raises(TwinError, match=r"pods\.ork: podset 'Pods'"):
+        load(ModelConfig(vehicle=pods, motor=engine))
+    run = Fly(vehicle=ork, motor=engine)
+    with restored(Recording({"files": files_of(run)}, {}), run, ork, force=False) as again:
+        assert again.vehicle is not None
+        assert again.vehicle.read_bytes() == ork.read_bytes()
+
+
+def test_a_rail_that_turns_into_the_wind_points_where_the_wind_comes_from(tmp_path: Path) -> None:
+    text = design().replace(
+        "<launchaltitude>",
+        "<launchintowind>true</launchintowind><windaverage>3</windaverage>"
+        "<winddirection>1.25</winddirection><launchaltitude>",
+    )
+    found = read(tmp_path, text)  # OpenRocket: from north over east [rad]
+    assert found.design.launch.azimuth == pytest.approx(math.pi / 2 - 1.25)
+    assert found.left_out == ("the wind of its simulations: --set wind_speed=3 adds it",)
 
 
 @pytest.mark.parametrize(

@@ -50,12 +50,18 @@ class Cluster:
 
         Raises
         ------
-        TwinError : Ray is not installed, the cluster does not answer or has another study, or rows
-            cannot be written
+        TwinError : Ray is not installed, the cluster does not answer, fails or has another study,
+            or rows cannot be written
         """
         ray = _connected(self.address, self.workers)
         try:
             yield from self._fragments(ray)
+        except ray.exceptions.RayError as error:
+            text = " ".join(str(error).split())[:300]
+            raise TwinError(
+                f"--ray {self.address}: {text or type(error).__name__};"
+                " `twin campaign resume` continues"
+            ) from None
         finally:
             ray.shutdown()
 

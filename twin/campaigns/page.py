@@ -10,6 +10,7 @@ import numpy as np
 from analysis.report import Cell, Line, Panel, Plot, Section, Table
 from twin.campaigns.answers import Answers
 from twin.campaigns.boundary import SHARE, Frontier, Property
+from twin.campaigns.coordinates import coordinates
 from twin.campaigns.result import CampaignResult
 from twin.campaigns.statistic import PLACE, Estimate
 from twin.campaigns.store import column, counted
@@ -34,6 +35,8 @@ def sections(study: Study, result: CampaignResult, table: Any) -> tuple[Section,
         parts.append(_cells(a))
     if a.influences:
         parts.append(_influences(a, kept, command))
+    if (lines := coordinates(a, study, kept, command)) is not None:
+        parts.append(lines)
     if a.places is not None:
         parts.append(_footprint(a, kept, command))
     return tuple(parts)

@@ -3,14 +3,14 @@
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import mujoco
 
-from analysis.transfer_function import Servo, TransferFunctionModel
+from analysis.transfer_function import Servo, TransferFunctionModel, with_figures
 from twin.campaigns.files import beside
 from twin.campaigns.vary import Varied
 from twin.config import Fly
@@ -45,12 +45,14 @@ class Binding:
     nominal : of each parameter that is varied relatively, its parts and their nominal values
     seed : of the first sample
     folder : of the study, where a varied file is looked for first
+    model : identified model whose figures vary
     """
 
     fly: Mapping[str, Any]
     nominal: Mapping[str, tuple[tuple[str, float], ...]]
     seed: int
     folder: Path = Path()
+    model: TransferFunctionModel | None = None
 
     def config(self, values: Mapping[str, Any], sample: int, scratch: Path) -> Fly:
         """Settings of one flight.
@@ -80,9 +82,14 @@ class Binding:
                 parameters[name] = value
         if response:
             file = scratch / f"model-{os.getpid()}.json"  # processes fly at the same time
-            response_model(response).write(file)
+            self._model(response).write(file)
             settings["model"] = file
         return Fly.of({**settings, "set": parameters})
+
+    def _model(self, given: Mapping[str, float]) -> TransferFunctionModel:
+        if self.model is None:
+            return response_model(given)
+        return with_figures(self.model, {n.removeprefix(MODEL): v for n, v in given.items()})
 
 
 def binding(fly: Mapping[str, Any], vary: tuple[Varied, ...], folder: Path = Path()) -> Binding:
@@ -100,24 +107,31 @@ def binding(fly: Mapping[str, Any], vary: tuple[Varied, ...], folder: Path = Pat
     plain = Binding(fly, {}, seed)
     config = plain.config({}, 0, Path())
     names = _names(vary)
-    _check_names(config, names)
+    identified = [v for v in vary if v.model is not None]
+    _check_names(config, names, identified[0].columns if identified else ())
     model = make_plant(config, config.motor).model
     relative = {c for v in vary if v.relative for c in v.columns} | ({THRUST} & set(names))
     nominal = {name: _nominal(model, name) for name in relative}
     for name in names:
         if not (name.startswith(MODEL) or _of_fly(name) or name in nominal):
             overrides.value(model, name)
-    return Binding(fly, nominal, seed, folder)
+    return Binding(fly, nominal, seed, folder, identified[0].model if identified else None)
 
 
-def _check_names(config: Fly, names: list[str]) -> None:
+def _check_names(config: Fly, names: list[str], figures: Sequence[str]) -> None:
+    """Refuse names that are no parameters; `figures` are those of an identified model."""
     for name in names:
         if name.startswith(MODEL):
-            if name not in RESPONSE:
+            if figures and name not in figures:
+                raise TwinError(
+                    f"[vary.{name}]: [vary.model] varies the whole model; leave one of them out"
+                )
+            if name not in (figures or RESPONSE):
                 raise TwinError(f"[vary] {unknown(name, tuple(RESPONSE), 'parameter')}")
             if config.gimbal != "transfer-function" or config.model is not None:
+                where = "vary.model" if figures else f"vary.{name}"
                 raise TwinError(
-                    f"[vary.{name}]: needs [fly] gimbal = 'transfer-function' without a model file"
+                    f"[{where}]: needs [fly] gimbal = 'transfer-function' without a model file"
                 )
 
 

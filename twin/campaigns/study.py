@@ -14,7 +14,7 @@ from analysis.files import FileError, content
 from twin.campaigns.design import KINDS
 from twin.campaigns.files import beside, contents
 from twin.campaigns.statistic import Condition, Measure, Statistic, condition, measure, statistic
-from twin.campaigns.vary import Varied, number, shown, varied
+from twin.campaigns.vary import JOINT, Varied, number, shown, varied
 from twin.config import Fly
 from twin.errors import TwinError
 
@@ -197,9 +197,9 @@ def _design(given: Mapping[str, Any], vary: tuple[Varied, ...]) -> tuple[str, in
         )
     if kind in ("sensitivity", "star") and len(random) < len(vary):
         raise TwinError(f"[design] {kind}: cannot have a grid; vary it as uniform or choice")
-    if kind == "sensitivity" and (joint := [v.name for v in vary if v.kind == "covariance"]):
+    if kind == "sensitivity" and (joint := [v.name for v in vary if v.kind in JOINT]):
         raise TwinError(
-            f"[design] sensitivity: {joint[0]} is a covariance, and Sobol indices are of"
+            f"[design] sensitivity: {joint[0]} has a covariance, and Sobol indices are of"
             " independent parameters; give each its own distribution, or take another kind"
         )
     return kind, int(n), int(seed)
@@ -212,7 +212,7 @@ def _check_nominal(v: Varied, nominal: object) -> None:
         names = [str(shown(value)) for value in v.values]
         if odd := [n for n in nominal if n not in names]:
             raise TwinError(f"[vary.{v.name}] nominal {odd[0]!r}: is none of its values")
-    elif nominal is not None and (v.kind == "covariance" or not numbers):
+    elif nominal is not None and (v.kind in JOINT or not numbers):
         raise TwinError(
             f"[vary.{v.name}] nominal {nominal!r}: a number is for a parameter that is one number;"
             f" {v.name} is a {v.kind} of {'several' if numbers else 'names'}"

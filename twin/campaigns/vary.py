@@ -12,11 +12,13 @@ from scipy import stats
 from scipy.special import ndtri
 
 from analysis.files import FileError, content
+from analysis.transfer_function import ModelFileError, TransferFunctionModel, distribution
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
 LARGEST_TABLE = 10_000_000  # bytes
 MOST_VALUES = 100_000
+JOINT = ("covariance", "model")  # distributions of several parameters together
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class Varied:
     density : logarithm of the probability density at values (n,); None where there is none
     support : ends of the values that have a density
     make : gives one list of values a column, from uniform numbers (streams, n)
+    model : identified model whose figures vary; None for all other kinds
     """
 
     name: str
@@ -47,6 +50,7 @@ class Varied:
     spec: Mapping[str, object] = field(default_factory=dict)
     density: Callable[[Array], Array] | None = None
     support: tuple[float, float] = (-math.inf, math.inf)
+    model: TransferFunctionModel | None = None
 
 
 def varied(name: str, table: object, folder: Path) -> Varied:
@@ -206,10 +210,32 @@ def _covariance(where: str, name: str, given: dict[str, Any], relative: bool, _:
     except np.linalg.LinAlgError:
         raise TwinError(f"{where} covariance: must be symmetric and positive definite") from None
 
+    return _joint(name, "covariance", tuple(names), mean, root, relative)
+
+
+def _joint(
+    name: str, kind: str, columns: tuple[str, ...], mean: Array, root: Array, relative: bool = False
+) -> Varied:  # fmt: skip
+    """Jointly normal columns of a mean (n,) and a root (n, n) of the covariance."""
+
     def make(u: Array) -> list[list[Any]]:
         return (mean[:, None] + root @ ndtri(u)).tolist()  # type: ignore[no-any-return]
 
-    return Varied(name, "covariance", tuple(names), size, (), relative, make)
+    return Varied(name, kind, columns, len(mean), (), relative, make)
+
+
+def _model(where: str, name: str, given: dict[str, Any], relative: bool, folder: Path) -> Varied:
+    if name != "model" or relative:
+        raise TwinError(f"{where} distribution 'model': is for [vary.model], without relative")
+    file = folder / str(given["file"])
+    try:
+        model = TransferFunctionModel.read(file)
+        known, root = distribution(model)
+    except ModelFileError as error:
+        text = str(error).removeprefix(f"{file}: ")
+        raise TwinError(f"{where} {file}: {text}") from None
+    columns = tuple(f"model.{n}" for n in known.names)
+    return replace(_joint(name, "model", columns, np.array(known.values), root), model=model)
 
 
 def _unit(where: str, name: str, given: dict[str, Any], relative: bool, _: Path) -> Varied:
@@ -237,5 +263,6 @@ _KINDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...], _Maker]] = {
     "grid": ((), ("values", "low", "high", "count"), _grid),
     "table": (("file", "column"), (), _table),
     "covariance": (("names", "mean", "covariance"), (), _covariance),
+    "model": (("file",), (), _model),
     "unit": (("count",), (), _unit),
 }

@@ -44,13 +44,14 @@ PLAINER: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
         r"\1: not understood",
     ),
     (
-        r"invalid choice '(.*?)' for argument '(.*?)'\. Expected one of \((.*?)\)\.?",
+        r"invalid choice '(.*?)' for argument '(?:\w+\.)?(.*?)'\. Expected one of \((.*?)\)\.?",
         r"\2 \1: must be one of \3",
     ),
     (
         r"Missing from (twin [\w-]+): \{([\w,]+)\}.*",
         lambda missing: f"{missing[1]} needs one of {missing[2].replace(',', ', ')}",
     ),
+    (r"Missing from (twin [\w-]+): [A-Z]+ (.*?)\.? \(required\).*", r"\1 needs an argument: \2"),
 )
 
 

@@ -103,7 +103,7 @@ def doctor(config: Doctor) -> DoctorResult:
         state = f"all compiled in {seconds:.0f} s, kept in {folder}"
         return DoctorResult((Finding("compiled code", "ok", state),))
     if config.port is not None:
-        from twin.cli.board import examined
+        from hardware.rig.examination import examined
 
         status.say(f"waiting for the board {config.port}")
         return DoctorResult(tuple(Finding(*row) for row in examined(config.port)))

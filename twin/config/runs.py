@@ -296,7 +296,8 @@ class Converge(Output, Parameters):
     seed: Seed = 0
     """Random seed."""
     vehicle: Path | None = None
-    """Description (TOML) or MJCF file of the vehicle; the reference vehicle if omitted."""
+    """Description (TOML), OpenRocket design (.ork, with --motor) or MJCF file of the vehicle; the
+    reference vehicle if omitted."""
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     model: Path | None = None

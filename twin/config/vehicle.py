@@ -20,8 +20,8 @@ class Vehicle(Output):
     description with every coefficient and its source; import: write the description of an
     OpenRocket design."""
     file: Annotated[Path, POSITIONAL]
-    """Description of the vehicle (TOML); `show` also takes an MJCF file, `import` an OpenRocket
-    design (.ork)."""
+    """Description of the vehicle (TOML) or OpenRocket design (.ork); `show` also takes an MJCF
+    file, `import` only a design."""
     _: KW_ONLY
     motor: Path | None = None
     """Motor file, or FILE:NAME, in place of the one that the vehicle names."""
@@ -39,8 +39,8 @@ class Vehicle(Output):
         TwinError : the file and what it must be
         """
         super().validate()
-        if self.action == "build" and self.file.suffix.lower() != ".toml":
-            raise TwinError(f"twin vehicle build {self.file}: must be a description (.toml)")
+        if self.action == "build" and self.file.suffix.lower() not in (".toml", ".ork"):
+            raise TwinError(f"twin vehicle build {self.file}: must be a description (.toml, .ork)")
         if self.action == "import" and self.file.suffix.lower() != ".ork":
             raise TwinError(f"twin vehicle import {self.file}: must be an OpenRocket design (.ork)")
         if self.action == "import" and self.mechanism is not None:

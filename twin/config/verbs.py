@@ -38,14 +38,18 @@ class Verb:
         function: Callable[..., Any] = getattr(import_module(module), name)
         return function
 
+    def run(self, **settings: object) -> Any:  # noqa: ANN401  each verb has its result
+        """Result under these settings."""
+        return self.function(self.settings.of(settings))
+
 
 VERBS = (
-    Verb("demo", Demo, "twin.cli.demo:demo"),
+    Verb("demo", Demo, "twin.workflows.demo:demo"),
     Verb("fly", Fly, "twin.experiments.flights:fly"),
     Verb("step", Step, "twin.experiments.step:step"),
     Verb("mirror", Mirror, "twin.experiments.mirror:mirror"),
     Verb("calibrate", Calibrate, "twin.experiments.calibrate:calibrate"),
-    Verb("identify", Identify, "twin.cli.live:identify"),
+    Verb("identify", Identify, "twin.workflows.live:identify"),
     Verb("compare", Compare, "twin.evaluation.compare:compare"),
     Verb("history", History, "twin.evaluation.history:history"),
     Verb("report", Report, "twin.evaluation.report:write_report"),

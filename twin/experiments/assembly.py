@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import mujoco
 
 from twin.config import TURNTABLE, Fly, Run
 from twin.config.seats import MODELS, OF_SERVOS, is_rig
 from twin.errors import TwinError
 from twin.plant import integrators
-from twin.plant.model import ModelConfig, Seat, TwinModel, digest, load
+from twin.plant.model import ModelConfig, Seat, load
 from twin.plant.plant import Plant
 from twin.plant.release import Release
 from twin.plant.smooth import LONGEST, applies, on_elastic_rail
@@ -48,28 +49,26 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
             overrides=overrides,
             dt=config.dt,
             seed=config.seed,
-        )
+        ),
+        lambda model: _settle(config, model),
     )
-    integrator, twin = _method(config, twin)
+    integrator = config.integrator or ("rk4" if _smooth(config, twin.mj) else "implicitfast")
     integrators.check_step(
         integrator, twin.mj.opt.timestep, ramp=on_elastic_rail(twin.mj), rods=twin.mj.neq > 0
     )
     return Plant(twin, integrator, _release(config))
 
 
-def _method(config: Run, twin: TwinModel) -> tuple[str, TwinModel]:
-    """Integrator of a run, and its model with the step that belongs to it.
+def _smooth(config: Run, model: mujoco.MjModel) -> bool:
+    """Whether Runge-Kutta steps of a whole control period are accurate, `twin.plant.smooth`."""
+    return isinstance(config, Fly) and config.integrator in (None, "rk4") and applies(model)
 
-    `twin.plant.smooth` makes Runge-Kutta steps of a whole control period accurate for a vehicle
-    without moving parts; docs/convergence.md has the errors of each choice.
-    """
-    smooth = isinstance(config, Fly) and applies(twin.mj)
-    integrator = config.integrator or ("rk4" if smooth else "implicitfast")
-    if smooth and integrator == "rk4" and config.dt is None and isinstance(config, Fly):
+
+def _settle(config: Run, model: mujoco.MjModel) -> None:
+    """Give a model the step that belongs to its method; docs/convergence.md has the errors."""
+    if isinstance(config, Fly) and config.dt is None and _smooth(config, model):
         tick = 1.0 / config.control_hz
-        twin.mj.opt.timestep = round(1e9 * tick / math.ceil(tick / LONGEST - 1e-9)) * 1e-9
-        twin = replace(twin, sha256=digest(twin.mj))
-    return integrator, twin
+        model.opt.timestep = round(1e9 * tick / math.ceil(tick / LONGEST - 1e-9)) * 1e-9
 
 
 def _of_the_launch(config: Run) -> dict[str, float]:

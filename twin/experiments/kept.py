@@ -15,12 +15,12 @@ from analysis.recording import Recording
 from twin.config import Run
 from twin.errors import TwinError
 from twin.physics.motor import split_name
-from twin.plant.compose import SCENES, described_files, is_description
+from twin.plant.compose import OPENROCKET, SCENES, described_files, is_description
 from twin.plant.packing import MAIN, packed, unpack
 
 R = TypeVar("R", bound=Run)
 LARGEST_KEPT = 200_000  # bytes of a text
-LARGEST_PACK = 4_000_000  # bytes of a model with its meshes
+LARGEST_PACK = 4_000_000  # bytes of a model with its meshes, or of an OpenRocket design
 LARGEST_READ = 100_000_000  # bytes of a file of which only the digest is kept
 RESULTS = ("out", "json", "force")
 EXECUTED = "controller"  # never restored, since it would be executed
@@ -73,7 +73,7 @@ def _kept(path: Path) -> dict[str, Any]:
     except FileError:
         return {}
     kept: dict[str, Any] = {"sha256": hashlib.sha256(data).hexdigest(), "name": path.name}
-    if len(data) <= LARGEST_KEPT:
+    if len(data) <= (LARGEST_PACK if path.suffix.lower() == OPENROCKET else LARGEST_KEPT):
         try:
             kept["text"] = data.decode()
         except UnicodeDecodeError:

@@ -79,10 +79,7 @@ def import_design(config: Settings) -> ImportResult:
     out = config.out or Path("runs") / f"{config.file.stem}.toml"
     out = writable(out, ".toml", force=config.force)
     root = openrocket.document(config.file)
-    try:
-        found = openrocket.imported(root)
-    except vehicle.VehicleError as error:
-        raise vehicle.VehicleError(f"{config.file}: {error}") from None
+    found = openrocket.described(config.file)
     stored = openrocket.stored(root)
     design, mass = found.design, stored.mass
     if config.motor is not None:

@@ -18,7 +18,7 @@ from twin.physics import vehicle as vehicles
 from twin.physics.aerodynamics.stability import ROOT, Stability
 from twin.physics.vehicle.barrowman import Term
 from twin.plant.authority import balance
-from twin.plant.compose import is_description
+from twin.plant.compose import design_of, is_description
 from twin.plant.model import ModelConfig, TwinModel, load
 
 BURN: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the burn time
@@ -154,7 +154,7 @@ def vehicle(config: Settings) -> VehicleResult | BuildResult | ImportResult:
 
 
 def _described(config: Settings) -> vehicles.Vehicle:
-    design = vehicles.read(config.file, config.motor)
+    design = design_of(config.file, config.motor)
     if config.mechanism is not None and design.gimbal is not None:
         held = replace(design.gimbal, mechanism=str(config.mechanism.resolve()))
         design = replace(design, gimbal=held)

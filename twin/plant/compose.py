@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mujoco
 
@@ -12,8 +13,12 @@ from analysis.files import FileError, content
 from twin.errors import TwinError
 from twin.physics import guard
 
+if TYPE_CHECKING:
+    from twin.physics.vehicle import Design
+
 MJCF = Path(str(files("mjcf")))
 SCENES = ("flight", "bench", "turntable")
+OPENROCKET = ".ork"
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
 
@@ -33,13 +38,43 @@ def scene_path(name: str) -> Path:
 
 
 def is_description(vehicle: Path | None) -> bool:
-    """Whether a vehicle's file is a TOML description, from which its MJCF is built."""
-    return vehicle is not None and vehicle.suffix.lower() == ".toml"
+    """Whether a vehicle's MJCF is built from its file: a TOML description, or a design."""
+    return vehicle is not None and vehicle.suffix.lower() in (".toml", OPENROCKET)
+
+
+def design_of(vehicle: Path, motor: Path | None = None) -> "Design":
+    """Design of a description or an OpenRocket file, with its motor or `motor` in its place.
+
+    Raises
+    ------
+    TwinError : a file that cannot be used, or an OpenRocket design without a motor's file
+    """
+    from twin.physics import openrocket
+    from twin.physics import vehicle as vehicles
+
+    if vehicle.suffix.lower() != OPENROCKET:
+        return vehicles.read(vehicle, motor)
+    found = openrocket.described(vehicle)
+    if motor is None:
+        raise TwinError(
+            f"{vehicle}: its motor ({found.motor or 'none'}) comes without a thrust curve; give its"
+            " file with --motor FILE.eng, here or to twin vehicle import"
+        )
+    return vehicles.with_motor(found.design, motor)
+
+
+def left_out(vehicle: Path | None) -> tuple[str, ...]:
+    """What a vehicle built from its file lacks of it, one line each."""
+    if vehicle is None or vehicle.suffix.lower() != OPENROCKET:
+        return ()
+    from twin.physics import openrocket
+
+    return tuple(f"left out: {item}" for item in openrocket.described(vehicle).left_out)
 
 
 def described_files(vehicle: Path) -> dict[str, Path]:
-    """Files that a vehicle's description names, by what they are; none of an MJCF file."""
-    if not is_description(vehicle):
+    """Files that a vehicle's description names, by what they are; none of other files."""
+    if vehicle.suffix.lower() != ".toml":
         return {}
     from twin.physics import vehicle as vehicles
 
@@ -64,7 +99,8 @@ def compose(
 ) -> mujoco.MjSpec:
     """Uncompiled model of `scene`, with vehicle and mechanism replaced where files are given.
 
-    A vehicle that is a TOML description is built here, with `motor` in place of its own.
+    A vehicle that is a description or an OpenRocket design is built here, with `motor` in place of
+    its own.
 
     The scene names its vehicle in its `<include>`, the mechanism is the model asset `mechanism`;
     both references are rewritten in the text, since attaching happens while MuJoCo parses.
@@ -164,11 +200,11 @@ def _tree(
 
 
 def _built(vehicle: Path | None, mechanism: Path | None, motor: Path | None) -> ET.Element:
-    """Root element of a vehicle that is described in TOML."""
+    """Root element of a vehicle that is described."""
     from twin.physics import vehicle as vehicles
 
     assert vehicle is not None
-    design = vehicles.read(vehicle, motor)
+    design = design_of(vehicle, motor)
     if mechanism is not None and design.gimbal is not None:
         held = replace(design.gimbal, mechanism=str(mechanism.resolve()))
         design = replace(design, gimbal=held)

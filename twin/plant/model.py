@@ -2,7 +2,7 @@
 
 import functools
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -20,7 +20,7 @@ from twin.physics.aerodynamics.fit import misfits
 from twin.physics.mechanism import check_frame, check_response
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
-from twin.plant.compose import MJCF, SCENES, compose, is_description, one_line
+from twin.plant.compose import MJCF, SCENES, compose, is_description, left_out, one_line
 from twin.plant.plausible import check_mechanism, check_motor, check_vehicle
 
 Seat = Literal["linkage", "transfer-function", "follow"]
@@ -50,7 +50,7 @@ class ModelConfig:
     gimbal : what moves the gimbal joints: servos and rods, an identified model, or measured angles,
         which the joints follow at the measured rate
     transfer_function : file of the identified model; the shipped reference where None
-    vehicle : MJCF or TOML file in place of the scene's own
+    vehicle : MJCF, TOML or OpenRocket file in place of the scene's own
     mechanism : MJCF file in place of the scene's own
     motor : motor file, or FILE:NAME, in place of the vehicle's own motor
     overrides : named parameters, see `twin.plant.overrides`
@@ -87,8 +87,14 @@ class TwinModel:
     notes: tuple[str, ...] = ()
 
 
-def load(config: ModelConfig) -> TwinModel:
+def load(
+    config: ModelConfig, settle: Callable[[mujoco.MjModel], None] = lambda _: None
+) -> TwinModel:
     """Compile the model of a run.
+
+    Parameters
+    ----------
+    settle : called last with the compiled model, before its digest is taken
 
     Raises
     ------
@@ -111,7 +117,7 @@ def load(config: ModelConfig) -> TwinModel:
         file = config.transfer_function or REFERENCE_GIMBAL
         _exchange_actuation(spec, TransferFunctionModel.read(file))
     motor.fit_stated_motor(spec)
-    notes: tuple[str, ...] = ()
+    notes = left_out(config.vehicle)
     if not is_description(config.vehicle):
         if config.vehicle is not None:  # before another motor, which changes the shape
             notes += misfits(_compiled(spec))
@@ -133,6 +139,7 @@ def load(config: ModelConfig) -> TwinModel:
         check_frame(model)
     check_vehicle(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    settle(model)
     return TwinModel(mj=model, gimbal=seat, sha256=digest(model), notes=notes)
 
 

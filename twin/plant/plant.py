@@ -19,7 +19,7 @@ from twin.plant.flow import Flow
 from twin.plant.model import TwinModel
 from twin.plant.release import Release
 from twin.plant.rods import Rods
-from twin.plant.smooth import Smooth, applies
+from twin.plant.smooth import SAME, applies, division, part, undivided
 
 Array = NDArray[np.float64]
 
@@ -95,9 +95,10 @@ class Plant:
         self._stops = self._read_stops()
         self._measured: tuple[Pair, Pair] | None = None
         self._holds_ns = 0
-        self._smooth: Smooth | None = None
+        self._division = undivided()
         if self.divides and integrator == "rk4" and self.has_vehicle and applies(self.model):
-            self._smooth = Smooth(self.model, self.position, self.velocity)
+            self._division = division(self.model, self.position, self.velocity, self.rate)
+        self._compiled: stepping.Steps | None = None
         self.reset()
 
     def _view(self) -> None:
@@ -180,8 +181,7 @@ class Plant:
         if self._release is not None and self.has_vehicle:
             self._release.apply(self.attitude, self.velocity, self.rate)
         self._stepper = self._stepper.fresh()
-        if self._smooth is not None:
-            self._smooth.reset()
+        self._division.on_rail[:] = self._division.ends.size > 0
         self.steps = 0
         self._measured, self._holds_ns = None, 0
         mujoco.mj_forward(self.model, self.data)
@@ -250,13 +250,15 @@ class Plant:
     def _move(self, n: int) -> None:
         """Take `n` steps with constant propellant mass."""
         began = time.thread_time()
-        if self._smooth is None:
+        if self._division.rates.size:
+            self._step_in_parts(n)
+        else:
             self._propellant.update(self.time_ns * 1e-9)
             self._stepper.step(self.model, self.data, n)
-        else:
-            self._step_smoothly(self._smooth, n)
         # mj_step leaves poses at its beginning; those recorded belong to its end
         mujoco.mj_kinematics(self.model, self.data)
+        if self._division.rates.size:
+            mujoco.mj_collision(self.model, self.data)
         self.computing_s += time.thread_time() - began
         self.steps += n
         if not self._qvel @ self._qvel < LARGEST_SPEED**2:  # also where it is NaN
@@ -271,20 +273,26 @@ class Plant:
 
         Afterwards set `steps`, and call `judge` with how it ended.
         """
-        functions = stepping.functions()
-        if functions is None or self._flow is None or self.follows or self._smooth is not None:
+        steps = self._native_steps()
+        if steps is None or self._flow is None or self.follows:
             return None
-        if not isinstance(self._stepper, integrators.Native):
-            return None
-        self.model.opt.integrator = self._stepper.integrator
-        steps = stepping.Steps(
-            self.model._address, self.data._address, *functions, self.dt_ns, self._renewal,
-            self._qvel, self.gimbal_angle, np.array(self._stops), LARGEST_SPEED**2,
-            self.position[2:3], self._own, self._fixed,
-        )  # fmt: skip
         gaps = stepping.Gaps(self.closure, self._rods.sites, self._rods.loops, self._open)
         fuel, drive = self._propellant.fuel, self._actuation.native
         return stepping.Native(steps, fuel, drive, gaps, self._flow.air)
+
+    def _native_steps(self) -> stepping.Steps | None:
+        functions = stepping.functions()
+        if functions is None or not isinstance(self._stepper, integrators.Native):
+            return None
+        self.model.opt.integrator = self._stepper.integrator
+        if self._compiled is None:
+            self._compiled = stepping.Steps(
+                self.model._address, self.data._address, *functions, self.dt_ns, self._renewal,
+                self._qvel, self.gimbal_angle, np.array(self._stops), LARGEST_SPEED**2,
+                self.position[2:3], self._own, self._fixed, self._division,
+                *stepping.settings(self.model, self.data),
+            )  # fmt: skip
+        return self._compiled
 
     def judge(self, ended: int) -> None:
         """Raise what a native advance found.
@@ -300,14 +308,19 @@ class Plant:
         if ended == stepping.APART:
             self._came_apart(*self.closure.tolist())
 
-    def _step_smoothly(self, smooth: Smooth, n: int) -> None:
+    def _step_in_parts(self, n: int) -> None:
+        native = self._native_steps()
+        if native is not None:
+            stepping.step_divided(native, self._propellant.fuel, self.steps, n)
+            return
         for k in range(self.steps, self.steps + n):
-            t = k * self.dt_ns * 1e-9
-            for h in smooth.lengths(t, self.dt_ns * 1e-9):
+            t, end = k * self.dt_ns * 1e-9, (k + 1) * self.dt_ns * 1e-9
+            while t < end - SAME:
+                h = part(self._division, t, end)
                 self._propellant.update(t + 0.5 * h)
                 self._stepper.step(self.model, self.data, 1, h)
                 t += h
-            self.data.time = (k + 1) * self.dt_ns * 1e-9
+            self.data.time = end
 
     @property
     def landed(self) -> bool:

@@ -1,36 +1,41 @@
 """Runge–Kutta steps of a vehicle without moving parts: whole ones, parts where its forces change.
 
-Nothing in such a vehicle moves fast, so that a step may be as long as a control tick. Three things
-end that: a corner of the thrust curve, a lug that leaves the rail within centimetres, and air that
-turns or slows the vehicle within a step.
+Nothing in such a vehicle moves fast, so that a step may be as long as a control tick. Four things
+end that: a corner of the thrust curve, a lug that leaves the rail within centimetres, air that
+turns or slows the vehicle within a step, and a vehicle that spins.
 """
 
 import math
-from bisect import bisect_right
-from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from twin.physics.aerodynamics.atmosphere import SEA_LEVEL_DENSITY
 from twin.physics.native.ramp import RELEASE
 from twin.plant.authority import balance, launch_of, numeric, thrust_curve
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 # Radians or e-foldings of the fastest motion that one step may take: Runge–Kutta of order 4 errs by
 # 0.5⁵/120 of it, 3e-4.
 REACH: Final = 0.5
+# Radians that one step may turn by: the forces turn with the vehicle. 0.5 misses the limits of
+# docs/convergence.md by twenty times at 120 rad/s.
+TURN: Final = 0.2
 # s of a step; docs/convergence.md: longer ones miss its limits and save nothing
 LONGEST: Final = 0.02
+SAME: Final = 1e-9  # s, between two instants that count as one
 PARTS: Final = 4  # of the stretch over which the rail releases a lug, one step at most each
 
 
 def applies(model: mujoco.MjModel) -> bool:
     """Whether a model is one rigid vehicle without springs, loops or an elastic rail."""
-    return model.nv == 6 and model.neq == 0 and model.nu == 0 and not on_elastic_rail(model)
+    alone = model.nv == 6 and model.neq == 0 and model.nu == 0
+    return alone and not model.dof_frictionloss.any() and not on_elastic_rail(model)
 
 
 def on_elastic_rail(model: mujoco.MjModel) -> bool:
@@ -39,59 +44,87 @@ def on_elastic_rail(model: mujoco.MjModel) -> bool:
     return all(part is not None and part[0] > 0.0 for part in parts)
 
 
-class Smooth:
-    """Divides steps of the vehicle whose `position` and `velocity` (3,) are views of its state."""
+class Division(NamedTuple):
+    """How steps of one vehicle are divided, for compiled code; all empty where they are not.
 
-    def __init__(self, model: mujoco.MjModel, position: Array, velocity: Array) -> None:
-        self._position, self._velocity = position, velocity
-        curve = thrust_curve(model)
-        self._corners = [] if curve is None else np.unique(curve[0]).tolist()
-        self._rate = _rate(model)
-        self._start = launch_of(model)[1]
-        self._rail, self._ends = _rail(model)
-        self.reset()
+    Attributes
+    ----------
+    rates : fastest motion in the air, per speed [1/m]; empty where nothing is divided
+    corners : of the thrust curve [s]
+    start : launch point (3,) [m]
+    ends : travel at which each lug leaves the rail [m]; empty without a rail
+    fine : longest way of a step while the rail releases a lug [m]
+    on_rail : (1,) whether a lug may still be on it, written
+    position, velocity, rate : (3,) views of the vehicle's state
+    """
 
-    def reset(self) -> None:
-        """Begin at the launch again."""
-        self._on_rail = bool(self._ends)
-
-    def lengths(self, t: float, dt: float) -> list[float]:
-        """Steps [s] that take the place of one of `dt` from simulation time `t` on [s]."""
-        speed = math.hypot(*self._velocity.tolist())
-        parts = self._rate * speed * dt / REACH
-        if self._on_rail:
-            parts = max(parts, self._release(speed, dt))
-        corners = self._corners
-        k = bisect_right(corners, t + 1e-9)
-        if parts <= 1.0 and (k == len(corners) or corners[k] >= t + dt - 1e-9):
-            return [dt]
-        ends = [t, *(c for c in corners[k:] if c < t + dt - 1e-9), t + dt]
-        steps = []
-        for begin, end in pairwise(ends):
-            n = max(1, math.ceil(parts * (end - begin) / dt - 1e-6))
-            steps += [(end - begin) / n] * n
-        return steps
-
-    def _release(self, speed: float, dt: float) -> float:
-        """Parts of a step in which a lug may leave the rail; 1 of any other."""
-        travel = math.dist(self._position.tolist(), self._start)
-        farthest = (2.0 * speed + 1.0) * dt  # it accelerates
-        if travel > self._rail:
-            self._on_rail = False
-        elif any(travel < end < travel + farthest + RELEASE for end in self._ends):
-            return farthest / (RELEASE / PARTS)
-        return 1.0
+    rates: Array
+    corners: Array
+    start: Array
+    ends: Array
+    fine: float
+    on_rail: Flags
+    position: Array
+    velocity: Array
+    rate: Array
 
 
-def _rail(model: mujoco.MjModel) -> tuple[float, tuple[float, ...]]:
-    """Travel at which the last lug leaves the rail, and that of each lug [m]; none without one."""
+def undivided() -> Division:
+    """Division of a model whose steps are all alike."""
+    nothing = np.empty(0)
+    flags = np.empty(0, np.bool_)
+    return Division(nothing, nothing, nothing, nothing, RELEASE, flags, nothing, nothing, nothing)
+
+
+def division(model: mujoco.MjModel, position: Array, velocity: Array, rate: Array) -> Division:
+    """Division of the vehicle whose state (3,) each is."""
+    curve = thrust_curve(model)
+    corners = np.empty(0) if curve is None else np.unique(curve[0])
+    ends = _rail(model)
+    return Division(
+        np.array([_rate(model)]), corners, np.array(launch_of(model)[1]), ends,
+        RELEASE / PARTS, np.array([ends.size > 0]), position, velocity, rate,
+    )  # fmt: skip
+
+
+@njit(nogil=True)
+def _release(d: Division, speed: float) -> float:
+    """Steps in a second on the way to where the rail releases the next lug, and over it."""
+    x, y, z = d.position
+    travel = math.sqrt((x - d.start[0]) ** 2 + (y - d.start[1]) ** 2 + (z - d.start[2]) ** 2)
+    for end in d.ends:
+        if travel < end:
+            often: float = (2.0 * speed + 1.0) / max(end - RELEASE - travel, d.fine)
+            return often  # twice the speed, since it accelerates
+    d.on_rail[0] = False
+    return 0.0
+
+
+@njit(nogil=True)
+def part(d: Division, t: float, end: float) -> float:
+    """Length of the next step [s] from simulation time `t` on, at most up to `end` [s]."""
+    v, w = d.velocity, d.rate
+    speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    spin = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    often = max(d.rates[0] * speed / REACH, spin / TURN)  # steps in a second
+    if d.on_rail[0]:
+        often = max(often, _release(d, speed))
+    k = np.searchsorted(d.corners, t + SAME, side="right")
+    if k < d.corners.size and d.corners[k] < end - SAME:
+        end = d.corners[k]
+    length: float = (end - t) / max(1.0, math.ceil(often * (end - t) - 1e-6))
+    return length
+
+
+def _rail(model: mujoco.MjModel) -> Array:
+    """Travel at which either lug leaves the rail [m], the last one last; empty without one."""
     length, lugs = numeric(model, "ramp_length"), numeric(model, "ramp_lug")
     if length is None or lugs is None or length[0] <= 0.0:
-        return 0.0, ()
+        return np.empty(0)
     apart = lugs[1] - lugs[0]
     if length[0] < apart:  # a stand, `twin.physics.native.guide`
         apart = 0.0
-    return float(length[0]), (float(length[0] - apart), float(length[0]))
+    return np.array([length[0] - apart, length[0]])
 
 
 def _rate(model: mujoco.MjModel) -> float:

@@ -18,17 +18,30 @@ from numpy.typing import NDArray
 from analysis.compiled import njit
 from twin.physics.mechanism.loops import servo_pair
 from twin.physics.motor.depletion import Fuel, burn
-from twin.physics.native.layout import DATA, _place, _struct_extent, constant, integer, size
+from twin.physics.native.layout import (
+    DATA,
+    MODEL,
+    TIMESTEP,
+    _place,
+    _struct_extent,
+    constant,
+    integer,
+    size,
+)
 from twin.plant.flow import Air, blow
 from twin.plant.rods import find_gaps
+from twin.plant.smooth import SAME, Division, part
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+Words = NDArray[np.int32]
 
 ON, TOO_FAST, PAST_STOP, APART = range(4)
 """How an advance ends: it goes on, or has diverged."""
 
+_NO_CONSTRAINT: Final = np.int32(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+_DISABLED: Final = int(MODEL["opt"]) + _place(structs.STRUCTS["mjOption"].fields)[0]["disableflags"]
 _NCON, _CONTACT = DATA["ncon"], DATA["contact"]
 _OF_CONTACT = structs.STRUCTS["mjContact"].fields
 _GEOM: Final = constant(_place(_OF_CONTACT)[0]["geom"])
@@ -41,7 +54,7 @@ class Steps(NamedTuple):
     Attributes
     ----------
     model, data : addresses
-    step, kinematics : addresses of `mj_step` and `mj_kinematics`
+    step, kinematics, collision : addresses of `mj_step`, `mj_kinematics` and `mj_collision`
     dt_ns : physics step [ns]
     renewal : most steps between two updates of the propellant
     qvel, angle : views of all velocities, and of the gimbal joints (2,)
@@ -49,12 +62,16 @@ class Steps(NamedTuple):
     largest : square of the speed beyond which the state has diverged
     height : (1,) view of the vehicle's height [m]
     own, fixed : of each geom, whether it belongs to the vehicle, and to the ground
+    division : of steps
+    clock : (1,) views of the model's time step and of the time [s]
+    flags : (1,) view of what the model disables
     """
 
     model: int
     data: int
     step: int
     kinematics: int
+    collision: int
     dt_ns: int
     renewal: int
     qvel: Array
@@ -64,6 +81,9 @@ class Steps(NamedTuple):
     height: Array
     own: Flags
     fixed: Flags
+    division: Division
+    clock: tuple[Array, Array]
+    flags: Words
 
 
 class Drive(NamedTuple):
@@ -107,12 +127,16 @@ class Native(NamedTuple):
     air: Air
 
 
-@cache
-def functions() -> tuple[int, int] | None:
-    """Addresses of `mj_step` and `mj_kinematics` in the library that the bindings have loaded.
+def functions() -> tuple[int, int, int] | None:
+    """Addresses of `mj_step`, `mj_kinematics` and `mj_collision` in the library of the bindings.
 
-    None where it is not found; call while the native forces are installed, by which it is known.
+    None where it is not found, or while no native forces are installed, by which it is known.
     """
+    return None if mujoco.get_mjcb_passive() is None else _functions()
+
+
+@cache
+def _functions() -> tuple[int, int, int] | None:
     folder = Path(mujoco.__file__).parent
     for file in (*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")):
         try:
@@ -121,11 +145,22 @@ def functions() -> tuple[int, int] | None:
         except (OSError, ValueError):
             continue
         if ours:
-            found = (ctypes.cast(f, ctypes.c_void_p).value
-                     for f in (library.mj_step, library.mj_kinematics))  # fmt: skip
-            step, kinematics = found
-            return (step, kinematics) if step and kinematics else None
+            names = ("mj_step", "mj_kinematics", "mj_collision")
+            found = [ctypes.cast(library[name], ctypes.c_void_p).value or 0 for name in names]
+            return (found[0], found[1], found[2]) if all(found) else None
     return None
+
+
+def settings(
+    model: mujoco.MjModel, data: mujoco.MjData
+) -> tuple[tuple[Array, Array], NDArray[np.int32]]:
+    """`Steps.clock` and `Steps.flags` of a model."""
+    step, time = (
+        np.ctypeslib.as_array((ctypes.c_double * 1).from_address(place))
+        for place in (model._address + int(TIMESTEP), data._address + int(DATA["time"]))
+    )
+    flags = (ctypes.c_int32 * 1).from_address(model._address + _DISABLED)
+    return (step, time), np.ctypeslib.as_array(flags)
 
 
 def _call(typing_context: Any, function: Any, model: Any, data: Any) -> Any:
@@ -145,14 +180,41 @@ call: Callable[[int, int, int], None] = intrinsic(_call)
 
 
 @njit(nogil=True)
+def step_divided(p: Steps, fuel: Fuel, begun: int, n: int) -> None:
+    """Take `n` steps after `begun` ones in parts, each with the propellant of its middle.
+
+    A vehicle without moving parts has no constraint but contacts, which end its flight: they are
+    looked for at the end only.
+    """
+    step, time = p.clock
+    enabled = p.flags[0]
+    p.flags[0] = enabled | _NO_CONSTRAINT
+    for k in range(begun, begun + n):
+        t, end = k * p.dt_ns * 1e-9, (k + 1) * p.dt_ns * 1e-9
+        while t < end - SAME:
+            h = part(p.division, t, end)
+            burn(t + 0.5 * h, fuel)
+            step[0] = h
+            call(p.step, p.model, p.data)
+            t += h
+        time[0] = end
+    step[0], p.flags[0] = p.dt_ns * 1e-9, enabled
+
+
+@njit(nogil=True)
 def advance(p: Steps, fuel: Fuel, begun: int, n: int) -> tuple[int, int]:
     """Take `n` steps after `begun` ones; gives the steps taken by then, and how it ended."""
     while n > 0:
         now = min(n, p.renewal)
-        burn(begun * p.dt_ns * 1e-9, fuel)
-        for _ in range(now):
-            call(p.step, p.model, p.data)
+        if p.division.rates.size:
+            step_divided(p, fuel, begun, now)
+        else:
+            burn(begun * p.dt_ns * 1e-9, fuel)
+            for _ in range(now):
+                call(p.step, p.model, p.data)
         call(p.kinematics, p.model, p.data)
+        if p.division.rates.size:
+            call(p.collision, p.model, p.data)
         begun += now
         n -= now
         square = 0.0

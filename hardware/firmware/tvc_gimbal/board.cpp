@@ -155,9 +155,9 @@ void report() {
 void run_round() {
   if (!round_running || bus::state() == bus::BUSY) return;
   if (bus::state() != bus::FREE) {
-    uint32_t ended_us;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { ended_us = servos::since(bus::ended()); }
-    imus.done(bus::state() == bus::DONE, bus::data(), ended_us);
+    uint32_t began_us;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { began_us = servos::since(bus::began()); }
+    imus.done(bus::state() == bus::DONE, bus::data(), began_us);
     bus::release();
     if (!converting) adc::start();
     converting = true;

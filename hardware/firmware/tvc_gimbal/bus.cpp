@@ -2,6 +2,7 @@
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
+#include <util/atomic.h>
 #include <util/delay.h>
 #include <util/twi.h>
 
@@ -16,11 +17,10 @@ Transaction current;
 uint8_t bytes[16];
 volatile uint8_t at;        // bytes sent or received
 volatile bus::State now = bus::FREE;
-volatile uint16_t end_ticks;
+uint16_t start_ticks;
 
 inline void finish(bus::State end) {
   TWCR = _BV(TWINT) | _BV(TWEN) | _BV(TWSTO);
-  end_ticks = TCNT1;
   now = end;
   wake();
 }
@@ -96,6 +96,7 @@ void start(const Transaction& transaction) {
   current = transaction;
   at = 0;
   now = BUSY;
+  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { start_ticks = TCNT1; }
   TWCR = GO | _BV(TWSTA);
 }
 
@@ -103,7 +104,7 @@ State state() { return now; }
 
 const uint8_t* data() { return bytes; }
 
-uint16_t ended() { return end_ticks; }
+uint16_t began() { return start_ticks; }
 
 void release() { now = FREE; }
 

@@ -13,8 +13,8 @@ void start(const Transaction& transaction);
 State state();
 // The bytes read, valid in DONE.
 const uint8_t* data();
-// TCNT1 when the transaction ended.
-uint16_t ended();
+// TCNT1 when the transaction began: a sensor holds its registers from then on.
+uint16_t began();
 // Back to FREE after DONE or FAILED.
 void release();
 // Aborts the transaction and frees a line that a sensor holds.

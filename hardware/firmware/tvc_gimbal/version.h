@@ -2,4 +2,4 @@
 #pragma once
 #include <stdint.h>
 
-static constexpr uint32_t BUILD_HASH = 0x5e1af722;
+static constexpr uint32_t BUILD_HASH = 0x4f987880;

@@ -5,6 +5,7 @@ For setting a model up, not for flying it: loads trimesh.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -60,6 +61,15 @@ def _perimeter(points: Array) -> float:
     return float(ConvexHull(points).area)
 
 
+@cache
+def gauss(count: int) -> tuple[Array, Array]:
+    """Abscissae and weights (count,) of Gauss-Legendre quadrature on -1 to 1; read-only."""
+    found = np.polynomial.legendre.leggauss(count)
+    for part in found:
+        part.setflags(write=False)
+    return found
+
+
 def strips(width: Width, edges: Sequence[float], nodes: Sequence[int]) -> tuple[Array, Array]:
     """Stations z (n,) [m] and areas b dz (n,) [m²] for the crossflow integral.
 
@@ -69,7 +79,7 @@ def strips(width: Width, edges: Sequence[float], nodes: Sequence[int]) -> tuple[
     """
     z, area = [], []
     for low, high, count in zip(edges[:-1], edges[1:], nodes, strict=True):
-        x, weight = np.polynomial.legendre.leggauss(count)
+        x, weight = gauss(count)
         t, length = (1 + x) / 2, high - low
         station, stretch = low + length * t, np.ones(count)
         if high == edges[-1] and _vanishes(width, low, high):

@@ -51,7 +51,7 @@ _FIN, _FIN_Z = slot("air_fin_slope"), slot("air_fin_z")
 _CANT, _PITCH = slot("air_roll_forcing"), slot("air_pitch_damping")
 _MACH, _COASTING, _THRUSTING = (slot(f"air_drag_{n}") for n in ("mach", "coasting", "thrusting"))
 _RADIUS, _MISALIGNMENT = slot("gravity_radius"), slot("motor_misalignment")
-_CHUTES = slot("chute_drag_area")
+_SWIRL, _CHUTES = slot("motor_swirl"), slot("chute_drag_area")
 _THESIS_R, _THESIS_DV = slot("air_thesis_radius"), slot("air_thesis_offset")
 _RAMP_LENGTH = slot("ramp_length")
 _CURVE_TIME, _CURVE_THRUST = slot("motor_time"), slot("motor_thrust")
@@ -122,9 +122,10 @@ def _motor(m: int, d: int, data: Array, index: Array) -> None:
         if a != 0.0 or b != 0.0:  # z turned about x, then about y
             up = turn(axis, (np.sin(b) * np.cos(a), -np.sin(a), np.cos(b) * np.cos(a)))
 
-    none = (0.0, 0.0, 0.0)
     push = (force * up[0], force * up[1], force * up[2])
-    apply_force(m, d, body, nozzle, push, none)
+    swirl = value(data, index, _SWIRL) if index[_SWIRL] >= 0 else 0.0
+    roll = (swirl * push[0], swirl * push[1], swirl * push[2])
+    apply_force(m, d, body, nozzle, push, roll)
 
     full = value(data, index, _PROPELLANT_MASS)
     grain = int(index[PROPELLANT])

@@ -77,6 +77,7 @@ OPTIONAL: Final = (
         "gravity_radius", 1, "m", "optional: Earth's radius, so that gravity falls; 0: not", "0"
     ),
     Numeric("motor_misalignment", 2, "rad", "optional: thrust turned about nozzle x and y", "0 0"),
+    Numeric("motor_swirl", 1, "m", "optional: roll moment of the jet over its thrust", "0"),
     Numeric(
         "chute_drag_area", 1, "m²", "optional: drag coefficient × area of each parachute", "none"
     ),

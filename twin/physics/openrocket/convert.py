@@ -3,9 +3,11 @@
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
 
+from twin.physics.openrocket.container import document
 from twin.physics.openrocket.shapes import body, fin_set
 from twin.physics.openrocket.tree import BODY, FINS, OUTSIDE, RINGS, Part, tree
 from twin.physics.openrocket.weigh import Piece, pieces
@@ -25,7 +27,8 @@ from twin.physics.vehicle.design import (
 from twin.physics.vehicle.lumps import Lump, lumps, total
 from twin.physics.vehicle.outline import Outline
 from twin.physics.vehicle.planform import PlanForm
-from twin.physics.vehicle.read import printable
+from twin.physics.vehicle.read import parse, printable
+from twin.physics.vehicle.write import toml
 
 SAME: Final = 1e-5  # m, between two centres that count as one
 GRAM: Final = 1e-6  # kg; lighter parts are left out
@@ -74,6 +77,21 @@ def imported(root: Element) -> Imported:
     VehicleError : the part that a vehicle cannot have, by its name
     """
     return _Import(root).result()
+
+
+def described(path: Path) -> Imported:
+    """Vehicle of an OpenRocket file, with the numbers that its written description would have.
+
+    Raises
+    ------
+    VehicleError : a file that cannot be read, or the part that a vehicle cannot have
+    """
+    root = document(path)
+    try:
+        found = imported(root)
+    except VehicleError as error:
+        raise VehicleError(f"{path}: {error}") from None
+    return replace(found, design=parse(toml(found.design), str(path), path))
 
 
 class _Import:
@@ -253,6 +271,10 @@ class _Import:
         ramp = Part(found, "launch conditions")
         lean = math.radians(ramp.number("launchrodangle"))
         north = math.radians(ramp.number("launchroddirection"))
+        if ramp.flag("launchintowind") and ramp.word("windmodeltype", "average") == "average":
+            north = ramp.number("winddirection", north)
+        if (wind := ramp.number("windaverage")) > 0:
+            self._left.append(f"the wind of its simulations: --set wind_speed={wind:g} adds it")
         return Launch(
             elevation=min(max(math.pi / 2 - abs(lean), 0.0), math.pi / 2),
             azimuth=math.remainder(math.pi / 2 - north + (math.pi if lean < 0 else 0), math.tau),

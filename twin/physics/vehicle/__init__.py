@@ -4,7 +4,14 @@ from twin.physics.vehicle.built import Vehicle
 from twin.physics.vehicle.carrier import mechanism_file
 from twin.physics.vehicle.design import Design, VehicleError
 from twin.physics.vehicle.mjcf import mjcf
-from twin.physics.vehicle.read import described, motor_path, parse, printable, read
+from twin.physics.vehicle.read import (
+    described,
+    motor_path,
+    parse,
+    printable,
+    read,
+    with_motor,
+)
 from twin.physics.vehicle.write import toml
 
 __all__ = [
@@ -19,4 +26,5 @@ __all__ = [
     "printable",
     "read",
     "toml",
+    "with_motor",
 ]

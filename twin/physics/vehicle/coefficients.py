@@ -205,6 +205,7 @@ def _motor(vehicle: Vehicle) -> list[Row]:
     rows.insert(3, ("motor_ignition", 0, ""))
     rows.insert(7, ("motor_diameter", bore, "of the mount"))
     rows.append(("motor_misalignment", [0, 0], "thrust turned about x and y of the nozzle"))
+    rows.append(("motor_swirl", 0, "roll moment of the jet over its thrust"))
     if vehicle.carrier is not None:
         rows.append((REPLACES, 1, "1: the motor of these numerics replaces that of the mechanism"))
     return rows

@@ -6,11 +6,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.physics.aerodynamics.silhouette import gauss
 from twin.physics.vehicle.design import FinSet
 
 Array = NDArray[np.float64]
 ELLIPSE_POINTS: Final = 400  # of half an ellipse: its area within 1e-5
-_GAUSS: Final = np.polynomial.legendre.leggauss(4)
+_GAUSS: Final = gauss(4)
 
 
 @dataclass(frozen=True)

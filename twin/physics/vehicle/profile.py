@@ -11,6 +11,8 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.physics.aerodynamics.silhouette import gauss
+
 Array = NDArray[np.float64]
 Shape = Literal["cone", "ogive", "ellipsoid", "parabola", "power", "haack"]
 SHAPES: Final = get_args(Shape)
@@ -57,6 +59,6 @@ def _haack(x: Array, c: float) -> Array:
 
 def nodes(count: int = NODES) -> tuple[Array, Array]:
     """Abscissae and weights (count,) on 0 to 1, dense at 0, where a blunt tip is steep."""
-    x, weight = np.polynomial.legendre.leggauss(count)
+    x, weight = gauss(count)
     t = (1 + x) / 2
     return t * t, weight * t  # x = t², dx = 2 t dt, dt = weight / 2

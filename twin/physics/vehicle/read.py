@@ -45,7 +45,11 @@ def read(path: Path, motor_file: str | Path | None = None) -> Design:
     VehicleError : unreadable, or the key, its value and what would be right
     MotorError : the motor file cannot be used
     """
-    design = described(path)
+    return with_motor(described(path), motor_file)
+
+
+def with_motor(design: Design, motor_file: str | Path | None = None) -> Design:
+    """A design with its motor, or another in its place; see `read`."""
     if motor_file is not None:
         like = None if not design.motor.file else _own_motor(design).figures
         return replace(design, motor_data=motor.load(motor_file, like=like))

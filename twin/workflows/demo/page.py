@@ -8,7 +8,7 @@ import numpy as np
 from analysis.recording import read
 from analysis.report import Line, Panel, Plot, Section, Table
 from analysis.report.parts import Grade, Verdicts, held
-from twin.cli.demo.result import FAIR, GOOD, DemoResult
+from twin.workflows.demo.result import FAIR, GOOD, DemoResult
 
 if TYPE_CHECKING:
     from analysis.recording import Recording

@@ -1,5 +1,5 @@
 """`twin identify --live`: measure a gimbal until its model is known well enough."""
 
-from twin.cli.live.measurement import identify
+from twin.workflows.live.measurement import identify
 
 __all__ = ["identify"]

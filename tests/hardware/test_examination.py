@@ -3,7 +3,7 @@
 from hardware.emulator import Emulator, Injection, reference_rig
 from hardware.frames import POTENTIOMETER_NAMES
 from hardware.rig import in_process
-from twin.cli.board import answers
+from hardware.rig.examination import answers
 
 
 def rows(*faults):

@@ -7,12 +7,12 @@ from typing import Any
 from analysis.files import write_text
 from analysis.report import render
 from twin import status
-from twin.cli.demo.page import sections
-from twin.cli.demo.result import DemoResult, Stages
-from twin.cli.python import function
 from twin.config import Demo
 from twin.config.paths import RUNS, dated, point_latest
+from twin.config.verbs import BY_NAME
 from twin.errors import TwinError
+from twin.workflows.demo.page import sections
+from twin.workflows.demo.result import DemoResult, Stages
 
 STAGES = 9
 REPEATS, HOLD_S = 3, 0.8  # of the steps
@@ -85,23 +85,25 @@ def _run(config: Demo, folder: Path) -> Stages:
         calibrated = _stage(1, "calibrate", **rig, out=calibration)
     rig["calibration"] = calibration
     steps = _stage(2, "step", **rig, repeats=REPEATS, hold_s=HOLD_S, out=folder / "steps.rrd")
-    model = _stage(3, "identify", steps, out=folder / "model.json")
-    physics = _stage(4, "compare", steps, out=folder / "compare-linkage.rrd")
-    fitted = _stage(5, "compare", steps, with_=str(model.file), out=folder / "compare-model.rrd")
+    model = _stage(3, "identify", sources=steps, out=folder / "model.json")
+    physics = _stage(4, "compare", recordings=steps, out=folder / "compare-linkage.rrd")
+    fitted = _stage(
+        5, "compare", recordings=steps, with_=str(model.file), out=folder / "compare-model.rrd"
+    )
     flight: dict[str, Any] = {"programme": "doublet", "duration_s": LONGEST_FLIGHT_S}
     flown = _stage(
         6, "fly", gimbal="transfer-function", model=model.file, **flight, seed=config.seed,
         out=folder / "flight-model.rrd",
     )  # fmt: skip
     looped = _stage(7, "fly", **rig, **flight, out=folder / "flight-rig.rrd")
-    apart = _stage(8, "compare", looped, flown, out=folder / "compare-flights.rrd")
+    apart = _stage(8, "compare", recordings=(looped, flown), out=folder / "compare-flights.rrd")
     study = folder / "wind.toml"
     write_text(study, STUDY)
-    windy = _stage(9, "campaign", "run", str(study), out=folder / "wind")
+    windy = _stage(9, "campaign", action="run", study=str(study), out=folder / "wind")
     return Stages(calibrated, steps, model, physics, fitted, flown, looped, apart, windy)
 
 
-def _stage(number: int, name: str, *files: object, **settings: object) -> Any:  # noqa: ANN401
+def _stage(number: int, name: str, **settings: object) -> Any:  # noqa: ANN401
     """Run a verb as a stage that the status line names.
 
     Raises
@@ -112,7 +114,7 @@ def _stage(number: int, name: str, *files: object, **settings: object) -> Any:  
     with status.stage(f"{number}/{STAGES} {name}: "):
         status.say("starting")
         try:
-            result = function(name)(*files, **settings)
+            result = BY_NAME[name].run(**settings)
         except Exception as error:
             error.args = (f"stage {number}, {name}: {error}", *error.args[1:])
             raise

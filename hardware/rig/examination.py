@@ -9,7 +9,7 @@ from hardware.frames import POTENTIOMETER_NAMES, SensorFrame
 from hardware.link import Link
 from hardware.parts import MPU6050, RAIL, SUCCESSORS
 from hardware.protocol import Board, Flags, Hello
-from hardware.rig import Rig
+from hardware.rig.rig import Rig
 
 LISTENED_S = 0.5
 POLL_S = 0.005

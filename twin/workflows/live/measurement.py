@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 from analysis.identify import FIGURES, IdentifiedModel, Wish, identify_gimbal
 from analysis.recording import Measurement
 from twin import status
-from twin.cli.live.pieces import TICK, Expected, Piece, following, sized
-from twin.cli.live.result import LiveResult, text
-from twin.cli.python import function
 from twin.config import Identify
 from twin.config.base import hints
 from twin.config.options import Rig, Time
 from twin.config.paths import named
+from twin.config.verbs import BY_NAME
 from twin.errors import TwinError
 from twin.evaluation.identify import IdentifyResult, InformationResult, longest
 from twin.evaluation.identify import identify as of_files
 from twin.evaluation.inputs import given
+from twin.workflows.live.pieces import TICK, Expected, Piece, following, sized
+from twin.workflows.live.result import LiveResult, text
 
 if TYPE_CHECKING:
     from twin.evaluation.linkage import PhysicsResult
@@ -151,7 +151,7 @@ def _stepped(config: Identify, piece: Piece, out: Path) -> Any:  # noqa: ANN401 
     if config.live in ("linkage", "transfer-function"):
         rig.pop("no_check")
     with status.stage(f"piece {out.stem}: "):
-        return function("step")(
+        return BY_NAME["step"].run(
             gimbal=config.live, set=config.set, mechanism=config.mechanism, model=config.model,
             out=out, force=config.force, **rig, **piece.settings(config.amplitude_deg, config.seed),
         )  # fmt: skip

@@ -1,0 +1,181 @@
+"""The covariance of an identified model's figures, and the model that has other figures."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from analysis.array import Array
+from analysis.transfer_function import file
+from analysis.transfer_function.channel import Channel
+from analysis.transfer_function.file import ModelFileError
+
+if TYPE_CHECKING:
+    from analysis.transfer_function.model import TransferFunctionModel
+
+MOST_FIGURES = 64
+_POLES = re.compile(r"(natural frequency|damping|time constant)( \d+)?")
+_SERVO = {
+    "rate limit": "rate_limit",
+    "rate limit back": "rate_limit_back",
+    "slew of the set point": "slew",
+    "dead band": "dead_band",
+    "backlash": "backlash",
+}
+_PLAY = ("dead_band", "backlash")
+
+
+@dataclass(frozen=True, slots=True)
+class Covariance:
+    """Figures of a model and their covariance.
+
+    Attributes
+    ----------
+    names : `x/x gain`, `delay`, `natural frequency`, `damping`, `time constant`, `zero` of a
+        channel OUTPUT/INPUT, numbered where it has several; `x rate limit`, `dead band`,
+        `backlash` and so on of the servo of an axis
+    values : (n,), in SI and radians
+    matrix : (n, n)
+    """
+
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+    @classmethod
+    def from_dict(cls, value: object) -> Self:
+        """Covariance from the content of a file.
+
+        Raises
+        ------
+        ModelFileError : sizes that do not fit, a name twice, numbers that are none
+        """
+        content = file.mapping(value, "covariance")
+        file.keys(content, "covariance", {"names", "values", "matrix"}, set())
+        names, values, matrix = (
+            file.sequence(content[key], f"covariance.{key}", MOST_FIGURES)
+            for key in ("names", "values", "matrix")
+        )
+        size = len(names)
+        if len({str(n) for n in names}) < size:
+            raise ModelFileError("covariance.names repeats a name")
+        rows = [file.sequence(r, f"covariance.matrix[{i}]", size) for i, r in enumerate(matrix)]
+        if {len(values), len(rows), *(len(r) for r in rows)} != {size}:
+            raise ModelFileError(f"covariance: {size} names need {size} values and a square matrix")
+        return cls(
+            tuple(str(n) for n in names),
+            tuple(file.number(v, "covariance.values") for v in values),
+            tuple(tuple(file.number(v, "covariance.matrix") for v in row) for row in rows),
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        """Content of the file, ready for JSON."""
+        return {"names": list(self.names), "values": list(self.values),
+                "matrix": [list(row) for row in self.matrix]}  # fmt: skip
+
+
+def distribution(model: "TransferFunctionModel") -> tuple[Covariance, Array]:
+    """The covariance of a model's figures, and its lower triangular root (n, n).
+
+    Raises
+    ------
+    ModelFileError : there is none, it is not positive definite, or its values are not the model's
+    """
+    if (known := model.covariance) is None:
+        raise ModelFileError(
+            "has no covariance; `twin identify` writes one for axes that are not coupled"
+        )
+    same = with_figures(model, dict(zip(known.names, known.values, strict=True)))
+    a, b = (
+        [n for row in m.channels for c in row for n in (*c.num, *c.den, c.delay)]
+        for m in (model, same)
+    )
+    if not np.allclose(a, b, rtol=1e-6, atol=1e-9):
+        raise ModelFileError("covariance.values are not those of the channels")
+    return known, _root(np.array(known.matrix))
+
+
+def _root(matrix: Array) -> Array:
+    scale = np.sqrt(np.clip(np.diag(matrix), 0.0, None))
+    try:
+        if not (scale > 0.0).all():
+            raise np.linalg.LinAlgError
+        one = matrix / np.outer(scale, scale)  # figures of very different units
+        if not np.allclose(one, one.T, rtol=0.0, atol=1e-6):
+            raise np.linalg.LinAlgError
+        return np.asarray(scale[:, None] * np.linalg.cholesky(one))
+    except np.linalg.LinAlgError:
+        raise ModelFileError("covariance must be symmetric and positive definite") from None
+
+
+def with_figures(
+    model: "TransferFunctionModel", figures: Mapping[str, float]
+) -> "TransferFunctionModel":
+    """The model with other figures, named as in its covariance; all others stay.
+
+    A delay, dead band or backlash below zero becomes zero. The servo has the means over axes.
+
+    Raises
+    ------
+    ModelFileError : a name that is none of the model, or a value that no model can have
+    """
+    left = dict(figures)
+    rows = tuple(
+        tuple(
+            _channel(channel, f"{output}/{command} ", left)
+            for command, channel in zip(model.inputs, row, strict=True)
+        )
+        for output, row in zip(model.outputs, model.channels, strict=True)
+    )
+    servo = model.servo
+    for what, name in _SERVO.items():
+        given = [left.pop(f"{o} {what}") for o in model.outputs if f"{o} {what}" in left]
+        if given and servo is not None:
+            value = max(0.0, float(np.mean(given))) if name in _PLAY else float(np.mean(given))
+            if name not in _PLAY and value <= 0.0:  # zero would be no limit
+                raise ModelFileError(f"{what} is {value:g}; it must be positive")
+            servo = replace(servo, **{name: value})  # type: ignore[arg-type]
+        elif given:
+            raise ModelFileError(f"{what}: the model has no servo")
+    if left:
+        raise ModelFileError(f"{next(iter(left))!r} is no figure of the model")
+    return replace(model, channels=rows, servo=servo)
+
+
+def _channel(channel: Channel, name: str, left: dict[str, float]) -> Channel:
+    """A channel with its figures of `left`, which are taken from there."""
+    own = {k.removeprefix(name): left.pop(k) for k in list(left) if k.startswith(name)}
+    if not own:
+        return channel
+    if channel.num[-1] == 0.0 or own.get("zero") == 0.0:
+        raise ModelFileError(f"{name.strip()}: a channel without gain has no figures")
+    den = np.array(channel.den) / channel.den[0]
+    num = np.array(channel.num) / channel.num[-1]  # of gain 1
+    gain = own.pop("gain", channel.num[-1] / channel.den[-1])
+    delay = max(0.0, own.pop("delay", channel.delay))
+    if (zero := own.pop("zero", None)) is not None:
+        num = np.array([-1.0 / zero, 1.0])
+    if poles := {k: own.pop(k) for k in list(own) if _POLES.fullmatch(k)}:
+        den = _denominator(poles, name)
+    if own or len(den) != len(channel.den) or len(num) != len(channel.num):
+        raise ModelFileError(f"{name.strip()}: the figures are not those of this channel")
+    return Channel(tuple((gain * den[-1] * num).tolist()), tuple(den.tolist()), delay)
+
+
+def _denominator(poles: dict[str, float], name: str) -> Array:
+    """Product of s² + 2ζω s + ω² over the pairs, and of s + 1/T."""
+    for what, value in poles.items():
+        if not value > 0.0:
+            raise ModelFileError(f"{name}{what} is {value:g}; it must be positive")
+    den = np.ones(1)
+    for what, value in poles.items():
+        if what == "time constant":
+            den = np.convolve(den, [1.0, 1.0 / value])
+        elif what.startswith("natural"):
+            damping = poles.get(what.replace("natural frequency", "damping"))
+            if damping is None:
+                raise ModelFileError(f"{name}{what}: needs the damping beside it")
+            den = np.convolve(den, [1.0, 2.0 * damping * value, value * value])
+    return den
