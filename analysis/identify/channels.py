@@ -203,8 +203,9 @@ def _channel(
     if given is not None:
         own = np.insert(np.insert(own, poles, 0.0, 0), poles, 0.0, 1)
     num, den = polynomials(parameters, poles, frequency)
+    lag = den[-2] / den[-1]
     estimates = tuple(
-        Estimate(f"{name} {what}", float(v), float(s), unit, _determined(what, v, s, longest))
+        Estimate(f"{name} {what}", float(v), float(s), unit, _determined(what, v, s, longest, lag))
         for (what, unit, _), v, s in zip(figures, values_of(at), std, strict=True)
     )
     return ChannelFit(
@@ -223,12 +224,17 @@ def _scaled(covariance: Array, std: Array) -> Array:
     return np.asarray(covariance * np.outer(scale, scale) + np.diag(_TRACE * std**2))
 
 
-def _determined(what: str, value: float, std: float, longest: float) -> bool:
-    """Whether an interval leaves anything out: zero for what is positive, half of all delays."""
+def _determined(what: str, value: float, std: float, longest: float, lag: float) -> bool:
+    """Whether an interval leaves anything out: zero for what is positive, half of all delays.
+
+    One from no delay to more than the lag of all poles [s] tells nothing of a delay either.
+    """
     half = 1.96 * std
     if what == "gain":
         return True
-    return bool(half < (0.5 * longest if what == "delay" else abs(value)))
+    if what == "delay":
+        return bool(half < min(0.5 * longest, max(lag, value)))
+    return bool(half < abs(value))
 
 
 def polynomials(parameters: Array, poles: int, frequency: float) -> tuple[Array, Array]:
