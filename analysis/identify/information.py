@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis.array import Array
 from analysis.identify.assemble import assemble
 from analysis.identify.basis import parameters_of
 from analysis.identify.gimbal import own_records
@@ -46,6 +47,7 @@ _ADVICE = {
 _NOMINAL = 0.01  # of the command's range: dead band and play
 _SLOWER = 0.8  # nominal limit over the fastest motion
 _ROUGH = 2.0  # intervals of bounds over those of white noise: steps scatter, the loss is rough
+_SIZES = 1.5  # largest over smallest step that show a limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,13 +118,24 @@ def _bounds(records: Sequence[Measurement], model: IdentifiedModel, poles: int) 
     told = np.linalg.norm(jacobian, axis=0) > 0.0
     wider = _ROUGH * few(len(np.unique(step_of_row(problem))) - 1 - len(theta))
     half = 1.96 * wider * std[poles + 1 : poles + 4] / np.array([1.0, size, size])
-    shown = [True, True, _turns(problem)]
+    shown = [_sizes(problem) >= _SIZES, True, _turns(problem)]
     return {
         name: float(h) if t and s else np.inf
         for name, h, t, s in zip(names, half, told[poles + 1 : poles + 4], shown, strict=True)
     }
 
 
+def _steps(problem: Problem) -> Array:
+    return np.concatenate([np.diff(p.input[:, 0]) for p in problem.parts])
+
+
+def _sizes(problem: Problem) -> float:
+    """Largest over smallest change of the command; changes of 2 % of the largest do not count."""
+    size = np.abs(_steps(problem))
+    size = size[size > 0.02 * size.max(initial=0.0)]
+    return float(size.max() / size.min()) if len(size) else 1.0
+
+
 def _turns(problem: Problem) -> bool:
-    steps = np.concatenate([np.diff(p.input[:, 0]) for p in problem.parts])
+    steps = _steps(problem)
     return bool((steps > 0.0).any() and (steps < 0.0).any())

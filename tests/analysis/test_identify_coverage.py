@@ -80,7 +80,7 @@ def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
 
 @pytest.mark.parametrize(
     ("seed", "poor", "named"),
-    [(1001, "one size", set()), (1003, "one way", {"dead band", "backlash"}),
+    [(1001, "one size", {"rate limit"}), (1003, "one way", {"dead band", "backlash"}),
      (1005, "few", {"rate limit", "dead band", "backlash"}), (1002, "", set())],
 )  # fmt: skip
 def test_what_steps_do_not_show_of_a_bounded_servo_is_named(seed, poor, named):
