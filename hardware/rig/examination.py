@@ -61,7 +61,7 @@ def answers(rig: Rig, wait: Callable[[], None]) -> Iterator[Row]:
 def _identity(hello: Hello) -> Iterator[Row]:
     version = ".".join(map(str, hello.firmware))
     flashed = hello.board == Board.NANO
-    build = f"build {hello.build:08x}" if flashed else "no build: no Nano that was flashed"
+    build = f"build {hello.build:08x}" if flashed else "no build (not a flashed Nano)"
     state = f"firmware {version}, {build}, serial number {hello.serial:08x}"
     own = not flashed or hello.build == build_hash()
     remedy = "" if own else f"this tree's build is {build_hash():08x}: flash it to have the same"
