@@ -94,8 +94,8 @@ class FixedPoint:
         if angle > CONE + _SLACK:
             place = ", ".join(f"{c:.6g}" for c in line.tolist())
             raise TwinError(
-                f"target ({place}) m from the launch point: {math.degrees(angle):.1f}° off the launch direction; must"
-                f" be within {math.degrees(CONE):.0f}°"
+                f"target ({place}) m from the launch point: {math.degrees(angle):.1f}° off the"
+                f" launch direction; must be within {math.degrees(CONE):.0f}°"
             )
         object.__setattr__(self, "launch", launch)
         fixed = np.array(

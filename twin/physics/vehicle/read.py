@@ -210,7 +210,7 @@ def _unit(value: Any, kind: str) -> str:  # noqa: ANN401
     if usual is None or isinstance(value, str) or value <= 0:
         return ""
     space = "" if usual == "°" else " "
-    return f'; without a unit it is in {SI[kind]}: write "{value:g}{space}{usual}"?'  # type: ignore[index]
+    return f'; without a unit it is in {SI[kind]}: write "{value:g}{space}{usual}"?'
 
 
 def _range(limits: Allowed) -> str:
