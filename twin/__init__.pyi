@@ -232,6 +232,7 @@ def mechanism(
     tube_mm: float | None = ...,
     wall_mm: float = ...,
     motor_mm: float | None = ...,
+    motor: str | PathLike[str] | None = ...,
     stroke_deg: float = ...,
 ) -> MechanismResult | BuildResult | SearchResult: ...
 def meshes(

@@ -18,6 +18,14 @@ def test_a_text_that_is_no_assignment_of_a_finite_number_is_refused(text):
         overrides.parse([text])
 
 
+def test_values_may_have_a_unit():
+    given = ["wind_azimuth=270°", "wind_speed=36 km/h", "vehicle.mass=40 g", "a=-5e-3mm"]
+    wanted = {"wind_azimuth": 4.71238898, "wind_speed": 10.0, "vehicle.mass": 0.04, "a": -5e-6}
+    assert overrides.parse(given) == pytest.approx(wanted)
+    with pytest.raises(TwinError, match="'8 bananas' is not a number, nor one with a unit"):
+        overrides.parse(["wind_speed=8 bananas"])
+
+
 @given(st.text(max_size=30), st.floats(allow_nan=False, allow_infinity=False))
 def test_any_text_before_the_first_equals_sign_is_the_name(name, value):
     name = name.replace("=", "")

@@ -254,8 +254,27 @@ def test_a_mechanism_is_found_whose_own_check_passes(
         assert getattr(read(out), name) == pytest.approx(getattr(found.size, name)), name
 
 
+def test_a_search_takes_size_and_masses_of_a_motor_file(tmp_path: Path) -> None:
+    file = tmp_path / "motor.eng"
+    file.write_text("G40 38 250 P 0.2 0.35 own\n0.05 45\n8 45\n8.2 0\n")
+    motor = searching._motor(Settings("search", tube_mm=75, motor=file))
+    size = next(searching._candidates(0.0734, motor, math.radians(8.0)))
+    assert (size.motor, size.size, size.loaded, size.burning) == (0.038, 0.25, 0.35, 0.2)
+    with pytest.raises(TwinError, match="one of --motor and --motor-mm"):
+        mechanism(Settings("search", tube_mm=75, motor_mm=38, motor=file))
+
+
+def test_a_description_in_place_of_a_model_names_the_command_that_builds_it(built: Path) -> None:
+    with pytest.raises(TwinError, match=r"run `twin mechanism build .*large.toml`"):
+        load(ModelConfig(mechanism=built.with_suffix(".toml")))
+    (built.parent / "own.toml").write_text(ROCKET.replace("large.xml", "large.toml"))
+    (built.parent / "motor.eng").write_text("G40 38 213 P 0.2 0.35 own\n0.05 45\n8 45\n8.2 0\n")
+    with pytest.raises(TwinError, match=r"run `twin mechanism build .*large.toml`"):
+        load(ModelConfig(vehicle=built.parent / "own.toml"))
+
+
 def test_a_tube_that_is_too_narrow_is_refused_with_what_is_needed(tmp_path: Path) -> None:
     with pytest.raises(TwinError, match="the bore must be 15 mm or more wider than the motor"):
         mechanism(Settings("search", tube_mm=30, motor_mm=24, out=tmp_path / "m.toml"))
-    with pytest.raises(TwinError, match="needs --tube-mm and --motor-mm"):
+    with pytest.raises(TwinError, match="needs --tube-mm and one of --motor and"):
         mechanism(Settings("search", tube_mm=30))

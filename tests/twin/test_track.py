@@ -8,8 +8,10 @@ import pytest
 
 from analysis.recording import read
 from twin.config import Fly
+from twin.errors import TwinError
 from twin.experiments.fly import fly
 from twin.experiments.track import TIME, VELOCITY, WIDTH, Track, _turn_radius
+from twin.experiments.wind import wind_text
 from twin.physics.aerodynamics import density, speed_of_sound
 from twin.plant.model import ModelConfig, load
 
@@ -53,6 +55,53 @@ def test_a_thrown_point_has_the_figures_of_the_parabola():
         math.hypot(5, 40), abs=2 * G * dt
     )  # one tick before it
     assert (got.rail_exit_s, got.gimbal_saturation) == (None, None)
+
+
+def test_a_parachute_that_opens_past_the_top_is_no_acceleration_of_the_ascent():
+    model = load(ModelConfig(overrides={"air_enabled": 0, "ramp_length": 0})).mj
+    plant = SimpleNamespace(
+        model=model, twin=SimpleNamespace(gimbal="fixed"), time_ns=0,
+        signals={"vehicle/airspeed": np.zeros(1), "vehicle/angle_of_attack": np.full(1, np.nan)},
+        position=model.qpos0[:3].copy(), velocity=np.zeros(3),
+    )  # fmt: skip
+    track = Track(plant, np.zeros(2), np.zeros(2))
+    rise = [(0.0, 0.10, 30.0), (0.1, 0.05, 30.0), (0.16, -0.01, 20.0), (0.1, -0.1, 10.0)]
+    for k, (height, up, along) in enumerate(rise):
+        plant.position[2] = model.qpos0[2] + height
+        plant.velocity[:] = along, 0, up
+        plant.time_ns = round(k * 4e6)
+        track.watch(plant.time_ns)
+    assert track.figures(1.0, landed=True).max_acceleration_m_s2 == pytest.approx(0.05 / 0.004)
+    assert track.notes(landed=True)[0].startswith("reached the ground 0.01 s after time zero")
+
+
+@pytest.mark.parametrize(("speed", "told"), [(20.0, ()), (10.0, ("angle of attack 27° off",))])
+def test_a_launch_that_is_slow_for_its_wind_is_told(speed, told):
+    """Level wind of 5 m/s across a path straight up."""
+    model = load(ModelConfig()).mj
+    attack = math.atan2(5.0, speed)
+    plant = SimpleNamespace(
+        model=model, time_ns=0, position=model.qpos0[:3].copy(), velocity=np.zeros(3),
+        signals={"vehicle/airspeed": np.zeros(1), "vehicle/angle_of_attack": np.full(1, attack)},
+    )  # fmt: skip
+    track = Track(plant, np.zeros(2), np.zeros(2))
+    for k in range(300):
+        plant.position[2] = model.qpos0[2] + speed * k * 0.004
+        plant.velocity[2], plant.time_ns = speed, k * 4_000_000
+        track.watch(plant.time_ns)
+    notes = track.notes(landed=False)
+    assert all(note.startswith(text) for note, text in zip(notes, told, strict=True))
+
+
+def test_the_wind_is_said_in_words():
+    given = {"wind_speed": 5, "wind_turbulence": 0.2}
+    model = load(ModelConfig(overrides=given)).mj
+    mean = "5 m/s from the west (270° from north over east)"
+    assert wind_text(model) == f"{mean}, gusts 20% rms of 5 m/s"
+    assert wind_text(load(ModelConfig()).mj) == ""
+    for name, value, says in (("azimuth", 270, "write 270°"), ("speed", -1, "not be negative")):
+        with pytest.raises(TwinError, match=says):
+            load(ModelConfig(overrides={f"wind_{name}": value}))
 
 
 def test_the_turn_radius_of_a_circle_is_its_own():

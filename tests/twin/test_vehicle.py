@@ -282,6 +282,8 @@ def test_show_prints_what_the_model_weighs_and_where_the_air_acts(rocket: Path) 
     assert f"0° of attack: {design.centre_of_pressure:.4f} m" in text
     assert f"mass                {design.mass:.4g} kg loaded" in text
     assert "from the shape: friction" in text
+    assert "fins 1 (3 fins, together): 90 g at" in text
+    assert sum(part.mass for part in result.parts) == pytest.approx(3.09)
     assert json.loads(json.dumps(result.as_dict()))["states"][0]["mass"] == pytest.approx(3.09)
     built = vehicle(Settings("build", rocket, out=rocket.with_suffix(".xml")))
     same = vehicle(Settings("show", Path(built)))
@@ -330,6 +332,9 @@ REFUSED = [
     ('"motor.eng" }', '"motor.eng", diameter = "0.2 m" }', "the body is 0.1 m wide there"),
     ("motor = ", 'origin = 1\ngimbal = { pivot = 1 }\nmotor = ', "the pivot of"),
     ("motor = ", 'gimbal = { pivot = 2 }\nmotor = ', "gimbal.pivot = 2 m; must lie"),
+    ('"1.2 m"', "1200", r'body\[1\].length = 1200: .* without a unit it is in m: write "1200 mm"'),
+    ("motor = ", 'launch = { elevation = 85 }\nmotor = ', 'it is in rad: write "85°"'),
+    ('"90 mm"', "90", r'span = 90 m; the body is 1.5 m long.* write "90 mm"'),
     ("motor = ", 'launch = { elevation = "95°" }\nmotor = ', "elevation = '95°': must be from"),
     ("motor = ", 'name = "<!-- x -->"\nmotor = ', "may have letters, digits, space"),
     ("motor = ", "drag = -1\nmotor = ", "drag = -1: must be from 0 to 10"),
@@ -345,6 +350,40 @@ def test_a_vehicle_that_cannot_be_is_refused_in_one_line_with_what_is_right(
         load(ModelConfig(vehicle=rocket))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400
+
+
+PLACED = [
+    ('"822.6 mm"', '"400 mm"', "reaches 177 mm aft .* at most 42 mm: put the pivot at 811"),
+    ('"822.6 mm"', '"810 mm"', "reaches 43 mm aft of it"),
+    ('diameter = "54 mm"', 'diameter = "50 mm"', "bore of 52 mm and reaches 77 mm .* 50 mm wide"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "says"), PLACED)
+def test_a_gimbal_that_the_body_does_not_take_is_refused(old: str, new: str, says: str) -> None:
+    design = read(EXAMPLES / "reference.toml")
+    text = (EXAMPLES / "reference.toml").read_text()
+    assert old in text
+    changed_design = replace(parse(text.replace(old, new)), motor_data=design.motor_data)
+    with pytest.raises(VehicleError, match=says):
+        Vehicle.of(changed_design)
+
+
+def test_masses_in_each_others_place_are_told_and_the_shipped_ones_are_not() -> None:
+    for file in (*EXAMPLES.glob("*.toml"), *EXAMPLES.glob("flights/*.toml")):
+        assert Vehicle.of(read(file)).notes == ()
+    design = read(EXAMPLES / "reference.toml")
+    payload, parachute, avionics = design.masses
+    moved = (payload, replace(parachute, position=0.72), replace(avionics, position=0.76))
+    assert Vehicle.of(replace(design, masses=moved)).notes == (
+        "parachute and avionics overlap by 40 mm, 740 to 780 mm behind the tip",
+        "parachute and the gimbal overlap by 34 mm, 746 to 780 mm behind the tip",
+        "avionics and the gimbal overlap by 34 mm, 746 to 780 mm behind the tip",
+    )
+    inside = (payload, parachute, replace(parachute, diameter=0.03, length=0.1))
+    assert Vehicle.of(replace(design, masses=inside)).notes == ()
+    wide = replace(design, masses=(replace(payload, diameter=0.05),))
+    assert Vehicle.of(wide).notes == ("payload is 50 mm wide; the body has 44.6 mm there",)
 
 
 def test_an_elevation_of_exactly_90_degrees_flies_straight_up(tmp_path: Path, rocket: Path) -> None:

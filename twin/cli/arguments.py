@@ -83,7 +83,10 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
             raise TwinError(f"no verb {arguments[0]!r}; {hint}")
         verb = BY_NAME[arguments[0]]
         grouped = _grouped(verb.settings)  # type: ignore[arg-type]  # a class has a hash
-        given = _parsed(grouped, verb.settings.__doc__, verb.name, arguments[1:])
+        name = verb.name
+        if "action" in hints(verb.settings) and not {"-h", "--help"}.isdisjoint(arguments):
+            name += "".join(f" {word}" for word in arguments[1:2] if not word.startswith("-"))
+        given = _parsed(grouped, verb.settings.__doc__, name, arguments[1:])
         flat = {k: v for group in vars(given).values() for k, v in vars(group).items()}
         return verb, verb.settings.of(flat)
     if arguments == ["--version"]:
@@ -134,7 +137,7 @@ def _parsed(kind: type, description: str | None, name: str, arguments: list[str]
     except SystemExit as end:
         if end.code != MISTAKE:  # help was printed, or a signal ends the process
             raise
-        advice = _suggested(_advice(box.getvalue()), BY_NAME[name].settings)
+        advice = _suggested(_advice(box.getvalue()), BY_NAME[name.partition(" ")[0]].settings)
         raise TwinError(f"{advice} (`twin {name} --help` lists the options)") from None
 
 

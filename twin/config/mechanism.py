@@ -32,7 +32,11 @@ class Mechanism(Output):
     wall_mm: Annotated[float, Range(0.1, 10.0, "mm")] = 0.8
     """Wall of that tube [mm]."""
     motor_mm: Annotated[float, Range(6.0, 400.0, "mm")] | None = None
-    """Diameter of the motor that it must carry [mm]."""
+    """Diameter of the motor that it must carry [mm]; the reference motor's length, its mass in
+    proportion to the cross-section."""
+    motor: Path | None = None
+    """Motor file, or FILE:NAME, whose diameter, length and masses `search` takes, in place of
+    `--motor-mm`."""
     stroke_deg: Annotated[float, Range(1.0, 15.0, "°")] = 8.0
     """Gimbal angle either way that it must command; the stops are 2° beyond [°]."""
     out: Path | None = None
@@ -47,13 +51,18 @@ class Mechanism(Output):
         TwinError : the flag and its value
         """
         super().validate()
-        wanted = (self.tube_mm is not None, self.motor_mm is not None)
+        motors = (self.motor_mm is not None) + (self.motor is not None)
         if self.action == "search":
-            if not all(wanted) or self.file is not None:
-                raise TwinError("twin mechanism search: needs --tube-mm and --motor-mm, no file")
+            if self.tube_mm is None or motors != 1 or self.file is not None:
+                raise TwinError(
+                    "twin mechanism search: needs --tube-mm and one of --motor and --motor-mm, no"
+                    " file"
+                )
             return
-        if any(wanted):
-            raise TwinError("--tube-mm and --motor-mm: only `twin mechanism search` uses them")
+        if self.tube_mm is not None or motors:
+            raise TwinError(
+                "--tube-mm, --motor and --motor-mm: only `twin mechanism search` uses them"
+            )
         if self.action == "build":
             if self.file is None or self.file.suffix.lower() != ".toml":
                 raise TwinError("twin mechanism build: needs a description (.toml)")

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from analysis.files import FileError, content
+from analysis.units import UnitError, of_any_kind
 from twin.errors import TwinError
 
 LARGEST_FILE = 1_000_000  # bytes
@@ -63,7 +64,7 @@ def _from_file(file: Path) -> dict[str, float]:
 
 
 def number(value: object, where: str) -> float:
-    """Return a finite number.
+    """Return a finite number; a text may have a unit of `analysis.units`.
 
     Raises
     ------
@@ -72,9 +73,18 @@ def number(value: object, where: str) -> float:
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
-        result = float(value)
+        result = _float(value)
+    except UnitError as error:
+        raise TwinError(f"{where}: {str(value)[:40]!r} {error}") from None
     except (ValueError, OverflowError):
         raise TwinError(f"{where}: {str(value)[:40]!r} is not a number") from None
     if not math.isfinite(result):
         raise TwinError(f"{where}: {value} is not finite")
     return result
+
+
+def _float(value: float | str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        return of_any_kind(str(value))

@@ -92,9 +92,10 @@ class FixedPoint:
         across = float(np.linalg.norm(np.cross(launch, line)))
         angle = math.atan2(across, float(np.dot(launch, line)))
         if angle > CONE + _SLACK:
+            place = ", ".join(f"{c:.6g}" for c in line.tolist())
             raise TwinError(
-                f"target {self.target}: {math.degrees(angle):.1f}° off the launch direction; must"
-                f" be within {math.degrees(CONE):.0f}°"
+                f"target ({place}) m from the launch point: {math.degrees(angle):.1f}° off the"
+                f" launch direction; must be within {math.degrees(CONE):.0f}°"
             )
         object.__setattr__(self, "launch", launch)
         fixed = np.array(

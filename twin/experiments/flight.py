@@ -16,6 +16,7 @@ from twin.errors import TwinError
 from twin.experiments.programme import Vector, start_of
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.experiments.track import POSITION, Figures, Track
+from twin.experiments.wind import wind_text
 from twin.loop.loop import Outcome
 from twin.physics.aerodynamics.stability import margins
 from twin.plant.plant import Plant
@@ -46,14 +47,16 @@ class FlightResult(Result):
     max_height_m : above the launch point
     target_m : point steered to, east north up from the launch point
     closest_approach_m : to that point
-    attitude_error_rms_deg : angle between nose and setpoint while the motor burned
+    attitude_error_rms_deg : angle between nose and setpoint while the motor burned; None without
+        a gimbal
     physics_steps, physics_s : steps taken, however each was divided, and the processor time of
         stepping, in compiled flights that of whole ticks
     cpu_s : processor time of the whole command in this process
     wall_s : time of the whole command
     figures : the flight in the terms of rocketry; `as_dict` has them beside the others
     warnings : MuJoCo's warnings with their counts
-    notes : what is worth knowing about the model, one line each
+    notes : what is worth knowing about the model and the launch, one line each
+    wind : mean and gusts in words; empty without wind
     static_margin : distance of the centre of mass ahead of the centre of pressure at launch and
         after burnout, in diameters; positive is stable; None where the model does not carry it
     within_m : largest distance that counts as reaching the point; None where none was asked for
@@ -82,6 +85,7 @@ class FlightResult(Result):
     figures: Figures
     warnings: dict[str, int]
     notes: tuple[str, ...] = ()
+    wind: str = ""
     static_margin: tuple[float, float] | None = None
     within_m: float | None = None
     missed: tuple[str, ...] = ()
@@ -113,6 +117,8 @@ class FlightResult(Result):
             ("ended", f"{self.ended}, after {self.flight_time_s:.2f} s"),
             ("launch mass", f"{self.mass_kg:.3f} kg"),
         ]
+        if self.wind:
+            rows.append(("wind", self.wind))
         if self.static_margin is not None:
             full, empty = self.static_margin
             rows.append(("static margin", f"{full:+.2f} at launch, {empty:+.2f} empty [calibres]"))
@@ -252,7 +258,9 @@ class Flight:
             if target is None
             else (float(target[0]), float(target[1]), float(target[2])),
             closest_approach_m=closest,
-            attitude_error_rms_deg=track.error_rms_deg(self.powered_ticks),
+            attitude_error_rms_deg=None
+            if plant.twin.gimbal == "fixed"
+            else track.error_rms_deg(self.powered_ticks),
             loop_closure_max_um=float(memory.most[1]) * 1e6 or None,
             physics_steps=plant.steps,
             physics_s=plant.computing_s,
@@ -260,7 +268,8 @@ class Flight:
             wall_s=wall_s,
             figures=track.figures(self.burnout_ns * 1e-9, landed=plant.landed),
             warnings=plant.warnings(),
-            notes=plant.twin.notes,
+            notes=plant.twin.notes + track.notes(landed=plant.landed),
+            wind=wind_text(plant.model),
             static_margin=_static_margin(plant.model),
         )
 

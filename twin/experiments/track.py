@@ -32,6 +32,8 @@ WIDTH: Final = 12
 AT_LIMIT: Final = 1e-6  # rad
 TURN: Final = 0.5  # s, over which the direction of the path changes by more than the nose swings
 HALF_NS: Final = 5e-10  # s; times are rounded
+STEEP: Final = 15.0  # °, angle of attack off the rail that is told
+SHORT: Final = 1.0  # s, of a flight to the ground that is told
 WORTH: Final = 0.1  # of the largest dynamic pressure, below which no angle of attack counts
 
 
@@ -55,7 +57,7 @@ class Figures:
     control_margin : share of the stroke that the larger of both commands leaves in 95 % of the burn
     turn_radius_m : smallest of the path under power in free flight, over `TURN` seconds: way over
         change of its direction (1 over the mean curvature; E. Kreyszig, Advanced Engineering
-        Mathematics, 10th ed., §9.5); None where the motor burned no longer
+        Mathematics, 10th ed., §9.5); None without a gimbal or where the motor burned no longer
     downrange_m : level distance from the launch point at the end
     end_east_m, end_north_m : the place of the end, from the launch point
     impact_speed_m_s : at the last tick before the ground; None where it was not reached
@@ -107,7 +109,8 @@ class Figures:
         if self.gimbal_saturation is not None:
             rows.append(("gimbal at limit", f"{self.gimbal_saturation:.1%} of the burn"))
         if self.control_margin is not None:
-            rows.append(("stroke left", f"{self.control_margin:.0%} in 95 % of the burn"))
+            left = f"{self.control_margin:.0%} or more of the stroke, in 95 % of the burn"
+            rows.append(("stroke left", left))
         if self.turn_radius_m is not None and self.turn_radius_m < STRAIGHT_M:
             rows.append(("smallest turn", f"{self.turn_radius_m:.0f} m radius under power"))
         end = (
@@ -210,7 +213,8 @@ class Track:
         passed = free < top < len(ticks) - 1
         up = ticks[: top + 1]
         pressure, mach = self._air(up)
-        acceleration = _accelerations(up)
+        # a tick past the highest point has a parachute's opening in it
+        acceleration = _accelerations(up[:-1] if passed and up[-1, VELOCITY][2] < 0 else up)
         fast = pressure >= WORTH * pressure.max()
         east, north = (ticks[-1, POSITION] - start)[:2].tolist()
         burnt = bool(time[-1] > burnout)
@@ -229,12 +233,34 @@ class Track:
             max_angle_of_attack_deg=_largest_degrees(up[free:][fast[free:]][:, ATTACK]),
             gimbal_saturation=self._saturation(ticks[time <= burnout]),
             control_margin=self._margin(ticks[time <= burnout]),
-            turn_radius_m=_turn_radius(ticks[free:][time[free:] <= burnout]),
+            turn_radius_m=None
+            if self._plant.twin.gimbal == "fixed"
+            else _turn_radius(ticks[free:][time[free:] <= burnout]),
             downrange_m=math.hypot(east, north),
             end_east_m=east,
             end_north_m=north,
             impact_speed_m_s=float(speed[-2]) if landed else None,
         )
+
+    def notes(self, *, landed: bool) -> tuple[str, ...]:
+        """What is odd about the launch, one line each."""
+        ticks, start = self.ticks, self._launch()
+        found = []
+        off, free = self._rail_exit(ticks, start)
+        if off is not None and free < len(ticks):
+            angle = math.degrees(ticks[free, ATTACK])
+            if angle > STEEP:
+                found.append(
+                    f"angle of attack {angle:.0f}° off the rail: it leaves the rail at"
+                    f" {np.linalg.norm(ticks[free, VELOCITY]):.1f} m/s, slow for this wind; give a"
+                    " longer rail or more thrust"
+                )
+        ended = float(ticks[-1, TIME])
+        if landed and ended < SHORT:
+            elevation = numeric(self._model, "ramp_elevation")
+            raised = "" if elevation is None else f" from {math.degrees(elevation[0]):.0f}°"
+            found.append(f"reached the ground {ended:.2f} s after time zero{raised} of elevation")
+        return tuple(found)
 
     def _rail_exit(self, ticks: Array, start: Array) -> tuple[float | None, int]:
         """Time at which the lower lug left the rail [s], None without; first tick in free flight.

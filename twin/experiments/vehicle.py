@@ -49,6 +49,15 @@ class State:
 
 
 @dataclass(frozen=True)
+class Part:
+    """A part of a described vehicle: its name, mass [kg] and centre of mass from the tip [m]."""
+
+    name: str
+    mass: float
+    station: float
+
+
+@dataclass(frozen=True)
 class VehicleResult(Result):
     """Masses and stability of a vehicle.
 
@@ -61,6 +70,7 @@ class VehicleResult(Result):
     drag : axial drag coefficient
     drag_source : where it comes from
     terms : normal force of each part; empty for an MJCF file
+    parts : masses of the airframe, the motor and the gimbal; empty for an MJCF file
     tip : station of the nose's tip [m]; None for an MJCF file
     thrust : largest [N]
     drawn : picture that was written; None without one
@@ -76,6 +86,7 @@ class VehicleResult(Result):
     tip: float | None
     thrust: float
     notes: tuple[str, ...] = ()
+    parts: tuple[Part, ...] = ()
     drawn: str | None = None
 
     def as_dict(self) -> dict[str, object]:
@@ -93,6 +104,8 @@ class VehicleResult(Result):
             ("inertia", f"{_pair(full)} loaded, {_pair(empty)} empty [kg m²], transverse and roll"),
             ("stations from", "the tip of the nose" if self.tip is not None else "the origin"),
         ]
+        parts = [f"{p.name}: {p.mass * 1e3:.4g} g at {p.station:.4f} m" for p in self.parts]
+        rows += _titled("parts", parts)
         rows += _titled("over the burn", [self._instant(state) for state in self.states])
         pressures = self.centre_of_pressure.items()
         rows += _titled("centre of pressure", [self._pressure(*item) for item in pressures])
@@ -222,7 +235,26 @@ def report(twin: TwinModel, name: str, built: vehicles.Vehicle | None = None) ->
         tip=None if built is None else built.origin,
         thrust=float(np.max(model.numeric("motor_thrust").data)),
         notes=twin.notes,
+        parts=() if built is None else _parts(built),
     )
+
+
+def _parts(built: vehicles.Vehicle) -> tuple[Part, ...]:
+    """Masses as a builder weighs them; the gimbal without the motor, at its pivot."""
+    counts = {
+        fins.name or f"fins {k + 1}": f"{round(fins.count)} fins, together"
+        for k, fins in enumerate(built.design.fins)
+    }
+    found = [
+        Part(f"{p.name} ({counts[p.name]})" if p.name in counts else p.name, p.mass, p.station)
+        for p in built.parts
+    ]
+    motor = built.motor
+    middle = built.outline.nozzle - motor.length / 2
+    found.append(Part(f"motor {motor.name}, loaded", motor.loaded_mass, middle))
+    if built.carrier is not None:
+        found.append(Part("gimbal without motor, pivot", built.carrier.mass, built.origin))
+    return tuple(found)
 
 
 def _state(

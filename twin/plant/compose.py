@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 MJCF = Path(str(files("mjcf")))
 SCENES = ("flight", "bench", "turntable")
 OPENROCKET = ".ork"
+NOTE = "note_"  # texts of a model that are for the user
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
 
@@ -113,6 +114,10 @@ def compose(
     if vehicle is None and mechanism is None and guard.is_shipped(path):
         return _parsed(path, lambda: mujoco.MjSpec.from_file(str(path)))
     part = _built(vehicle, mechanism, motor) if is_description(vehicle) else None
+    if mechanism is not None:
+        from twin.physics.vehicle.carrier import check_is_model
+
+        check_is_model(mechanism)
     given = (path, vehicle if part is None else None, mechanism)
     guard.examine(file for file in given if file is not None)
     if part is None:
@@ -208,8 +213,11 @@ def _built(vehicle: Path | None, mechanism: Path | None, motor: Path | None) -> 
     if mechanism is not None and design.gimbal is not None:
         held = replace(design.gimbal, mechanism=str(mechanism.resolve()))
         design = replace(design, gimbal=held)
-    text = vehicles.mjcf(vehicles.Vehicle.of(design))
-    return ET.fromstring(text)  # noqa: S314  written here
+    built = vehicles.Vehicle.of(design)
+    root = ET.fromstring(vehicles.mjcf(built))  # noqa: S314  written here
+    for k, note in enumerate(built.notes):
+        ET.SubElement(ET.SubElement(root, "custom"), "text", name=f"{NOTE}{k}", data=note)
+    return root
 
 
 def _root(path: Path, *, included: bool) -> ET.Element:

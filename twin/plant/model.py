@@ -21,7 +21,7 @@ from twin.physics.mechanism import check_frame, check_response
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
 from twin.plant.authority import insert_control, settle_limit
-from twin.plant.compose import MJCF, SCENES, compose, is_description, left_out, one_line
+from twin.plant.compose import MJCF, NOTE, SCENES, compose, is_description, left_out, one_line
 from twin.plant.plausible import check_mechanism, check_motor, check_vehicle
 
 Seat = Literal["linkage", "transfer-function", "follow"]
@@ -119,6 +119,7 @@ def load(
         _exchange_actuation(spec, TransferFunctionModel.read(file))
     motor.fit_stated_motor(spec)
     notes = left_out(config.vehicle)
+    notes += tuple(text.data for text in spec.texts if text.name.startswith(NOTE))
     if not is_description(config.vehicle):
         if config.vehicle is not None:  # before another motor, which changes the shape
             notes += misfits(_compiled(spec))

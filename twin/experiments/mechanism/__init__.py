@@ -1,5 +1,6 @@
 """`twin mechanism`: figures of a gimbal, its model from a few numbers, and a search for one."""
 
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -30,4 +31,5 @@ def mechanism(config: Settings) -> MechanismResult | BuildResult | SearchResult:
     with TemporaryDirectory(prefix="tvc-twin-") as folder:
         model = Path(folder) / f"{file.stem}.xml"
         write(read(file), model)
-        return figures(model, config.load_g, config.gap_mm, clear=clear)
+        found = figures(model, config.load_g, config.gap_mm, clear=clear)
+    return replace(found, file=str(file))

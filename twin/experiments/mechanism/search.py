@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from twin.errors import TwinError
 from twin.experiments.mechanism.build import write
 from twin.experiments.mechanism.figures import MechanismResult, figures
 from twin.physics.mechanism.dimensions import SLIM, WIDE, Dimensions, Servo
+from twin.physics.motor import load
 from twin.physics.vehicle import VehicleError
 from twin.physics.vehicle.write import entries
 
@@ -99,10 +100,11 @@ def searched(config: Settings) -> SearchResult:
     TwinError : none fits, or the result cannot be written
     """
     assert config.tube_mm is not None
-    assert config.motor_mm is not None
-    out = config.out or Path("runs") / f"gimbal_{config.motor_mm:g}_in_{config.tube_mm:g}.toml"
+    motor = _motor(config)
+    across = f"{motor.diameter * 1e3:g}"
+    out = config.out or Path("runs") / f"gimbal_{across}_in_{config.tube_mm:g}.toml"
     out = writable(out, ".toml", force=config.force)
-    bore, motor = (config.tube_mm - 2 * config.wall_mm) * 1e-3, config.motor_mm * 1e-3
+    bore = (config.tube_mm - 2 * config.wall_mm) * 1e-3
     found: list[Candidate] = []
     with TemporaryDirectory(prefix="tvc-twin-") as folder:
         for k, size in enumerate(_candidates(bore, motor, math.radians(config.stroke_deg))):
@@ -118,7 +120,7 @@ def searched(config: Settings) -> SearchResult:
                 found.append(Candidate(size, own))
     if not found:
         raise TwinError(
-            f"--tube-mm {config.tube_mm:g} --motor-mm {config.motor_mm:g}: no mechanism with"
+            f"--tube-mm {config.tube_mm:g} with a motor of {across} mm: no mechanism with"
             f" {config.stroke_deg:g}° fits; the bore must be {2e3 * SLIM:.0f} mm or more wider than"
             " the motor: give a wider tube, a smaller stroke or a smaller --gap-mm"
         )
@@ -128,18 +130,35 @@ def searched(config: Settings) -> SearchResult:
     return SearchResult(str(out), tuple(ordered))
 
 
-def _candidates(bore: float, motor: float, stroke: float) -> Iterator[Dimensions]:
+class _Motor(NamedTuple):
+    """Sizes [m] and masses [kg] of the motor; None where they are not known."""
+
+    diameter: float
+    length: float | None = None
+    loaded: float | None = None
+    propellant: float | None = None
+
+
+def _motor(config: Settings) -> _Motor:
+    if config.motor is None:
+        assert config.motor_mm is not None
+        return _Motor(config.motor_mm * 1e-3)
+    own = load(config.motor)
+    return _Motor(own.diameter, own.length, own.loaded_mass, own.propellant_mass)
+
+
+def _candidates(bore: float, motor: _Motor, stroke: float) -> Iterator[Dimensions]:
     """Candidates with 9 g servos, or with smaller ones where these do not fit."""
     found = list(_fitting(bore, motor, stroke, Servo()))
     yield from found or _fitting(bore, motor, stroke, SMALL_SERVO)
 
 
-def _fitting(bore: float, motor: float, stroke: float, servo: Servo) -> Iterator[Dimensions]:
+def _fitting(bore: float, motor: _Motor, stroke: float, servo: Servo) -> Iterator[Dimensions]:
     """Dimensions that fit by their outlines, those with the finest resolution first.
 
     Between the narrowest bore and that of the reference, places change in proportion.
     """
-    r, big = motor / 2, bore / 2
+    r, big = motor.diameter / 2, bore / 2
     stops = stroke + MARGIN
     share = min((big - r - SLIM) / (WIDE - SLIM), 1.0)
     wide = share == 1.0
@@ -162,7 +181,9 @@ def _fitting(bore: float, motor: float, stroke: float, servo: Servo) -> Iterator
         shaft = _rounded(max(height + rods, forward + 0.011 + servo.width / 2))
         try:
             size = Dimensions(
-                bore=bore, motor=motor, forward=forward, aft=_rounded(_aft(r, big, stops)),
+                bore=bore, motor=motor.diameter, motor_length=motor.length,
+                motor_mass=motor.loaded, propellant=motor.propellant,
+                forward=forward, aft=_rounded(_aft(r, big, stops)),
                 lever=lever, height=height, horn=horn, offset=offset, stud=stud, servo_x=shaft,
                 servo_y=_rounded(shaft + servo.width + 0.0089 - 0.0056 * share), stroke=stroke,
                 stops=stops, servo=servo,

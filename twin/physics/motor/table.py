@@ -9,11 +9,11 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
+from analysis.units import Kind, UnitError, quantity
 from twin.physics.motor.curve import Motor
 from twin.physics.motor.eng import MOST_POINTS, curve
 from twin.physics.motor.entry import Entry
 from twin.physics.motor.figures import MotorError
-from twin.physics.units import Kind, UnitError, quantity
 
 FIGURES: Final[Mapping[str, Kind]] = {
     "propellant_mass": "mass",

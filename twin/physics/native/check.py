@@ -24,6 +24,7 @@ NOT_NEGATIVE: Final = (
     "air_crossflow_drag",
     "air_axial_drag",
     "air_roll_damping",
+    "wind_speed",
     "wind_exponent",
     "wind_turbulence",
     "ramp_stiffness",
@@ -83,6 +84,9 @@ def check(model: mujoco.MjModel) -> None:
         _demand(name, values[name], values[name] > 0, "must be positive")
     for name in (n for n in NOT_NEGATIVE if n in values):
         _demand(name, values[name], values[name] >= 0, "must not be negative")
+    azimuth = values["wind_azimuth"]
+    degrees = f"must be within a turn, ±2π; write {azimuth[0]:g}° if it is in degrees"
+    _demand("wind_azimuth", azimuth, np.abs(azimuth) <= 2 * np.pi, degrees)
     if values["air_model"][0] == 1:
         offset = values["air_thesis_offset"]
         _demand("air_thesis_offset", offset, offset > 0, "must be positive")

@@ -22,6 +22,7 @@ from twin.physics.vehicle.check import (
 )
 from twin.physics.vehicle.design import Design, VehicleError
 from twin.physics.vehicle.drag_table import DragTable, read_drag
+from twin.physics.vehicle.fit import misfits
 from twin.physics.vehicle.lumps import Lump, lumps, total
 from twin.physics.vehicle.outline import Outline
 from twin.physics.vehicle.sounding import read_sounding
@@ -74,7 +75,7 @@ class Vehicle:
             raise VehicleError("motor.file is missing; name a motor file there or with --motor")
         held = None if design.gimbal is None else carrier(mechanism_file(design))
         bare = Outline.of(design)
-        check_gimbal(design, bare)
+        check_gimbal(design, bare, held)
         nozzle = _nozzle(design, bare, motor, held)
         outline = Outline.of(design, motor.diameter / 2, nozzle)
         check_outline(design, outline)
@@ -86,6 +87,11 @@ class Vehicle:
         if design.gimbal is not None:
             origin = design.gimbal.pivot
         return cls(design, motor, held, outline, origin, parts, airframe)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Parts that take each other's place, one line each."""
+        return misfits(self.design, self.outline, self.motor, self.carrier)
 
     @property
     def area(self) -> float:

@@ -1,11 +1,14 @@
 """What a mechanism's file says about the motor it carries: where it sits and what fits."""
 
+import math
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
+from hardware.frames import AXES
 from twin.physics import guard
 from twin.physics.vehicle.design import Design, VehicleError
 
@@ -19,11 +22,17 @@ class Carrier:
     forward : forward end of the motor, towards the nose from the pivot [m]
     bore : diameter of the motor it was drawn for [m]
     mass : of all moving and fixed parts, without the motor [kg]
+    swing : largest tilt, both axes at their stops [rad]
+    tube : inner radius of the tube that it was built for [m]; 0 where the file does not say
+    reach : forward end of what fills that tube, forward of the pivot [m]
     """
 
     forward: float
     bore: float
     mass: float
+    swing: float
+    tube: float
+    reach: float
 
 
 def mechanism_file(design: Design) -> Path:
@@ -35,14 +44,29 @@ def mechanism_file(design: Design) -> Path:
     return (folder / design.gimbal.mechanism).resolve()
 
 
+def check_is_model(path: Path) -> None:
+    """Refuse a mechanism's description in place of its MJCF.
+
+    Raises
+    ------
+    VehicleError : the command that builds it
+    """
+    if path.suffix.lower() == ".toml":
+        raise VehicleError(
+            f"mechanism {path}: is a description; run `twin mechanism build {path}` and give the"
+            " .xml file that it writes"
+        )
+
+
 def carrier(path: Path) -> Carrier:
-    """Read a mechanism: sites `motor_forward` or `nozzle`, body `motor` with a cylinder.
+    """Read a mechanism: body `motor` with a cylinder, joints `x` and `y`, site `tube` if any.
 
     Raises
     ------
     VehicleError : it cannot be compiled, or lacks one of these
     TwinError : it exceeds a limit for files of unknown origin
     """
+    check_is_model(path)
     guard.approve(guard.examine([path]), path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
@@ -60,10 +84,18 @@ def carrier(path: Path) -> Carrier:
     axis = data.xmat[mount].reshape(3, 3).T
     middle = float((axis @ (data.geom_xpos[geom] - data.xpos[mount]))[2])
     burning = model.body_mass[motor] + model.body_mass[model.body("propellant").id]
+    joints = [k for k in range(model.njnt) if model.joint(k).name in AXES]
+    level = math.prod(math.cos(float(np.abs(model.jnt_range[k]).max())) for k in joints)
+    tube = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tube")
+    radius, half = model.site_size[tube][:2] if tube >= 0 else (0.0, 0.0)
+    ahead = float((axis @ (data.site_xpos[tube] - data.xpos[mount]))[2] + half)
     return Carrier(
         forward=middle + float(model.geom_size[geom][1]),
         bore=2 * float(model.geom_size[geom][0]),
         mass=float(model.body_subtreemass[mount] - burning),
+        swing=math.acos(min(max(level, -1.0), 1.0)),
+        tube=float(radius),
+        reach=ahead if tube >= 0 else 0.0,
     )
 
 

@@ -1,5 +1,8 @@
 """Which designs cannot be built: parts that do not fit each other, masses in wrong units."""
 
+import math
+from typing import Final
+
 from twin.physics.vehicle.carrier import Carrier
 from twin.physics.vehicle.design import (
     HEAVIEST,
@@ -14,6 +17,8 @@ from twin.physics.vehicle.lumps import Lump
 from twin.physics.vehicle.outline import Outline, PlacedFins, Segment
 
 SLACK = 1e-6  # m; stations in a file are rounded
+THIN: Final = 1e-3  # m, wall of a part that gives none
+FREE: Final = 5e-4  # m, between the swinging motor and the tube
 
 
 def check_parts(design: Design) -> None:
@@ -141,6 +146,11 @@ def _check_fins(placed: PlacedFins, outline: Outline, k: int) -> None:
             f"fins[{k}]: the root reaches from {low:.4g} to {high:.4g} m behind the tip; must lie"
             f" on the body behind the nose, {shoulder:.4g} to {tail:.4g} m"
         )
+    if placed.plan.y.max() > tail:
+        raise VehicleError(
+            f"fins[{k}]: span = {placed.plan.y.max():g} m; the body is {tail:.4g} m long. A number"
+            f' without a unit is in m: write "{placed.plan.y.max():g} mm"?'
+        )
     if placed.radius <= 0:
         raise VehicleError(f"fins[{k}]: the body has no width at {low:.4g} m")
 
@@ -193,14 +203,61 @@ def check_motor(design: Design, outline: Outline, carrier: Carrier | None) -> No
         )
 
 
-def check_gimbal(design: Design, outline: Outline) -> None:
-    """Refuse a pivot outside the body, and settings that belong to a fixed motor."""
-    if design.gimbal is None:
+def check_gimbal(design: Design, outline: Outline, held: Carrier | None) -> None:
+    """Refuse a gimbal that the body does not take, and settings that belong to a fixed motor.
+
+    Raises
+    ------
+    VehicleError : the pivot or the body, and what would fit
+    """
+    if design.gimbal is None or held is None or design.motor_data is None:
         return
-    if not 0 < design.gimbal.pivot < outline.end:
+    pivot = design.gimbal.pivot
+    if not 0 < pivot < outline.end:
         raise VehicleError(
-            f"gimbal.pivot = {design.gimbal.pivot:g} m; must lie on the vehicle, up to"
+            f"gimbal.pivot = {pivot:g} m; must lie on the vehicle, up to"
             f" {outline.end:.4g} m behind the tip"
         )
     if design.motor.overhang or design.motor.diameter is not None:
         raise VehicleError("motor.overhang and motor.diameter: the mechanism decides both")
+    narrowest = min(_inside(outline, x, 0.0) for x in _between(outline, pivot - held.reach, pivot))
+    if narrowest < held.tube - SLACK:
+        raise VehicleError(
+            f"gimbal: the mechanism was built for a bore of {2e3 * held.tube:g} mm and reaches"
+            f" {1e3 * held.reach:g} mm forward of the pivot; the body is {2e3 * narrowest:g} mm"
+            " wide inside there: give a wider body, or another mechanism"
+        )
+    _check_swing(pivot, outline, held, pivot - held.forward + design.motor_data.length)
+
+
+def _check_swing(pivot: float, outline: Outline, held: Carrier, nozzle: float) -> None:
+    """Refuse a motor that hits the tube within its stops.
+
+    Tilted, it takes r / cos + z tan of the radius at z aft of the pivot.
+    """
+    end = min(outline.tail, nozzle)
+    for x in _between(outline, pivot, end):
+        room = _inside(outline, x, THIN) - FREE - held.bore / 2 / math.cos(held.swing)
+        most = room / math.tan(held.swing) if held.swing > 0 else math.inf
+        if x - pivot > most + SLACK:
+            raise VehicleError(
+                f"gimbal.pivot = {pivot:g} m: the body reaches {1e3 * (x - pivot):.0f} mm aft of"
+                f" it, where the motor hits it before the stops of the gimbal; must be at most"
+                f" {1e3 * most:.0f} mm: put the pivot at"
+                f" {math.ceil(1e3 * (outline.tail - most) - 1e-3)} mm or farther aft"
+            )
+
+
+def _between(outline: Outline, low: float, high: float) -> list[float]:
+    """Stations at which the body is narrowest or widest between two [m]."""
+    return [low, *(s.end for s in outline.segments if low < s.end < high), high]
+
+
+def _inside(outline: Outline, x: float, wall: float) -> float:
+    """Inner radius of the body at a station, with that wall where none is given [m]."""
+    radii = [
+        float(s.radius(min(max(x - s.start, 0.0), s.part.length))) - (s.part.wall or wall)
+        for s in outline.segments
+        if s.start - SLACK <= x <= s.end + SLACK
+    ]
+    return max(min(radii, default=0.0), 0.0)

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Final, Literal, get_type_hints
 
+from analysis.units import Kind
 from twin.errors import TwinError
 from twin.physics.motor import Motor
-from twin.physics.units import Kind
 from twin.physics.vehicle.profile import SHAPES, Shape
 
 Part = Literal["nose", "tube", "transition"]

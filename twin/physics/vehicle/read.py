@@ -8,9 +8,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
+from analysis.units import SI, UnitError, quantity
 from twin.physics import motor
 from twin.physics.motor import Motor
-from twin.physics.units import SI, UnitError, quantity
 from twin.physics.vehicle.design import (
     Allowed,
     Body,
@@ -201,7 +201,16 @@ def _number(limits: Allowed, value: Any, where: str) -> float:  # noqa: ANN401
     low = number > limits.low if limits.above else number >= limits.low
     if low and number <= limits.high * (1 + 1e-12):
         return min(number, limits.high)
-    raise VehicleError(f"{where} = {_shown(value)}: must be {_range(limits)}")
+    raise VehicleError(f"{where} = {_shown(value)}: must be {_range(limits)}{_unit(value, kind)}")
+
+
+def _unit(value: Any, kind: str) -> str:  # noqa: ANN401
+    """What a number without a unit was taken for, and how to write it with one."""
+    usual = {"length": "mm", "angle": "°", "mass": "g"}.get(kind)
+    if usual is None or isinstance(value, str) or value <= 0:
+        return ""
+    space = "" if usual == "°" else " "
+    return f'; without a unit it is in {SI[kind]}: write "{value:g}{space}{usual}"?'
 
 
 def _range(limits: Allowed) -> str:

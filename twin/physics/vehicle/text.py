@@ -48,6 +48,12 @@ def numbers_of(
     VehicleError : unreadable, or the line and what it must be
     """
     rows = [row for row in enumerate(text_of(path, what).splitlines(), 1) if row[1].strip()]
+    if rows and "," not in rows[-1][1]:
+        line, row = rows[-1]
+        raise VehicleError(
+            f"{path}, line {line}: {row[:40]!r} has no commas; must be {columns}, separated by"
+            " commas"
+        )
     if rows and _numbers(rows[0][1]) is None:
         rows = rows[1:]
     if not 2 <= len(rows) <= MOST_ROWS:

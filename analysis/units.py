@@ -4,9 +4,9 @@ import math
 import re
 from typing import Final, Literal
 
-Kind = Literal["length", "mass", "angle", "density", "time", "number"]
+Kind = Literal["length", "mass", "angle", "density", "time", "speed", "number"]
 
-UNITS: Final[dict[str, dict[str, float]]] = {
+UNITS: Final[dict[Kind, dict[str, float]]] = {
     "length": {
         "m": 1.0,
         "mm": 1e-3,
@@ -20,6 +20,7 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "angle": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180},
     "density": {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³": 1e3},
     "time": {"s": 1.0, "ms": 1e-3},
+    "speed": {"m/s": 1.0, "km/h": 1 / 3.6},
     "number": {"": 1.0},
 }
 SI: Final = {
@@ -28,6 +29,7 @@ SI: Final = {
     "angle": "rad",
     "density": "kg/m3",
     "time": "s",
+    "speed": "m/s",
     "number": "",
 }
 _TEXT = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)\s*")
@@ -58,6 +60,20 @@ def quantity(value: object, kind: Kind) -> float:
     if not math.isfinite(number):
         raise UnitError("must be finite")
     return number
+
+
+def of_any_kind(text: str) -> float:
+    """Value in SI units of a text with a number and any unit of `UNITS`, or none.
+
+    Raises
+    ------
+    UnitError : neither
+    """
+    unit = match[2] if len(text) <= LONGEST and (match := _TEXT.fullmatch(text)) else None
+    for kind, units in UNITS.items():
+        if unit in units:
+            return quantity(text, kind)
+    raise UnitError("is not a number, nor one with a unit such as 270° or 8 m/s")
 
 
 def _wanted(kind: Kind) -> str:
