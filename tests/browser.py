@@ -142,7 +142,7 @@ def shows(page: Page, wanted: Callable[[bytes], bool]) -> bytes:
     """Return the page's first picture that shows what is wanted, the last one if none does."""
     until = time.monotonic() + SETTLE_SECONDS
     while True:
-        time.sleep(0.3)  # a page that is being opened has no picture
+        time.sleep(1.5)  # a picture takes the processors from the page that draws it
         now = page.picture()
         if wanted(now) or time.monotonic() > until:
             return now

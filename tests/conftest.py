@@ -6,6 +6,11 @@ import time
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# no deadline: a loaded machine is no mistake; `make abuse` tries readers more often
+settings.register_profile("suite", max_examples=50, deadline=None)
+settings.load_profile("suite")
 
 ROOT = Path(__file__).resolve().parents[1]
 

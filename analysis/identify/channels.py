@@ -15,7 +15,7 @@ from analysis.identify.servo_fit import ServoFit
 from analysis.identify.uncertainty import Uncertainty, propagated, slope_of
 from analysis.identify.unexplained import over_sizes, smeared
 
-_STEP = 1e-3  # of a parameter, for slopes
+_STEP = 1e-3  # deviation of a parameter for slopes, as in `slope_of`
 _TRACE = 1e-9  # of a variance
 
 Figures = list[tuple[str, str, Callable[[Array], float]]]  # name, unit, value of the parameters
@@ -47,7 +47,7 @@ def changes(fit: AxisFit, jacobian: Array, j: int) -> tuple[Estimate, ...]:
     seen = over_sizes(fit.problem, jacobian, fit.solution.weighted, _places(fit, j), j)
     if seen is None:
         return ()
-    figures, slope = _slopes(fit, j, np.sqrt(np.diag(seen[1])))
+    figures, slope = _slopes(fit, j)
     values, std = slope @ seen[0], np.sqrt(np.diag(slope @ seen[1] @ slope.T))
     return tuple(
         Estimate(what, float(v), float(s), unit)
@@ -65,17 +65,18 @@ def smear(fit: AxisFit, jacobian: Array, j: int, stamps: float) -> dict[str, flo
     if j not in fit.problem.layout.free_delays or not stamps > 0.0:
         return {}
     change = smeared(fit.problem, fit.solution, jacobian, fit.problem.layout.delay_place(j), stamps)
-    figures, slope = _slopes(fit, j, np.full(len(_places(fit, j)), _STEP))
+    figures, slope = _slopes(fit, j)
     values = slope @ change[_places(fit, j)]
     return {what: float(v) for (what, _, _), v in zip(figures, values, strict=True)}
 
 
-def _slopes(fit: AxisFit, j: int, spread: Array) -> tuple[Figures, Array]:
+def _slopes(fit: AxisFit, j: int) -> tuple[Figures, Array]:
     """Figures of a channel's poles and delay, and their derivatives by its parameters."""
     layout, solution = fit.problem.layout, fit.solution
     at = np.concatenate([solution.theta, solution.linear])[_places(fit, j)]
     figures = _figures(at, layout.poles, layout.frequency)[1:]  # the gain is another matter
-    return figures, slope_of(lambda p: np.array([f(p) for _, _, f in figures]), at, spread)
+    step = np.full(len(at), _STEP)
+    return figures, slope_of(lambda p: np.array([f(p) for _, _, f in figures]), at, step)
 
 
 def _places(fit: AxisFit, j: int) -> list[int]:
@@ -140,7 +141,7 @@ def bounded(
         every[n, n] += fit.problem.doubt**2
     stds = np.concatenate([[e.std for e in channel.estimates], std])
     joint = _scaled(propagated(figures, whole, every), stds)
-    return replace(channel, joint=joint), ServoBounds(fit.structure, *estimates)
+    return replace(channel, joint=joint), ServoBounds(fit.structure, fit.losses, *estimates)
 
 
 def nothing(like: ChannelFit, found: tuple[Estimate, ...] = ()) -> ChannelFit:
@@ -202,8 +203,9 @@ def _channel(
     if given is not None:
         own = np.insert(np.insert(own, poles, 0.0, 0), poles, 0.0, 1)
     num, den = polynomials(parameters, poles, frequency)
+    lag = den[-2] / den[-1]
     estimates = tuple(
-        Estimate(f"{name} {what}", float(v), float(s), unit, _determined(what, v, s, longest))
+        Estimate(f"{name} {what}", float(v), float(s), unit, _determined(what, v, s, longest, lag))
         for (what, unit, _), v, s in zip(figures, values_of(at), std, strict=True)
     )
     return ChannelFit(
@@ -222,12 +224,17 @@ def _scaled(covariance: Array, std: Array) -> Array:
     return np.asarray(covariance * np.outer(scale, scale) + np.diag(_TRACE * std**2))
 
 
-def _determined(what: str, value: float, std: float, longest: float) -> bool:
-    """Whether an interval leaves anything out: zero for what is positive, half of all delays."""
+def _determined(what: str, value: float, std: float, longest: float, lag: float) -> bool:
+    """Whether an interval leaves anything out: zero for what is positive, half of all delays.
+
+    One from no delay to more than the lag of all poles [s] tells nothing of a delay either.
+    """
     half = 1.96 * std
     if what == "gain":
         return True
-    return bool(half < (0.5 * longest if what == "delay" else abs(value)))
+    if what == "delay":
+        return bool(half < min(0.5 * longest, max(lag, value)))
+    return bool(half < abs(value))
 
 
 def polynomials(parameters: Array, poles: int, frequency: float) -> tuple[Array, Array]:

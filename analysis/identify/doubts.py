@@ -162,7 +162,7 @@ def _fit_warnings(axis: AxisEvidence, name: str) -> list[str]:
     if axis.saturation.saturated and (changed := _changed(axis)) is not None:
         found.append(
             f"{name}: rate-limited, the speed grows with the amplitude to the power "
-            f"{axis.saturation.exponent:.2f}, not 1{changed}; fit the servo"
+            f"{axis.saturation.exponent:.2f}, not 1{changed}; fit the servo (--servo)"
         )
     elif axis.saturation.saturated is None and axis.saturation.steps >= 4:
         found.append(f"{name}: steps of one size only; cannot distinguish saturation from slowness")

@@ -1,5 +1,6 @@
 """What an identification says of one number, one axis and one channel, with its uncertainty."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -101,6 +102,7 @@ class ServoBounds:
     ----------
     structure : `speed`: the servo's own loop saturates; `command`: ramps ahead of the linear part;
         `set-point`: as `speed`, behind a set point of bounded speed and with a limit each way
+    losses : on steps held out, of every structure that was tried
     rate_limit : of the output [rad/s]; upward with `set-point`
     dead_band : half width, on the command [rad]
     backlash : total width at the output [rad]
@@ -109,6 +111,7 @@ class ServoBounds:
     """
 
     structure: Structure
+    losses: Mapping[Structure, float]
     rate_limit: Estimate
     dead_band: Estimate
     backlash: Estimate

@@ -1,6 +1,7 @@
 """A whole gimbal: each axis by its own command, and the cross channels only where there are any."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -48,10 +49,19 @@ def identify_gimbal(
     square = len(inputs) == len(outputs)
     if not square or len(inputs) < 2 or (coupling == "full" and not servo):
         return identify(records, poles, zeros, delay, servo=servo, max_delay=max_delay)
-    alone = [
-        identify(own_records(records, k), poles, zeros, delay, servo=servo, max_delay=max_delay)
-        for k in range(len(inputs))
-    ]
+
+    def fitted(k: int, servo: bool | Structure) -> IdentifiedModel:
+        own = own_records(records, k)
+        return identify(own, poles, zeros, delay, servo=servo, max_delay=max_delay)
+
+    alone = [fitted(k, servo) for k in range(len(inputs))]
+    if servo is True and len({m.servo[0].structure for m in alone if m.servo}) > 1:
+        # one model has one: mean figures of another would not fit an axis' own poles and delay
+        shared = shared_structure([m.servo[0].losses for m in alone if m.servo])
+        alone = [
+            m if m.servo and m.servo[0].structure == shared else fitted(k, shared)
+            for k, m in enumerate(alone)
+        ]
     model = IdentifiedModel(
         inputs,
         outputs,
@@ -90,6 +100,12 @@ def cross_gains(model: IdentifiedModel, records: Sequence[Measurement]) -> Array
         found[i] = np.linalg.lstsq(regressors, left[good], rcond=None)[0][:size]
     np.fill_diagonal(found, 0.0)
     return found
+
+
+def shared_structure(losses: Sequence[Mapping[Structure, float]]) -> Structure:
+    """The structure that every axis was tried with and that predicts steps held out best."""
+    tried = [s for s in losses[0] if all(s in axis for axis in losses)]
+    return min(tried, key=lambda s: math.prod(axis[s] / min(axis.values()) for axis in losses))
 
 
 def own_records(records: Sequence[Measurement], k: int) -> list[Measurement]:

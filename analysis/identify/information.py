@@ -15,10 +15,12 @@ from analysis.identify.basis import parameters_of
 from analysis.identify.gimbal import own_records
 from analysis.identify.identification import identify, layout_of
 from analysis.identify.model import IdentifiedModel
+from analysis.identify.noise import from_differences, quantisation
 from analysis.identify.problem import Problem
+from analysis.identify.segments import step_of_row
 from analysis.identify.servo import servo_jacobian
 from analysis.identify.servo_starts import command_unit, fastest, scaled
-from analysis.identify.uncertainty import covariance
+from analysis.identify.uncertainty import covariance, few
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 
@@ -44,6 +46,7 @@ _ADVICE = {
 }
 _NOMINAL = 0.01  # of the command's range: dead band and play
 _SLOWER = 0.8  # nominal limit over the fastest motion
+_ROUGH = 2.0  # intervals of bounds over those of white noise: steps scatter, the loss is rough
 _SIZES = 1.5  # largest over smallest step that show a limit
 
 
@@ -101,7 +104,9 @@ def _bounds(records: Sequence[Measurement], model: IdentifiedModel, poles: int) 
         return dict.fromkeys(names, np.inf)
     plain = assemble(records, 0, layout_of(records, poles, 0), shared_offset=False)
     problem = scaled(plain, 0, command_unit(plain, 0))
-    noise = model.axes[0].noise
+    # either is too large: the one by motion that these bounds explain, the other by fast motion
+    every = np.ones(len(problem.measured), dtype=bool)
+    noise = np.fmin(model.axes[0].noise, from_differences(problem, every, quantisation(problem)))
     problem = problem.weighed(1.0 / np.where(problem.is_rate, noise[1], noise[0]))
     channel = model.channels[0][0]
     size = _NOMINAL * max(float(np.ptp(p.input)) for p in problem.parts)
@@ -111,7 +116,8 @@ def _bounds(records: Sequence[Measurement], model: IdentifiedModel, poles: int) 
     jacobian = servo_jacobian(problem, 0, "speed", theta)
     std = np.sqrt(np.clip(np.diag(covariance(jacobian)), 0.0, None))
     told = np.linalg.norm(jacobian, axis=0) > 0.0
-    half = 1.96 * std[poles + 1 : poles + 4] / np.array([1.0, size, size])
+    wider = _ROUGH * few(len(np.unique(step_of_row(problem))) - 1 - len(theta))
+    half = 1.96 * wider * std[poles + 1 : poles + 4] / np.array([1.0, size, size])
     shown = [_sizes(problem) >= _SIZES, True, _turns(problem)]
     return {
         name: float(h) if t and s else np.inf

@@ -65,8 +65,12 @@ def search_servo(
         # steps one way only do not show what becomes of small motions to and fro
         tried = ("speed", "command")
     fits = [_fit(alike, axis, s, max_delay, kept, floor) for s in tried]
-    best = min(fits, key=lambda f: f[1] * (1.0 if f[0].structure != "set-point" else 1.0 / _WORTH))
-    return _in_units(best[0], problem, unit)
+    losses = {
+        f.structure: loss * (1.0 if f.structure != "set-point" else 1.0 / _WORTH)
+        for f, loss in fits
+    }
+    best = min((f for f, _ in fits), key=lambda f: losses[f.structure])
+    return replace(_in_units(best, problem, unit), losses=losses)
 
 
 def _in_units(fit: ServoFit, problem: Problem, unit: float) -> ServoFit:

@@ -1,7 +1,8 @@
 """A bounded servo as found on one axis."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from analysis.array import Array
 from analysis.identify.noise import Pair
@@ -22,6 +23,8 @@ class ServoFit:
     residual : measured − model (rows,)
     jacobian : of the weighted residual in θ and the linear parameters (rows, all)
     noise : of angle [rad] and rate [rad/s]
+    losses : on steps held out, of every structure that was tried; a less simple one has to earn
+        its place
     """
 
     problem: Problem
@@ -33,6 +36,7 @@ class ServoFit:
     jacobian: Array
     noise: Pair
     converged: bool
+    losses: Mapping[Structure, float] = field(default_factory=dict)
 
     @property
     def gain(self) -> float:

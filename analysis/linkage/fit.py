@@ -35,7 +35,6 @@ _LAST = 4  # planes whose mean is the estimate: their scatter is what the dents 
 _SPREAD = 1.5  # deviation over moves, over the Jacobian's: beyond, the Jacobian is wrong
 _VAGUE = 0.5  # deviation over value: beyond, the recording does not tell the parameter
 _POOR = 80.0  # percent of fit
-_LONGEST_DELAY = 0.06  # s
 
 
 @dataclass(frozen=True, slots=True)

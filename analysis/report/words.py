@@ -27,13 +27,6 @@ def split(name: str) -> tuple[str, str]:
     return words, ""
 
 
-def figure_text(figure: Figure) -> str:
-    """Value with its interval, amplitude and number of repeats: `54.2 ± 0.3 ms at +5°, n = 6`."""
-    shown = value_text(figure)
-    at = f" at {amplitude_text(figure)}" if math.isfinite(figure.amplitude) else ""
-    return f"{shown}{at}, n = {figure.n}" if figure.n else f"{shown}{at}"
-
-
 def value_text(figure: Figure) -> str:
     """Value and half interval in the unit people read; a lopsided interval is written out."""
     unit, scale = READ.get(figure.unit, (figure.unit, 1.0))

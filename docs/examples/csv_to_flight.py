@@ -18,7 +18,7 @@ import twin
 def log(file):
     """Write `t, u_x, u_y, x, y` of a step test."""
     recording = file.with_suffix(".rrd")
-    run = twin.read(twin.step(gimbal="emulator", repeats=2, hold_s=0.5, out=recording))
+    run = twin.read(twin.step(gimbal="emulator", repeats=1, hold_s=0.5, out=recording))
     measured = run["gimbal/measured"]
     command = run["gimbal/command"].held(measured.time)
     table = np.column_stack([measured.time, np.degrees(command), np.degrees(measured.values)])
@@ -38,12 +38,12 @@ def main(folder):
     ends = []
     for name, model in (("own model", identified), ("shipped model", None)):
         flight = twin.fly(
-            gimbal="transfer-function", model=model, programme="step", duration_s=8.0,
+            gimbal="transfer-function", model=model, programme="step", duration_s=5.0,
             out=folder / f"{name.replace(' ', '_')}.rrd",
         )  # fmt: skip
         ends.append(twin.read(flight)["vehicle/position"].values[-1])
         print(f"{name:14} attitude error {flight.attitude_error_rms_deg:.2f}° rms")
-    print(f"after 8 s the paths are {np.linalg.norm(ends[0] - ends[1]):.2f} m apart")
+    print(f"after 5 s the paths are {np.linalg.norm(ends[0] - ends[1]):.2f} m apart")
 
 
 if __name__ == "__main__":

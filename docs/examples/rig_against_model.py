@@ -13,7 +13,7 @@ import twin
 
 def main(folder, port="emulator"):
     """Step both, compare them, and write one page about both."""
-    signal = {"signal": "multisine", "amplitude_deg": 5.0, "repeats": 1}
+    signal = {"signal": "multisine", "amplitude_deg": 5.0, "band_hz": (0.5, 10.0), "repeats": 1}
     rig = twin.step(gimbal=port, out=folder / "rig.rrd", **signal)
     model = twin.step(gimbal="transfer-function", out=folder / "model.rrd", **signal)
     compared = twin.compare(rig, model, out=folder / "compared.rrd")

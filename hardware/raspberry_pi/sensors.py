@@ -52,7 +52,9 @@ def open_bus(number: int = 1) -> Bus:
     try:
         from smbus2 import SMBus
     except ImportError:
-        raise BusError("smbus2 is not installed: `pip install 'tvc-twin[pi]'`") from None
+        raise BusError(
+            "smbus2 is not installed: run `pip install '.[pi]'` in a clone of the project"
+        ) from None
     try:
         bus: Bus = SMBus(number)
     except OSError as error:

@@ -8,7 +8,7 @@ import pytest
 from analysis.identify import expectations, fit_to, identify
 from analysis.identify.uncertainty import freedom_of
 from analysis.recording import measurement
-from tests.benchmarks import coverage
+from tests.benchmarks import check_before, coverage
 from tests.benchmarks.identification import Gimbal, moved, random_steps
 
 
@@ -76,6 +76,27 @@ def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
         assert error < 2.0 * expected[e.name].half
     assert expected["x rate limit"].enough == (kind == "exact")
     assert np.isinf(expected["x backlash"].half) == (kind == "single")
+
+
+@pytest.mark.parametrize(
+    ("seed", "poor", "named"),
+    [(1001, "one size", {"rate limit"}), (1003, "one way", {"dead band", "backlash"}),
+     (1005, "few", {"rate limit", "dead band", "backlash"}), (1002, "", set())],
+)  # fmt: skip
+def test_what_steps_do_not_show_of_a_bounded_servo_is_named(seed, poor, named):
+    """Short form of `tests/benchmarks/check_before.py`, without the fits."""
+    run, _, is_poor = check_before.record(seed)
+    assert is_poor == poor
+    bounds = [e for e in expectations([run]) if "/" not in e.name]
+    assert {e.name.removeprefix("x ") for e in bounds if not e.enough} == named
+
+
+@pytest.mark.slow
+def test_what_misses_its_bar_was_named_before():
+    """97 % of 40 records by the benchmark; here of eight."""
+    total = sum(check_before.counted(check_before.judged(seed)[1]) for seed in range(3000, 3008))
+    assert total[1, 1] >= 0.9 * total[:, 1].sum()
+    assert total[1, 0] <= 0.2 * total[1].sum()
 
 
 def test_the_freedom_of_a_variance_is_that_of_the_steps_which_carry_the_figure():

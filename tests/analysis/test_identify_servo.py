@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.identify import IdentificationError, identify
+from analysis.identify import IdentificationError, identify, identify_gimbal
 from analysis.identify.assemble import assemble
+from analysis.identify.gimbal import shared_structure
 from analysis.identify.layout import Layout
 from analysis.identify.prediction import fit_to, predict
 from analysis.identify.ramps import ramps
@@ -17,6 +18,7 @@ from analysis.identify.servo_motion import play, speed_servo
 from analysis.identify.servo_starts import command_unit, limits, scaled, scales
 from analysis.recording import measurement
 from analysis.transfer_function.servo import play as reference_play
+from tests.benchmarks import real_servo as two_axes
 
 _PATH = Path(__file__).parents[1] / "benchmarks" / "identification.py"
 _SPEC = importlib.util.spec_from_file_location("identification_studies", _PATH)
@@ -62,6 +64,32 @@ def test_a_linear_fit_of_the_real_servo_is_flagged(runs):
     model = identify(runs["step"])
     assert any("rate-limited" in w for w in model.warnings)
     assert any("poor fit" in w for w in model.warnings)
+
+
+def test_both_axes_have_the_structure_that_predicts_them_best_together():
+    """Losses of the real servo's steps, five to an axis: alone the axes prefer different ones."""
+    x = {"speed": 53.8, "set-point": 109.1, "command": 127.6}
+    y = {"speed": 94.2, "set-point": 74.9, "command": 79.3}
+    assert shared_structure([x, y]) == "speed"
+    assert shared_structure([y, {"speed": 2.0, "command": 1.0}]) == "command"
+
+
+@pytest.mark.slow
+def test_the_real_servo_on_two_axes_is_predicted_without_a_lead(shared_data):
+    """Poles and delay of one structure beside the limits of another answered 45 ms early."""
+    given = two_axes.runs(shared_data / "servo_sysid_miuzei")
+    records = {}
+    for kind in ("step", "triangle"):
+        rows = [[v if v != "" else np.nan for v in row] for row in two_axes.rows(given[kind])]
+        table = np.array(rows)
+        records[kind] = measurement(
+            table[:, 0], np.radians(table[:, 1:3]), angle=np.radians(table[:, 3:]),
+            before=[0.0, 0.0],
+        )  # fmt: skip
+    model = identify_gimbal([records["step"]], servo=True)
+    first, second = model.servo
+    assert first.structure == second.structure
+    assert fit_to(model, [records["triangle"]]).min() > 80.0
 
 
 def test_a_simulated_limit_is_found_and_the_linear_fit_flagged():

@@ -173,7 +173,7 @@ def test_a_newer_matlab_file_is_named_as_such(tmp_path):
         read(path)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.binary(max_size=300))
 def test_hostile_bytes_are_refused_or_read_but_never_crash(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("hostile") / "x.csv"

@@ -17,12 +17,13 @@ from pathlib import Path
 from twin.cli.main import main
 
 TABLE = "--time t --input u --angle y"
-AXIS = "--time t --input u --angle angle --unit deg --input-stamps exact"
+DEG, VOLTS = "--angle-unit deg", "--angle-unit 1 --input-unit 1"
+AXIS = f"--time t --input u --angle angle {DEG} --input-stamps exact"
 SHORT = "--duration-s 0.5"
 KEPT = re.compile(
     r"gain|delay|frequency|damping|limit|predict|check|fit|motor|thrust|warning", re.I
 )
-SENSORS = "--time t --input u1,u2 --angle pot1,pot2 --rate gyro1,gyro2 --unit deg"
+SENSORS = f"--time t --input u1,u2 --angle pot1,pot2 --rate gyro1,gyro2 {DEG}"
 CASES: tuple[tuple[str, str], ...] = (
     ("motors/bom_comment.eng", f"fly --motor F {SHORT}"),
     ("motors/trailing_zeros.eng", f"fly --motor F {SHORT}"),
@@ -36,12 +37,12 @@ CASES: tuple[tuple[str, str], ...] = (
     ("tables/cut_off.csv", f"identify F {TABLE}"),
     ("tables/one_step.csv", f"identify F {TABLE}"),
     ("identification/b_late_stamps.csv",
-     "identify F --time t --input u --rate gyro --angle pot --unit deg --commands F.commands.csv"),
+     f"identify F --time t --input u --rate gyro --angle pot {DEG} --commands F.commands.csv"),
     ("identification/c_single_step.csv", f"identify F {AXIS}"),
     ("identification/d_long_delay.csv",
      "identify F --time t --input u --angle y --input-stamps exact --max-delay-ms 3000"),
     ("identification/e_pot_volts.csv",
-     "identify F --time t --input u --angle volts --unit 1 --input-unit 1 --input-stamps exact"),
+     f"identify F --time t --input u --angle volts {VOLTS} --input-stamps exact"),
     *((f"identification/f_coloured_{k}.csv", f"identify F {AXIS}") for k in (1, 2, 3)),
     ("identification/g_train.csv",
      f"identify F {AXIS} --initial free --check D/g_check_moving.csv"),

@@ -1,9 +1,10 @@
-"""Errors and cost of integrators and steps in whole flights of every seat: python -m tests.benchmarks.defaults
+"""Errors and cost of integrators and steps in whole flights: python -m tests.benchmarks.defaults [SEAT...]
 
 Errors are those against Runge-Kutta at a fine step: of apogee and range at the last instant that both
 flights reach, in percent, and of the direction of the nose and of the roll up to then, in degrees.
 """  # noqa: E501
 
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +25,10 @@ from twin.plant.compose import MJCF
 Array = np.ndarray
 EVERY_NS = 200_000_000
 LONGEST_NS = 80_000_000_000
-METHODS = (("default", None), ("implicitfast", 0.001), ("ab2", 0.001), ("rk4", 0.002))
+METHODS = (
+    ("default", None), ("implicitfast", 0.001), ("implicitfast", 0.0005), ("ab2", 0.001),
+    ("rk4", 0.002), ("rk4", 0.001),
+)  # fmt: skip
 EXAMPLES = MJCF / "examples"
 SEATS: dict[str, tuple[Fly, float]] = {
     "transfer-function": (Fly(gimbal="transfer-function"), 0.00025),
@@ -37,15 +41,19 @@ SEATS: dict[str, tuple[Fly, float]] = {
 
 
 def main() -> None:
-    """Print one line a seat and method."""
+    """Print one line a seat and method; all seats without arguments."""
     for seat, (config, finest) in SEATS.items():
+        if sys.argv[1:] and seat not in sys.argv[1:]:
+            continue
         truth, _ = flown(replace(config, integrator="rk4", dt=finest))
         rates = (250.0, 50.0) if config.vehicle else (250.0,)
         for name, dt in METHODS:
             method = None if name == "default" else name
             for rate in rates if name == "default" else (250.0,):
                 changed = replace(config, integrator=method, dt=dt, control_hz=rate)
-                print(f"{seat:<18}{name:<13}{rate:>4.0f} Hz", figures(*flown(changed), truth))
+                step = "" if dt is None else f"{dt * 1e3:g} ms"
+                error = figures(*flown(changed), truth)
+                print(f"{seat:<18}{name:<13}{step:>6}{rate:>4.0f} Hz {error}", flush=True)
 
 
 def figures(flight: Array, seconds: float, truth: Array) -> str:

@@ -8,9 +8,10 @@ import pytest
 
 from hardware.calibration import CalibrationError, CalibrationRig, Procedure
 from hardware.calibration.file import from_dict, to_dict
-from hardware.emulator import Injection, sample_rig
+from hardware.emulator import Injection, parse, sample_rig
 from hardware.frames import POTENTIOMETER_NAMES, SensorFrame
 from hardware.parts import STANDARD_GRAVITY, tilts
+from tests.benchmarks.rig_studies_servos import flown
 from tests.hardware.trial import calibrate, run
 
 PARAMETERS = sample_rig(4)
@@ -66,6 +67,36 @@ def test_angles_of_a_minimal_rig_in_steps_are_right_and_no_servo_is_accused(cali
     assert error.max() < 0.2  # 0.1° rms is claimed
     inside = np.abs(trial.angle - trial.true_angle) < 3 * trial.sigma
     assert inside[trial.time > 1.0].mean() > 0.9
+
+
+SERVOS = {
+    "servo_x:reversed": "servo_x reversed",
+    "servo_y:jammed@3.1": "servo_y stuck",
+    "servos:swapped": "swapped with",
+    "servo_x:hard_over:-60@3.1": "servo_x stuck",
+}
+
+
+def servo_faults(unit, calibration, fault):
+    """What is named in flight-like motion after a rest, and until the servos are neutral again."""
+    trial = run(
+        sample_rig(unit), flown(unit), 4.6, injections=(*GONE, parse(fault)), seed=unit + 50,
+        calibration=calibration, safe=0.35,
+    )  # fmt: skip
+    return [f"{c.sensor} {c.kind}" for c in trial.changes if c.new == "faulty"]
+
+
+@pytest.mark.parametrize("fault", list(SERVOS)[:2])
+def test_servo_faults_of_a_minimal_rig_are_named(calibration, fault):
+    assert SERVOS[fault] in servo_faults(4, calibration, fault)[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", [1, 5, 6])
+def test_servo_faults_of_other_minimal_rigs_are_named(unit):
+    own = calibrate(sample_rig(unit), QUICK, injections=GONE, seed=unit)
+    for fault, name in SERVOS.items():
+        assert name in servo_faults(unit, own, fault)[-1]
 
 
 def test_potentiometers_that_all_read_ground_are_named_unless_the_rig_has_none():

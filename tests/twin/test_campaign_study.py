@@ -145,7 +145,11 @@ PAIR = "[vary.w]\ndistribution = 'covariance'\nnames = ['wind_speed', 'wind_azim
         (f"{TWO}[fly]\ngimbal = '/dev/ttyUSB0'", "use `twin fly --repeat`"),
         (f"{TWO}[measure]\nhit = 'closest_aproach_m < 5'", "did you mean closest_approach_m"),
         (f"{TWO}[measure]\nhit = '__import__(1)'", "must be FIGURE <= NUMBER"),
-        (f"{TWO}[stop]\nstatistic = 'hit_rate'\nhalf_width = 1", "unknown statistic 'hit_rate'"),
+        (
+            f"{TWO}[stop]\nstatistic = 'hit_rate'\nhalf_width = 1",
+            "must be NAME_rate of a .measure., cep_m",
+        ),
+        (f"{TWO}[fail_if]\nlate = 'apoge_m_mean < 5'", "did you mean apogee_m_mean"),
         (f"{TWO}[stop]\nstatistic = 'cep_m'", "needs half_width"),
         (
             f"{TWO}[fail_if]\nlate = 'cep_m = 5'",
@@ -184,12 +188,13 @@ def test_a_mistake_in_a_study_is_one_line(tmp_path, text, message):
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("wind_sped", "did you mean wind_speed"), ("model.bandwith_hz", "model.bandwidth_hz"),
+    [("wind_sped", "did you mean wind_speed"), ("duration_s", "gives it a value already"),
+     ("wind_azimuth", "gives it a value already"), ("model.bandwith_hz", "model.bandwidth_hz"),
      ("model.delay_s", "needs .fly. gimbal = 'transfer-function'"), ("gravity", "has 3 values")],
 )  # fmt: skip
-def test_an_unknown_parameter_is_refused_with_the_nearest_names(tmp_path, name, message):
-    text = f'[vary."{name}"]\ndistribution = "uniform"\nlow = 1\nhigh = 2\n[design]\nn = 2'
-    s = study(tmp_path, text)
+def test_a_parameter_that_cannot_vary_is_refused(tmp_path, name, message):
+    text = f'[vary."{name}"]\ndistribution = "uniform"\nlow = 1\nhigh = 2\n[design]\nn = 2\n'
+    s = study(tmp_path, f"{text}[fly]\nduration_s = 1\nset = {{ wind_azimuth = 1 }}\n")
     with pytest.raises(TwinError, match=message):
         binding(s.fly, s.vary)
 

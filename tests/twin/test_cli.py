@@ -110,6 +110,8 @@ MISTAKES = [
     ("flie", "fly"),
     ("fly --jsn", "--jsn"),
     ("fly --dt abc", "--dt: 'abc' is not a number (`twin fly --help`"),
+    ("identify a.csv --unit deg", "a simulated rig; columns have --angle-unit"),
+    ("step --repeats 2.5", "--repeats: '2.5' is not a whole number"),
     ("fly --repeat 2.5", "--repeat: '2.5' is not a whole number"),
     ("fly --gimbal", "--gimbal: its value is missing"),
     ("fly --off-axis-deg 1", "--off-axis-deg: 2 values are needed"),

@@ -31,6 +31,7 @@ from twin.experiments.calibrate import calibrate
 from twin.experiments.mirror import mirror
 from twin.experiments.step import step
 from twin.hil import RigOptions, device, open_rig
+from twin.hil.connect import opened
 from twin.hil.teleop import Keys, Stick
 from twin.loop import loop
 from twin.loop.readings import Readings
@@ -384,6 +385,14 @@ def test_old_firmware_is_told_and_what_to_do(capsys, tmp_path, monkeypatch):
 
 
 @pytest.mark.realtime
+def test_a_rig_on_a_port_without_a_calibration_says_that_its_angles_are_unproven(calibrated):
+    with serve(Chatter(b"")) as server:
+        for path in (None, calibrated[0]):
+            seat = opened(RigOptions(server.port.url, calibration=path), None)
+            seat.close()
+            assert ("angles unproven; run twin calibrate" in seat.note) is (path is None)
+
+
 def test_a_busy_port_is_told(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with served() as (_, url), native.installed(), open_rig(RigOptions(url), None):

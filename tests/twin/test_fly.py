@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.export import scene
 from analysis.recording import reader as recording
 from analysis.transfer_function import TransferFunctionModel
 from twin.config import Fly, Step
@@ -77,6 +78,32 @@ def test_the_recording_says_how_to_run_it_again(tmp_path):
     assert run["seed"] == 4
     assert set(run["versions"]) >= {"mujoco", "tvc-twin", "rerun-sdk"}
     assert len(run["model_sha256"]) == 64
+    assert run["method"] == {"integrator": "implicitfast", "step_s": 0.001}
+
+
+PASSIVE = MJCF / "examples" / "flights" / "valetudo.toml"
+
+
+@pytest.mark.parametrize(
+    "config",
+    [Fly(vehicle=PASSIVE, control_hz=50.0), Fly(programme="point", duration_s=2.5)],
+    ids=["passive, to the ground", "linkage, guided"],
+)
+def test_compiled_ticks_record_what_the_loop_in_python_records(tmp_path, monkeypatch, config):
+    made = []
+    for name in ("compiled", "loop"):
+        made.append(fly(replace(config, out=tmp_path / f"{name}.rrd")))
+        monkeypatch.setattr("twin.experiments.fly.compiled_ticks", lambda *_: None)
+    one, other = (recording.read(tmp_path / f"{name}.rrd") for name in ("compiled", "loop"))
+    assert one.properties == other.properties
+    assert one.events == other.events
+    assert set(one.series) == set(other.series)
+    for name, series in one.series.items():
+        assert np.array_equal(series.time_ns, other[name].time_ns), name
+        assert np.array_equal(series.values, other[name].values, equal_nan=True), name
+    for a, b in zip(*(scene.bodies(Path(r.recording)) for r in made), strict=True):
+        assert np.array_equal(a.position, b.position), a.name
+        assert np.array_equal(a.attitude, b.attitude), a.name
 
 
 def test_the_recording_keeps_overrides_and_files_whole(tmp_path):

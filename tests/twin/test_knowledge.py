@@ -226,7 +226,7 @@ def test_a_check_says_where_there_is_nothing_to_check(capsys, made, table, tmp_p
 
 def test_order_selection_searches_the_delays_it_is_told_to(capsys, tmp_path):
     """150 ms: beyond the 100 ms that are searched without a word."""
-    t = np.arange(0.0, 8.0, 0.01)
+    t = np.arange(0.0, 5.0, 0.01)
     u = np.where((t // 1.0).astype(int) % 2, [[4.0], [2.0]], 0.0)[(t // 2.0).astype(int) % 2,
                                                                   np.arange(len(t))]  # fmt: skip
     y, late, out = 0.0, np.concatenate([np.zeros(15), u[:-15]]), []
@@ -270,7 +270,7 @@ def test_a_model_from_pulses_predicts_another_multisine_of_a_linear_rig(capsys, 
         step(
             Step(
                 gimbal=rig, signal="multisine", amplitude_deg=3.0, band_hz=(1.0, 8.0), axis="x",
-                repeats=2, set=STRAIGHT, seed=seed, out=tmp_path / f"{name}.rrd",
+                repeats=2, hold_s=0.2, set=STRAIGHT, seed=seed, out=tmp_path / f"{name}.rrd",
             )
         )  # fmt: skip
     found = told(

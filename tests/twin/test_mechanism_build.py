@@ -1,6 +1,7 @@
 """Mechanisms from their dimensions, printable parts of any mechanism, and the search for one."""
 
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from twin.physics.mechanism.build import mjcf
 from twin.physics.mechanism.dimensions import Dimensions, read
 from twin.physics.mechanism.servo import apply_servo
 from twin.physics.mechanism.torque import holding
+from twin.plant.authority import control_config
 from twin.plant.compose import MJCF
 from twin.plant.model import ModelConfig, load
 
@@ -67,6 +69,20 @@ def test_the_default_dimensions_are_the_reference_mechanism_written_by_hand(tmp_
     names = "body_pos geom_pos geom_size site_pos body_inertia jnt_range actuator_ctrlrange"
     for name in (*names.split(), "actuator_gainprm", "dof_damping", "numeric_data"):
         assert getattr(model, name) == pytest.approx(getattr(hand, name), abs=1e-6), name
+
+
+def test_a_vehicle_commands_the_stroke_of_its_mechanism(tmp_path: Path) -> None:
+    """Also a vehicle that is described, and 0.8 of the stops of a mechanism that states none."""
+    text = mjcf(Dimensions(stroke=math.radians(5), stops=math.radians(7)), str(MESHES))
+    stated, unstated = tmp_path / "five.xml", tmp_path / "none.xml"
+    stated.write_text(text)
+    unstated.write_text(re.sub(r'<numeric name="stroke".*?/>', "", text))
+    for vehicle in (None, MJCF / "examples" / "reference.toml"):
+        for file, degrees in ((stated, 5.0), (unstated, 5.6), (None, 8.0)):
+            model = load(ModelConfig(vehicle=vehicle, mechanism=file)).mj
+            assert control_config(model).limit == pytest.approx(math.radians(degrees), rel=1e-6)
+    settings = ModelConfig(mechanism=stated, overrides={"control_limit": 0.05})
+    assert control_config(load(settings).mj).limit == pytest.approx(0.05)
 
 
 def test_a_built_mechanism_has_its_dimensions_and_its_rods_close(built: Path) -> None:

@@ -22,7 +22,7 @@ def flights(tmp_path_factory):
     out = tmp_path_factory.mktemp("repeat") / "flights"
     return repeat(
         Fly(
-            gimbal="emulator", unit=4, repeat=3, programme="step", at_s=0.5, duration_s=2.5, out=out
+            gimbal="emulator", unit=4, repeat=3, programme="step", at_s=0.3, duration_s=1.8, out=out
         )
     )
 

@@ -94,7 +94,7 @@ def test_a_missing_extra_is_reported_before_anything_is_computed(
 ):
     monkeypatch.setattr("twin.cli.ready.find_spec", lambda _: None)
     extra = "sysid" if "--linkage" in command else "report"
-    assert f"pip install 'tvc-twin[{extra}]'" in refused(capsys, *command.split())
+    assert f"pip install '.[{extra}]'" in refused(capsys, *command.split())
 
 
 def test_the_doctor_names_missing_extras_a_missing_display_and_services_that_take_ports(
@@ -107,7 +107,7 @@ def test_the_doctor_names_missing_extras_a_missing_display_and_services_that_tak
         monkeypatch.delenv(name, raising=False)
     looks = (doctor._extras, doctor._viewer, doctor._grabbers)
     found = {f.topic: f for look in looks for f in look()}
-    assert "pip install 'tvc-twin[report]'" in found["extra report"].remedy
+    assert "pip install '.[report]'" in found["extra report"].remedy
     assert "twin view --web" in found["display"].remedy
     assert found["browser"].level == "note"
     assert "apt remove brltty" in found["brltty"].remedy

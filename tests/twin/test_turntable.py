@@ -1,6 +1,5 @@
 """The turntable: rotations taken apart, its base found, and flights that see only its gyro."""
 
-from dataclasses import replace
 from math import degrees, radians
 from types import SimpleNamespace
 
@@ -87,6 +86,7 @@ class TestPlant:
         assert plant.turn()[0] == pytest.approx(0.25, abs=radians(1.5))  # friction, dead band
 
 
+@pytest.mark.measured
 @pytest.mark.parametrize("unit", [None, 2, 5])
 def test_the_base_is_found_as_the_rig_was_drawn(unit):
     with native.installed():
@@ -113,6 +113,7 @@ def flown(path, gimbal, **more):
     return fly(Fly(gimbal=gimbal, out=path, **asked)), read(path)
 
 
+@pytest.mark.measured
 @pytest.mark.parametrize(
     "gimbal", ["emulator", pytest.param("firmware", marks=[needs_avr, pytest.mark.slow])]
 )
@@ -148,13 +149,8 @@ def test_the_real_firmware_turns_its_base_alike(tmp_path):
 
 def test_the_controller_sees_the_base_and_not_the_vehicle(tmp_path, monkeypatch):
     """Told that the base leans by 3° where it stands upright, the loop holds the vehicle askew."""
-    from twin.hil import connect as opening
-
-    lean = radians(3.0)
-    honest = opening.measure_base
-    monkeypatch.setattr(
-        opening, "measure_base", lambda seat: replace(base := honest(seat), tilt=base.tilt - lean)
-    )
+    leaning = BaseMap(tilt=-radians(3.0))
+    monkeypatch.setattr("twin.hil.connect.measure_base", lambda seat: leaning)
     _, run = flown(tmp_path / "a.rrd", "emulator", duration_s=5.0)
     late = run["turntable/simulated"].time > 3.5
     vehicle = np.degrees(run["turntable/simulated"].values[late, 0]).mean()
@@ -217,17 +213,17 @@ def test_a_turntable_that_does_not_turn_is_told():
 @pytest.mark.parametrize(
     ("fault", "begin", "told"),
     [
-        ("turntable:stuck", 4.5, "the base is at"),
-        ("base_gyro:frozen", 4.5, "base IMU frozen"),
-        ("base_gyro:bias:60", 5.5, "gyro bias, of holder or base"),  # once gravity is known
+        ("turntable:stuck", 1.3, "the base is at"),
+        ("base_gyro:frozen", 1.3, "base IMU frozen"),
+        ("base_gyro:bias:60", 2.3, "gyro bias, of holder or base"),  # once gravity is known
     ],
 )
 def test_a_base_that_lies_or_stands_still_is_named_and_all_servos_go_neutral(
     tmp_path, fault, begin, told
 ):
     result, run = flown(
-        tmp_path / "a.rrd", "emulator", programme="step", at_s=begin - 3.5, amplitude_deg=20.0,
-        fault=(f"{fault}@{begin}",), on_fault="neutral", duration_s=begin - 1.0,
+        tmp_path / "a.rrd", "emulator", programme="step", at_s=begin - 0.3, amplitude_deg=20.0,
+        fault=(f"{fault}@{begin}",), on_fault="neutral", duration_s=begin + 2.2,
     )  # fmt: skip
     assert told in result.fault
     at = next(e.time for e in run.events if e.level == "ERROR")
@@ -239,7 +235,7 @@ def test_a_base_that_lies_or_stands_still_is_named_and_all_servos_go_neutral(
 
 def test_a_vehicle_that_turns_over_does_not_throw_the_base_from_stop_to_stop(tmp_path):
     _, run = flown(
-        tmp_path / "a.rrd", "emulator", fault=("potentiometer_x_a:stuck@6",), on_fault="ignore",
+        tmp_path / "a.rrd", "emulator", fault=("potentiometer_x_a:stuck@2.8",), on_fault="ignore",
         duration_s=6.5, set=("control_kp=0", "control_kd=0", "control_ki=0"),
     )  # fmt: skip
     assert abs(run["turntable/simulated"].values).max() > radians(120)  # it does turn over

@@ -249,6 +249,32 @@ def test_the_static_margin_of_a_flight_is_that_of_its_centres(tmp_path: Path, ro
     assert any(name == "static margin" for name, _ in result.rows())
 
 
+def test_the_drawing_is_to_scale(tmp_path: Path) -> None:
+    """The large example by its published lengths: 0.35 m of nose, 1.5 m of tube, motor behind."""
+    file, out = MJCF / "examples" / "large_rocket.toml", tmp_path / "rocket.svg"
+    shown = vehicle(Settings("show", file, out=out))
+    root = ElementTree.parse(out).getroot()
+    tag = "{http://www.w3.org/2000/svg}"
+    shapes = [
+        np.array([p.split(",") for p in s.get("points", "").split()], float)
+        for s in root.iter(f"{tag}polygon")
+    ]
+    fins, (nose, tube, motor) = shapes[:2], shapes[2:]
+    scale = np.ptp(tube[:, 0]) / 1.5
+    assert np.ptp(nose[:, 0]) / scale == pytest.approx(0.35, abs=1e-3)
+    assert np.ptp(tube[:, 1]) / scale == pytest.approx(0.098, abs=1e-3)
+    assert fins[0][:, 1].min() - nose[:, 1].mean() == pytest.approx(
+        nose[:, 1].mean() - fins[1][:, 1].max(), abs=0.2
+    )
+    assert motor[:, 0].max() > tube[:, 0].max()
+    places = sorted(float(c.get("cx", "0")) for c in root.iter(f"{tag}circle"))
+    stations = [shown.tip - shown.states[k].centre_of_mass for k in (-1, 0)]
+    stations.append(shown.tip - shown.centre_of_pressure["0"])
+    assert (np.array(places) - nose[:, 0].min()) / scale == pytest.approx(stations, abs=1e-3)
+    with pytest.raises(TwinError, match=r"--out: draws descriptions"):
+        Settings("show", MJCF / "vehicle.xml", out=out)
+
+
 def test_show_prints_what_the_model_weighs_and_where_the_air_acts(rocket: Path) -> None:
     result = vehicle(Settings("show", rocket))
     text = result.text()
@@ -408,7 +434,7 @@ def toml(value: object) -> str:
     return json.dumps(value, ensure_ascii=True) if isinstance(value, str) else repr(value)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(DOCUMENT)
 def test_any_document_is_a_vehicle_or_one_line_that_says_why(document: dict) -> None:
     text = "\n".join(f"{k} = {toml(v)}" for k, v in document.items())

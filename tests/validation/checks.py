@@ -214,14 +214,14 @@ CHECKS = (
     Check("model-renewed", "figures of the shipped model, of half of their 95 % interval",
           "the commands of docs/identification.md, run now", stale_model, 1.0, long=True),
     *(Check(f"coverage-{kind}", f"true parameters inside 95 % intervals, {text}",
-            "closed-form motions of 20 gimbals of known parameters",
-            functools.partial(lambda k: scores(k, 20)[0], kind), 100.0, " %", low=90.0)
+            "closed-form motions of 100 gimbals of known parameters",
+            functools.partial(lambda k: scores(k, 100)[0], kind), 98.0, " %", low=90.0, long=True)
       for kind, text in (("exact", "exact stamps"), ("late", "stamps up to 0.3 ms off"),
                          ("coloured", "coloured noise"), ("quantised", "quiet potentiometer"),
                          ("single", "one step"))),
     Check("scores", "errors of identified parameters over their stated deviations, rms",
-          "closed-form motions of 20 gimbals, exact stamps",
-          lambda: scores("exact", 20)[1], 1.25, low=0.75),
+          "closed-form motions of 100 gimbals, exact stamps",
+          lambda: scores("exact", 100)[1], 1.25, low=0.75, long=True),
     Check("calibration", "zero found by calibrating two emulated units, worst axis",
           "zero the units were drawn with", calibrated, 0.12, "°", long=True),
     Check("linearisation", "polynomial of the calibration between the stops",
@@ -233,6 +233,6 @@ CHECKS = (
     Check("fusion", "error of the better potentiometer over that of the fused angle, at least",
           "true angle of two emulated units", fused, low=3.0),
     Check("coverage-coupled", "true parameters inside 95 % intervals, two axes and a coupling",
-          "closed-form motions of 6 gimbals of known parameters",
-          lambda: scores("coupled", 6)[0], 100.0, " %", low=85.0, long=True),
+          "closed-form motions of 20 gimbals of known parameters",
+          lambda: scores("coupled", 20)[0], 98.0, " %", low=90.0, long=True),
 )  # fmt: skip

@@ -153,7 +153,9 @@ def _connected(address: str, workers: int | None) -> Any:  # noqa: ANN401  a mod
     try:
         import ray
     except ImportError:
-        raise TwinError('--ray: needs Ray; pip install "tvc-twin[cluster]"') from None
+        raise TwinError(
+            "--ray: needs Ray; run `pip install '.[cluster]'` in the project's folder"
+        ) from None
     quiet = {"log_to_driver": False, "logging_level": "ERROR", "ignore_reinit_error": True}
     if address == LOCAL:
         processors = workers or os.cpu_count()

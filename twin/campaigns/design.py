@@ -5,8 +5,8 @@ import hashlib
 from collections.abc import Sequence
 
 import numpy as np
+import scipy  # its part `stats` takes half a second and is loaded where it is used
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from twin.errors import TwinError
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 KINDS = ("grid", "random", "lhs", "sobol", "sensitivity", "star")
 BLOCK = 1024  # numbers made together; a run's numbers do not depend on the size of the campaign
-MOST_DIMENSIONS = qmc.Sobol.MAXDIM
+MOST_DIMENSIONS = 21201  # of `scipy.stats.qmc.Sobol`
 BITS = 52
 INSIDE = 0.5**53  # distance from 0 and 1 that every number keeps
 
@@ -81,7 +81,7 @@ class Streams:
         sampling, 2003, §4).
         """
         dimension = self._dimension[name]
-        engine = qmc.Sobol(dimension + 1, scramble=False, bits=30)
+        engine = scipy.stats.qmc.Sobol(dimension + 1, scramble=False, bits=30)
         if block:
             engine.fast_forward(block * BLOCK)
         points = engine.random(BLOCK)[:, dimension]

@@ -43,6 +43,7 @@ class Engine:
     workers : processes at a time
     lost : gives the row of a run whose process died
     flown : called after every run
+    meanwhile : called once, while the first runs fly
     """
 
     work: Work
@@ -50,6 +51,7 @@ class Engine:
     workers: int
     lost: Callable[[int], Mapping[str, Any]]
     flown: Callable[[], None] = lambda: None
+    meanwhile: Callable[[], None] = lambda: None
     _children: dict[int, _Child] = field(default_factory=dict)
     _crashed: set[int] = field(default_factory=set)
 
@@ -75,10 +77,15 @@ class Engine:
                     while part not in present:
                         while waiting and len(self._children) < self.workers:
                             self._begin(waiting.pop(), pipes)
+                        self._meanwhile()
                         present |= set(self._progress(pipes))
                     yield part
         finally:
             self._end()
+
+    def _meanwhile(self) -> None:
+        self.meanwhile, begin = (lambda: None), self.meanwhile
+        begin()
 
     def _begin(self, part: int, pipes: selectors.BaseSelector) -> None:
         read, write = os.pipe()

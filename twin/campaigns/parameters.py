@@ -107,6 +107,7 @@ def binding(fly: Mapping[str, Any], vary: tuple[Varied, ...], folder: Path = Pat
     plain = Binding(fly, {}, seed)
     config = plain.config({}, 0, Path())
     names = _names(vary)
+    _check_given(fly, config, vary)
     identified = [v for v in vary if v.model is not None]
     _check_names(config, names, identified[0].columns if identified else ())
     model = make_plant(config, config.motor).model
@@ -116,6 +117,14 @@ def binding(fly: Mapping[str, Any], vary: tuple[Varied, ...], folder: Path = Pat
         if not (name.startswith(MODEL) or _of_fly(name) or name in nominal):
             overrides.value(model, name)
     return Binding(fly, nominal, seed, folder, identified[0].model if identified else None)
+
+
+def _check_given(fly: Mapping[str, Any], config: Fly, vary: tuple[Varied, ...]) -> None:
+    """Refuse what `[fly]` gives a value and `[vary]` replaces; a relative value multiplies it."""
+    given = {*fly, *(name for name, _ in config.set)}
+    for name in _names(tuple(v for v in vary if not v.relative)):
+        if name in given:
+            raise TwinError(f"[vary.{name}]: [fly] gives it a value already; leave one of them out")
 
 
 def _check_names(config: Fly, names: list[str], figures: Sequence[str]) -> None:

@@ -5,10 +5,11 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 import numpy as np
+import scipy  # its part `stats` takes half a second and is loaded where it is used
 from numpy.typing import NDArray
-from scipy import stats
 
 from twin.campaigns.figures import FIGURES
 from twin.config.base import unknown
@@ -145,8 +146,14 @@ def statistic(name: str, measures: Sequence[Measure]) -> Statistic:
         figure, share = match[1], int(match[2]) / 100
     if figure in FIGURES and share:
         return Statistic(name, (figure,), lambda c, p: quantile(c[0], share, p))
-    known = [*(f"{m.name}_rate" for m in measures), "cep_m", *(f"{f}_mean" for f in FIGURES)]
-    raise TwinError(unknown(name, known, "statistic"))
+    rates = [f"{m.name}_rate" for m in measures]
+    known = [*rates, "cep_m", *(f"{f}_mean" for f in FIGURES)]
+    if get_close_matches(name, known):
+        raise TwinError(unknown(name, known, "statistic"))
+    raise TwinError(
+        f"unknown statistic {name!r}; must be {', '.join(rates) or 'NAME_rate of a [measure]'},"
+        " cep_m, or FIGURE_mean, FIGURE_median or FIGURE_p95 of a figure of `twin fly --json`"
+    )
 
 
 def condition(text: str, measures: Sequence[Measure], where: str = "--fail-if") -> Condition:
@@ -179,7 +186,7 @@ def wilson(hits: Array, confidence: float) -> Estimate:
     n = len(kept)
     if n == 0:
         return Estimate(math.nan, math.nan, math.nan, 0)
-    interval = stats.binomtest(int(kept.sum()), n).proportion_ci(confidence, method="wilson")
+    interval = scipy.stats.binomtest(int(kept.sum()), n).proportion_ci(confidence, method="wilson")
     return Estimate(float(kept.mean()), float(interval.low), float(interval.high), n)
 
 
@@ -189,7 +196,7 @@ def mean(values: Array, confidence: float) -> Estimate:
     n = len(kept)
     if n < 2:
         return Estimate(float(kept.mean()) if n else math.nan, math.nan, math.nan, n)
-    half = float(stats.t.ppf(0.5 + 0.5 * confidence, n - 1) * kept.std(ddof=1) / math.sqrt(n))
+    half = float(scipy.stats.t.ppf(0.5 + 0.5 * confidence, n - 1) * kept.std(ddof=1) / math.sqrt(n))
     value = float(kept.mean())
     return Estimate(value, value - half, value + half, n)
 
@@ -200,8 +207,8 @@ def quantile(values: Array, share: float, confidence: float) -> Estimate:
     n = len(kept)
     if n < 2:
         return Estimate(math.nan, math.nan, math.nan, n)
-    low = int(stats.binom.ppf(0.5 - 0.5 * confidence, n, share)) - 1
-    high = int(stats.binom.ppf(0.5 + 0.5 * confidence, n, share))
+    low = int(scipy.stats.binom.ppf(0.5 - 0.5 * confidence, n, share)) - 1
+    high = int(scipy.stats.binom.ppf(0.5 + 0.5 * confidence, n, share))
     low_end = float(kept[low]) if low >= 0 else -math.inf
     high_end = float(kept[high]) if high < n else math.inf
     return Estimate(float(np.quantile(kept, share)), low_end, high_end, n)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy  # its part `stats` takes half a second and is loaded where it is used
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.special import ndtri
 
 from analysis.files import FileError, content
@@ -109,36 +109,45 @@ def number(where: str, value: object, *, positive: bool = False) -> float:
 
 
 def _one(
-    name: str, kind: str, relative: bool, inverse: Callable[[Array], Array], of: Any  # noqa: ANN401
+    name: str, kind: str, relative: bool, inverse: Callable[[Array], Array], of: Callable[[], Any],
+    support: tuple[float, float] = (-math.inf, math.inf),
 ) -> Varied:  # fmt: skip
+    """One parameter whose values have a density; `of` gives its distribution."""
+
     def make(u: Array) -> list[list[Any]]:
         return [inverse(u[0]).tolist()]
 
-    low, high = (float(end) for end in of.support())
-    return Varied(
-        name, kind, (name,), 1, (), relative, make, density=of.logpdf, support=(low, high)
-    )
+    def density(values: Array) -> Array:
+        return of().logpdf(values)  # type: ignore[no-any-return]
+
+    return Varied(name, kind, (name,), 1, (), relative, make, density=density, support=support)
 
 
 def _normal(where: str, name: str, given: dict[str, Any], relative: bool, _: Path) -> Varied:
     mean = number(f"{where} mean", given["mean"])
     sd = number(f"{where} sd", given["sd"], positive=True)
-    return _one(name, "normal", relative, lambda u: mean + sd * ndtri(u), stats.norm(mean, sd))
+    return _one(
+        name, "normal", relative, lambda u: mean + sd * ndtri(u), lambda: scipy.stats.norm(mean, sd)
+    )
 
 
 def _uniform(where: str, name: str, given: dict[str, Any], relative: bool, _: Path) -> Varied:
     low, high = (number(f"{where} {k}", given[k]) for k in ("low", "high"))
     if not low < high:
         raise TwinError(f"{where} low {low:g}: must be less than high {high:g}")
-    of = stats.uniform(low, high - low)
-    return _one(name, "uniform", relative, lambda u: low + (high - low) * u, of)
+    return _one(
+        name, "uniform", relative, lambda u: low + (high - low) * u,
+        lambda: scipy.stats.uniform(low, high - low), (low, high),
+    )  # fmt: skip
 
 
 def _lognormal(where: str, name: str, given: dict[str, Any], relative: bool, _: Path) -> Varied:
     median = number(f"{where} median", given["median"], positive=True)
     sigma = number(f"{where} sigma", given["sigma"], positive=True)
-    of = stats.lognorm(sigma, scale=median)
-    return _one(name, "lognormal", relative, lambda u: median * np.exp(sigma * ndtri(u)), of)
+    return _one(
+        name, "lognormal", relative, lambda u: median * np.exp(sigma * ndtri(u)),
+        lambda: scipy.stats.lognorm(sigma, scale=median), (0.0, math.inf),
+    )  # fmt: skip
 
 
 def _picked(name: str, kind: str, relative: bool, values: list[Any], edges: Array) -> Varied:
@@ -232,8 +241,8 @@ def _model(where: str, name: str, given: dict[str, Any], relative: bool, folder:
         model = TransferFunctionModel.read(file)
         known, root = distribution(model)
     except ModelFileError as error:
-        text = str(error).removeprefix(f"{file}: ")
-        raise TwinError(f"{where} {file}: {text}") from None
+        text = str(error)
+        raise TwinError(f"{where} {'' if str(file) in text else f'{file}: '}{text}") from None
     columns = tuple(f"model.{n}" for n in known.names)
     return replace(_joint(name, "model", columns, np.array(known.values), root), model=model)
 

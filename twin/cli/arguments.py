@@ -35,6 +35,14 @@ PLAINER: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
         r"\1: must be as many numbers as the help shows",
     ),
     (r"no type matching FLOAT could be instantiated from \['(.*?)'\]\.?", r"'\1' is not a number"),
+    (
+        r"--unit: no type matching INT could be instantiated from \['(.*?)'\]\.?",
+        r"--unit \1: must be the number of a simulated rig; columns have --angle-unit",
+    ),
+    (
+        r"no type matching INT could be instantiated from \['(.*?)'\]\.?",
+        r"'\1' is not a whole number",
+    ),
     (r"could not convert string to float: '(.*?)'", r"'\1' is not a number"),
     (r"invalid literal for int\(\) with base 10: '(.*?)'", r"'\1' is not a whole number"),
     (r"Missing value for argument '(.*?)'\. Expected 1 values\.", r"\1: its value is missing"),

@@ -138,7 +138,7 @@ def _versions() -> Iterator[Finding]:
 def _extras() -> Iterator[Finding]:
     for extra, purpose in PURPOSES.items():
         if absent := lacking(extra):
-            remedy = f"pip install 'tvc-twin[{extra}]' ({purpose})"
+            remedy = f"pip install '.[{extra}]' in the project's folder ({purpose})"
             yield Finding(f"extra {extra}", "note", f"without {', '.join(absent)}", remedy)
         else:
             yield Finding(f"extra {extra}", "ok", purpose)

@@ -34,7 +34,8 @@ def ready(verb: str, settings: Settings) -> None:
     for extra in settings.extras:
         if absent := lacking(extra):
             raise TwinError(
-                f"twin {verb} needs {', '.join(absent)}: run `pip install 'tvc-twin[{extra}]'`"
+                f"twin {verb} needs {', '.join(absent)}: run `pip install '.[{extra}]'`"
+                " in the project's folder"
             )
     for name, path in _files(settings):
         if not path.exists() and not Path(str(path).rpartition(":")[0] or path).exists():

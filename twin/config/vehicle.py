@@ -28,8 +28,8 @@ class Vehicle(Output):
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism, in place of the one that the vehicle names."""
     out: Path | None = None
-    """File that `build` (.xml) or `import` (.toml) writes; runs/NAME.xml or runs/NAME.toml if
-    omitted."""
+    """File that `build` (.xml) or `import` (.toml) writes, runs/NAME.xml or runs/NAME.toml if
+    omitted; `show` draws a description from the side (.svg)."""
 
     def validate(self) -> None:
         """Refuse files of another kind.
@@ -39,7 +39,8 @@ class Vehicle(Output):
         TwinError : the file and what it must be
         """
         super().validate()
-        if self.action == "build" and self.file.suffix.lower() not in (".toml", ".ork"):
+        described = self.file.suffix.lower() in (".toml", ".ork")
+        if self.action == "build" and not described:
             raise TwinError(f"twin vehicle build {self.file}: must be a description (.toml, .ork)")
         if self.action == "import" and self.file.suffix.lower() != ".ork":
             raise TwinError(f"twin vehicle import {self.file}: must be an OpenRocket design (.ork)")
@@ -47,8 +48,8 @@ class Vehicle(Output):
             raise TwinError(
                 "--mechanism: an OpenRocket design has none; add `gimbal` to the result"
             )
-        if self.action == "show" and self.out is not None:
-            raise TwinError("--out: `twin vehicle show` writes no file")
+        if self.action == "show" and self.out is not None and not described:
+            raise TwinError(f"--out: draws descriptions (.toml, .ork); {self.file} is not one")
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,7 @@ from twin.plant.compiled import compiled
 Array = NDArray[np.float64]
 
 DEGREES = 180.0 / math.pi
-LONGEST = (
-    15.0  # s that are simulated again: 20 to 40 s of processor time, half of that on two cores
-)
+LONGEST = 15.0  # s that are simulated again
 MOST = 6  # effects of one axis
 TRIED = 4  # effects that are fitted before one is chosen
 REFINED = 4  # Gauss-Newton steps

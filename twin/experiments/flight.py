@@ -49,7 +49,8 @@ class FlightResult(Result):
     closest_approach_m : to that point
     attitude_error_rms_deg : angle between nose and setpoint while the motor burned; None without
         a gimbal
-    physics_steps, physics_s : steps taken, and the processor time they took
+    physics_steps, physics_s : steps taken, however each was divided, and the processor time of
+        stepping, in compiled flights that of whole ticks
     cpu_s : processor time of the whole command in this process
     wall_s : time of the whole command
     figures : the flight in the terms of rocketry; `as_dict` has them beside the others
@@ -208,16 +209,16 @@ class Flight:
     def watch(self, time_ns: int) -> None:
         """Record what the result needs of this tick."""
         if events := watch(time_ns, self.memory):
-            self._report(time_ns, events)
+            self.report(time_ns, events, self._plant.position, self._plant.velocity)
 
-    def _report(self, time_ns: int, events: int) -> None:
-        plant = self._plant
-        speed = math.hypot(*plant.velocity.tolist())
+    def report(self, time_ns: int, events: int, position: Array, velocity: Array) -> None:
+        """Announce events that `watch` gave at a position and velocity (3,)."""
+        speed = math.hypot(*velocity.tolist())
         away = f" at {speed:.1f} m/s, {{:.1f}} m from the launch point".format
         if events & BURNED_OUT:
             self.announce(time_ns, f"burnout{away(self._burnout_range)}")
         if events & TOPPED:
-            height = float(plant.position[2]) - self._start[2]
+            height = float(position[2]) - self._start[2]
             self.announce(time_ns, f"apogee, {height:.1f} m above the launch point")
         if events & LEFT_RAMP:
             self.announce(time_ns, f"left the ramp{away(self.memory.fixed[6])}")

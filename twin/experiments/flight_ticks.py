@@ -1,64 +1,121 @@
 """The ticks of a flight in compiled code, where nobody in its seats needs Python.
 
 It calls the functions behind the seats in the order of `twin.loop.loop.ticks`, so that the result
-is the same to the last bit.
+is the same to the last bit. What a recording needs of a tick is copied in compiled code too, and
+committed in Python once a chunk.
 """
 
 import time
+from types import SimpleNamespace
+from typing import Any, Final
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import njit
+from twin import status
 from twin.experiments.flight import ENDS, Flight, Watch, over, watch
-from twin.experiments.track import Track, Views, keep
+from twin.experiments.track import POSITION, VELOCITY, Track, Views, keep
 from twin.loop.loop import TIME_UP, Outcome
-from twin.loop.seats import Pilot, Steering, steer
+from twin.loop.seats import Pilot, Steering, steer, steering
+from twin.physics.native.layout import number
 from twin.plant.plant import Plant
 from twin.plant.stepping import APART, ON, Native, advance, derive, drive, landed
+from twin.recorder.rows import Rows
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 CHUNK = 512  # ticks between two looks at the keyboard
+POSES: Final = ("xpos", "xquat", "qpos", "site_xpos", "site_xmat")  # of `Sink.commit_pose`
+
+
+class _Copies:
+    """What a recording takes of each tick: values of its row, then poses.
+
+    Attributes
+    ----------
+    addresses : of all; empty without a recording
+    """
+
+    def __init__(self, rows: Rows | None, sources: Integers, data: mujoco.MjData) -> None:
+        self._rows, self._width = rows, len(sources)
+        self.addresses, self._poses = sources, np.empty(0)
+        if rows is None:
+            return
+        arrays = {name: getattr(data, name) for name in POSES}
+        places = [a.ctypes.data + a.itemsize * np.arange(a.size) for a in arrays.values()]
+        self.addresses = np.concatenate([sources, *places])
+        self._poses = np.empty(sum(a.size for a in arrays.values()))
+        ends = np.cumsum([a.size for a in arrays.values()])[:-1]
+        parts = zip(arrays.items(), np.split(self._poses, ends), strict=True)
+        self._data: Any = SimpleNamespace(**{n: p.reshape(a.shape) for (n, a), p in parts})
+
+    def commit(self, time_ns: int, values: Array) -> None:
+        """Give the recording the values that were copied in one tick."""
+        if self._rows is not None:
+            self._poses[:] = values[self._width :]
+            self._rows.take(time_ns, values[: self._width], self._data)
 
 
 def compiled_ticks(
-    plant: Plant, pilot: Pilot, flight: Flight, track: Track, steps: int, duration_ns: int
+    plant: Plant,
+    pilot: Pilot,
+    flight: Flight,
+    track: Track,
+    steps: int,
+    duration_ns: int,
+    rows: Rows | None = None,
 ) -> Outcome | None:
-    """Fly to the end, without a recording; None where this flight needs the loop in Python.
+    """Fly to the end; None where this flight needs the loop in Python.
 
     Parameters
     ----------
     steps : physics steps between two commands
+    rows : of the recording, if any
 
     Raises
     ------
     DivergenceError : the simulation diverged
     """
-    native, steering = plant.native(), pilot.native()
-    if native is None or steering is None:
+    native, pilot_native = plant.native(), pilot.native()
+    sources = np.empty(0, np.int64) if rows is None else rows.sources
+    if native is None or pilot_native is None or sources is None:
         return None
-    ticks, tick_ns = 0, steps * plant.dt_ns
+    if rows is not None:  # others are flown by something with a line of its own
+        status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s")
+    copies = _Copies(rows, sources, plant.data)
+    copied, events = np.empty((CHUNK, copies.addresses.size)), np.zeros(CHUNK, np.int64)
+    ticks, end, tick_ns = 0, 0, steps * plant.dt_ns
     while plant.time_ns < duration_ns:
-        rows = track.room()[:CHUNK]
-        planned = pilot.planned(range(plant.time_ns, duration_ns, tick_ns)[: len(rows)])
+        kept = track.room()[:CHUNK]
+        times = range(plant.time_ns, duration_ns, tick_ns)[: len(kept)]
+        planned = pilot.planned(times)
         began = time.thread_time()
         count, plant.steps, code, end = _fly(
-            native, steering, flight.memory, track.views, rows[: len(planned)], planned,
-            plant.steps, steps, duration_ns,
+            native, pilot_native, flight.memory, track.views, kept[: len(planned)], planned,
+            copies.addresses, copied, events, plant.steps, steps, duration_ns,
         )  # fmt: skip
         plant.computing_s += time.thread_time() - began
         track.took(count)
+        if rows is not None:
+            for k in range(count):
+                copies.commit(times[k], copied[k])
+                if events[k]:
+                    flight.report(times[k], events[k], kept[k, POSITION], kept[k, VELOCITY])
         ticks += count
         plant.judge(code)
         if end:
-            return Outcome(ticks, str(ENDS[end]))
-    return Outcome(ticks, TIME_UP)
+            break
+    if rows is not None:
+        status.say("writing the recording")
+    return Outcome(ticks, ENDS[end] or TIME_UP)
 
 
 @njit(nogil=True)
 def _fly(
     plant: Native, pilot: Steering, flight: Watch, views: Views, rows: Array, planned: Array,
-    begun: int, steps: int, duration_ns: int,
+    addresses: Integers, copied: Array, events: Integers, begun: int, steps: int, duration_ns: int,
 ) -> tuple[int, int, int, int]:  # fmt: skip
     """Fly ticks into `rows`; gives their number, steps so far, how it diverged and why it ended."""
     count = 0
@@ -70,8 +127,12 @@ def _fly(
         drive(plant.drive, x, y)
         if not derive(plant, time_ns * 1e-9):
             return count, begun, APART, 0
+        if addresses.size:
+            steering(pilot.values, pilot.nose[0], pilot.error, pilot.thrust)
+            for k in range(addresses.size):
+                copied[count, k] = number(addresses[k], 0)
         keep(rows[count], time_ns, views)
-        watch(time_ns, flight)
+        events[count] = watch(time_ns, flight)
         count += 1
         begun, code = advance(plant.steps, plant.fuel, begun, steps)
         if code != ON:

@@ -80,8 +80,10 @@ def fly(
         powered = _powered(turntable, flight.burnout_ns)
         duration_ns = round(config.duration_s * 1e9)
         outcome = None
-        if recorder is None and commanding is pilot and guard is None and not s.real_time:
-            outcome = compiled_ticks(plant, pilot, flight, track, s.steps, duration_ns)
+        alone = commanding is pilot and guard is None and playback is None and not s.real_time
+        if alone:
+            rows = None if recorder is None else s.rows
+            outcome = compiled_ticks(plant, pilot, flight, track, s.steps, duration_ns, rows)
         outcome = outcome or s.run(
             guard or commanding,
             duration_ns,

@@ -10,8 +10,8 @@ from twin.config import Run
 from twin.config.paths import named
 from twin.config.seats import SIMULATED
 from twin.experiments.kept import RESULTS, Origin, files_of, repeated
-from twin.plant.model import TwinModel
-from twin.recorder import DetachedRecorder, Recorder, Sink
+from twin.plant.plant import Plant
+from twin.recorder import DetachedRecorder, Sink
 from twin.recorder.rows import Rows
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ DRAIN_LOCKSTEP_NS, DRAIN_WALL_NS = 16_000_000_000, 1_000_000_000
 def make_recorder(
     config: Run,
     verb: str,
-    twin: TwinModel,
+    plant: Plant,
     rows: Rows,
     *,
     real_time: bool,
@@ -52,7 +52,7 @@ def make_recorder(
     ------
     TwinError : the file cannot be written, or the port is taken
     """
-    properties = _properties(config, verb, twin)
+    properties = _properties(config, verb, plant)
     if origin is not None:
         properties = repeated(properties, origin)
     if rig is not None and rig.base is not None:
@@ -62,24 +62,27 @@ def make_recorder(
     if real_time:
         properties["date"] = datetime.now(UTC).isoformat(timespec="milliseconds")
     path = named(config.out, verb, ".rrd", force=config.force)
+    from twin.recorder import Recorder
+
     make = DetachedRecorder if real_time else Recorder
     return make(
         path,
         signals=rows.signals,
         properties=properties,
-        model=twin.mj,
+        model=plant.model,
         drain_ns=drain_ns or (DRAIN_WALL_NS if real_time else DRAIN_LOCKSTEP_NS),
         serve=serve,
     )
 
 
-def _properties(config: Run, verb: str, twin: TwinModel) -> dict[str, object]:
+def _properties(config: Run, verb: str, plant: Plant) -> dict[str, object]:
     settings = {k: v for k, v in config.as_properties().items() if k not in RESULTS}
     return {
         "command": verb,
         "configuration": settings,
         "versions": {**_versions()},
-        "model_sha256": twin.sha256,
+        "model_sha256": plant.twin.sha256,
+        "method": {"integrator": plant.integrator, "step_s": plant.dt_ns * 1e-9},
         "seed": config.seed,
         "files": files_of(config),
     }

@@ -193,7 +193,7 @@ class Session:
         """
         self.gather(*sources)
         recorder = make_recorder(
-            self.config, self.verb, self.plant.twin, self.rows, real_time=self.real_time,
+            self.config, self.verb, self.plant, self.rows, real_time=self.real_time,
             serve=serve, drain_ns=drain_ns, rig=self.rig, origin=self._origin, shadow=self.shadow,
         )  # fmt: skip
         self._stack.callback(point_latest, recorder.path)  # once it is closed

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from analysis.compiled import njit
 from twin.config.result import Rows
-from twin.control.attitude import LARGEST_COMMAND
 from twin.errors import TwinError
 from twin.physics.aerodynamics.atmosphere import (
     COLUMNS,
@@ -20,7 +19,7 @@ from twin.physics.aerodynamics.atmosphere import (
     sound,
     speed_of_sound,
 )
-from twin.plant.authority import numeric
+from twin.plant.authority import command_limit, numeric
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
@@ -187,8 +186,7 @@ class Track:
     @property
     def limit(self) -> float:
         """Largest command of an axis by the attitude loop [rad]."""
-        limit = numeric(self._model, "control_limit")
-        return LARGEST_COMMAND if limit is None else float(limit[0])
+        return command_limit(self._model)
 
     @property
     def ticks(self) -> Array:

@@ -14,6 +14,7 @@ from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.config.vehicle import Vehicle as Settings
 from twin.experiments.openrocket import ImportResult, import_design
+from twin.experiments.vehicle_drawing import drawing
 from twin.physics import vehicle as vehicles
 from twin.physics.aerodynamics.stability import ROOT, Stability
 from twin.physics.vehicle.barrowman import Term
@@ -72,6 +73,7 @@ class VehicleResult(Result):
     parts : masses of the airframe, the motor and the gimbal; empty for an MJCF file
     tip : station of the nose's tip [m]; None for an MJCF file
     thrust : largest [N]
+    drawn : picture that was written; None without one
     """
 
     name: str
@@ -85,6 +87,7 @@ class VehicleResult(Result):
     thrust: float
     notes: tuple[str, ...] = ()
     parts: tuple[Part, ...] = ()
+    drawn: str | None = None
 
     def as_dict(self) -> dict[str, object]:
         """JSON values in SI."""
@@ -112,7 +115,8 @@ class VehicleResult(Result):
         rows.append(("axial drag", f"{self.drag:.3f} of π/4 ({self.diameter * 1e3:.4g} mm)²"))
         if self.drag_source:
             rows.append(("", self.drag_source))
-        return rows + [("note", note) for note in self.notes]
+        rows += [("note", note) for note in self.notes]
+        return rows if self.drawn is None else [*rows, ("drawing", self.drawn)]
 
     def _station(self, z: float) -> float:
         return z if self.tip is None else self.tip - z
@@ -187,7 +191,18 @@ def _build(config: Settings) -> BuildResult:
 def _show(config: Settings) -> VehicleResult:
     twin = load(ModelConfig(vehicle=config.file, mechanism=config.mechanism, motor=config.motor))
     built = _described(config) if is_description(config.file) else None
-    return report(twin, str(config.file), built)
+    result = report(twin, str(config.file), built)
+    if config.out is None or built is None:
+        return result
+    out = writable(config.out, ".svg", force=config.force)
+    full, empty = (built.origin - result.states[k].centre_of_mass for k in (0, -1))
+    marks = [
+        ("centre of mass, loaded", full, "#1f5fd9"),
+        ("centre of mass, empty", empty, "#4aa3ff"),
+    ]
+    marks.append(("centre of pressure", built.origin - result.centre_of_pressure["0"], "#b00020"))
+    write_text(out, drawing(built, marks))
+    return replace(result, drawn=str(out))
 
 
 def report(twin: TwinModel, name: str, built: vehicles.Vehicle | None = None) -> VehicleResult:

@@ -33,6 +33,7 @@ OWN = (
     "without --calibration the maps of a simulated rig are taken from its own parameters;"
     " twin calibrate measures them"
 )
+NOMINAL = "no --calibration: nominal maps, angles unproven; run twin calibrate first"
 LONG_AGO = -1.0  # s; when the wires of absent potentiometers opened
 RIG_PARAMETERS = ("gimbal_", TURNTABLE)  # prefixes of names; the second for turntables only
 
@@ -188,7 +189,7 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
     _warm(calibration)
     link = Link(options.seat)
     rig = Rig(link, calibration, arm=not options.watch, fuse=options.fuse)
-    return RigGimbal(
+    seat = RigGimbal(
         rig,
         plant,
         clock=time.monotonic_ns,
@@ -196,6 +197,8 @@ def opened(options: RigOptions, plant: Plant | None) -> RigGimbal:
         lockstep=False,
         watch=options.watch,
     )
+    seat.note = "" if options.calibration else NOMINAL
+    return seat
 
 
 def _warm(calibration: Calibration) -> None:

@@ -66,6 +66,7 @@ class Steering(NamedTuple):
     period : of the loop [s]
     attitude, rate, position, velocity : views of the vehicle's state
     nose, angle : written: wanted direction (1, 3), gimbal angle (1, 2)
+    values, error, thrust : of `Pilot.derive`
     loop : the attitude loop
     aim : the guidance; empty where the programme is one over time
     """
@@ -77,6 +78,9 @@ class Steering(NamedTuple):
     velocity: Array
     nose: Array
     angle: Array
+    values: Array
+    error: Array
+    thrust: Array
     loop: Loop
     aim: Aim
 
@@ -145,8 +149,8 @@ class Pilot:
         aim = programme.aim if isinstance(programme, FixedPoint) else nothing
         return Steering(
             self._period, plant.attitude[None], plant.rate[None], plant.position[None],
-            plant.velocity[None], self.direction[None], self._angle[None], self._controller.loop,
-            aim,
+            plant.velocity[None], self.direction[None], self._angle[None], self._values,
+            self.error, plant.thrust, self._controller.loop, aim,
         )  # fmt: skip
 
     def planned(self, times_ns: range) -> Array:
@@ -171,11 +175,12 @@ class Pilot:
 
     def derive(self, time_ns: int) -> None:  # noqa: ARG002  the recorder's signature
         """Compute the signals; the plant must have derived its thrust before."""
-        _steering(self._values, self.direction, self.error, self._plant.thrust)
+        steering(self._values, self.direction, self.error, self._plant.thrust)
 
 
 @njit()
-def _steering(out: Array, nose: Array, error: Array, thrust: Array) -> None:
+def steering(out: Array, nose: Array, error: Array, thrust: Array) -> None:
+    """`Pilot.derive`: setpoint and error, NaN without thrust."""
     if thrust[0] > 0.0:
         out[0], out[1] = from_vertical(nose[0], nose[1], nose[2])
         out[2], out[3] = error[0], error[1]

@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.control.attitude import ControlConfig
+from hardware.frames import AXES
+from twin.control.attitude import LARGEST_COMMAND, ControlConfig
 from twin.control.guidance import FixedPoint
 from twin.control.setpoint import Vector, off_axis
 from twin.physics.aerodynamics.atmosphere import COLUMNS, SEA_LEVEL_DENSITY, mean_wind
@@ -16,17 +17,52 @@ Array = NDArray[np.float64]
 HIGHEST, HEIGHTS = 5000.0, 40  # m, and number of heights, of the wind that guidance knows
 INSTANT = 1e-9  # s; rise time of a thrust curve that begins above zero
 
+LIMIT, STROKE = "control_limit", "gimbal_stroke"
+OF_STOPS = 0.8  # of a mechanism's stops that may be commanded where it states no stroke
+
 # numeric of the vehicle → field of ControlConfig
 NUMERICS = {
     "control_kp": "kp",
     "control_ki": "ki",
     "control_kd": "kd",
     "control_cutoff": "cutoff",
-    "control_limit": "limit",
+    LIMIT: "limit",
     "control_rate_limit": "rate_limit",
     "control_error_limit": "error_limit",
     "control_authority_floor": "authority_floor",
 }
+
+
+def insert_control(spec: mujoco.MjSpec) -> None:
+    """Give a vehicle the `control_*` numerics that it lacks, so that they can be set."""
+    if spec.body("vehicle") is None or spec.joint("gimbal_x") is None:
+        return
+    for name, field in NUMERICS.items():
+        if spec.numeric(name) is None:
+            value = 0.0 if name == LIMIT else getattr(ControlConfig(), field)
+            spec.add_numeric(name=name, size=1, data=[value])
+
+
+def settle_limit(model: mujoco.MjModel) -> None:
+    """Limit the commands of a vehicle that states no limit to its mechanism's stroke."""
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, LIMIT)
+    if index >= 0 and model.numeric(LIMIT).data[0] == 0.0:
+        model.numeric(LIMIT).data[0] = stroke(model)
+
+
+def stroke(model: mujoco.MjModel) -> float:
+    """Largest commanded angle of a mechanism, either way [rad]: as stated, or 0.8 of its stops."""
+    stated = numeric(model, STROKE)
+    if stated is not None:
+        return float(stated[0])
+    stops = np.abs([model.joint(f"gimbal_{a}").range for a in AXES])
+    return OF_STOPS * float(stops.min()) if stops.all() else LARGEST_COMMAND
+
+
+def command_limit(model: mujoco.MjModel) -> float:
+    """Largest commanded angle of a model's attitude loop, either way [rad]."""
+    limit = numeric(model, LIMIT)
+    return LARGEST_COMMAND if limit is None else float(limit[0])
 
 
 def numeric(model: mujoco.MjModel, name: str) -> Array | None:
@@ -47,12 +83,15 @@ def lever_and_inertia(model: mujoco.MjModel) -> tuple[float, float]:
     return lever, transverse
 
 
-def balance(model: mujoco.MjModel) -> tuple[float, float, float, float]:
+def balance(
+    model: mujoco.MjModel, data: mujoco.MjData | None = None
+) -> tuple[float, float, float, float]:
     """Mass [kg], station of its centre [m], transverse and axial inertia about that [kg m²].
 
-    Of the vehicle with the masses that the model has now, gimbal centred.
+    Of the vehicle with the masses that the model has now, gimbal centred. `data` in its initial
+    state may be given.
     """
-    data = mujoco.MjData(model)
+    data = data or mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     root = model.body("vehicle").id

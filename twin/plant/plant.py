@@ -61,6 +61,7 @@ class Plant:
 
     Attributes
     ----------
+    integrator : its name
     renewal_ns : longest time between two updates of the propellant mass [ns]
     divides : whether Runge-Kutta steps of a vehicle without moving parts are divided where its
         forces change, and the propellant mass is that of the middle of each
@@ -84,6 +85,7 @@ class Plant:
         self.dt_ns: int = round(self.model.opt.timestep * 1e9)
         if abs(self.dt_ns * 1e-9 - self.model.opt.timestep) > 1e-15:
             raise TwinError(f"dt {self.model.opt.timestep} s is not a whole number of nanoseconds")
+        self.integrator = integrator
         self.steps = 0
         self.computing_s = 0.0
         self._stepper = integrators.make(integrator)
@@ -276,7 +278,10 @@ class Plant:
         steps = self._native_steps()
         if steps is None or self._flow is None or self.follows:
             return None
-        gaps = stepping.Gaps(self.closure, self._rods.sites, self._rods.loops, self._open)
+        rods = self._rods
+        gaps = stepping.Gaps(
+            self.closure, rods.sites, rods.loops, self._open, rods.servo, rods.qpos, rods.shafts
+        )
         fuel, drive = self._propellant.fuel, self._actuation.native
         return stepping.Native(steps, fuel, drive, gaps, self._flow.air)
 
@@ -309,7 +314,7 @@ class Plant:
             self._came_apart(*self.closure.tolist())
 
     def _step_in_parts(self, n: int) -> None:
-        native = self._native_steps()
+        native = self._compiled or self._native_steps()
         if native is not None:
             stepping.step_divided(native, self._propellant.fuel, self.steps, n)
             return

@@ -27,7 +27,8 @@ def check_vehicle(model: mujoco.MjModel) -> None:
     TwinError : the figure, its value and what would be right
     """
     body = find(model, BODY, "vehicle")
-    corners = [] if body < 0 else _corners(model, body)
+    data = mujoco.MjData(model)
+    corners = [] if body < 0 else _corners(model, data, body)
     if not corners:
         return
     points = np.concatenate(corners)
@@ -38,7 +39,7 @@ def check_vehicle(model: mujoco.MjModel) -> None:
             f"the vehicle is {length:.4g} m long; must be at most {LONGEST:g} m: are its lengths,"
             " or those of a mesh, in millimetres?"
         )
-    mass, _, transverse, _ = balance(model)
+    mass, _, transverse, _ = balance(model, data)
     volume = math.pi * radius**2 * length
     if mass > DENSEST * volume:
         raise TwinError(
@@ -112,9 +113,8 @@ def _below(model: mujoco.MjModel, top: int) -> set[int]:
     return members
 
 
-def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
+def _corners(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[Array]:
     """Corners (8, 3) of the box around every geom of a vehicle, in its frame; joints at zero."""
-    data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     turn, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
     signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T

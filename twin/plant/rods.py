@@ -23,23 +23,24 @@ class Rods:
     servo : (2,) angle of the servo shafts at the last `derive` [rad]
     signals : views by name of `analysis.schema`
     sites, loops : places of all sites, and the pairs that the rods join (2, 2)
+    qpos, shafts : of the model, and the places of both shafts in it (2,)
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self.sites, self._qpos = data.site_xpos, data.qpos
-        self.loops = _loops(model)
+        self.sites, self.qpos = data.site_xpos, data.qpos
+        self.loops, self.shafts = _loops(model), np.zeros(2, np.int64)
         self.closure: Array = np.zeros(2)
         self.servo: Array = np.zeros(2)
         self.signals: Mapping[str, Array] = {}
         if self.loops.size:
-            self._x, self._y = (int(model.joint(f"gimbal_servo_{a}").qposadr[0]) for a in AXES)
+            self.shafts[:] = [model.joint(f"gimbal_servo_{a}").qposadr[0] for a in AXES]
             self.signals = {"linkage/closure": self.closure, "linkage/servo": self.servo}
 
     def derive(self) -> None:
         """Compute both from the model's present state."""
         if self.loops.size:
             find_gaps(self.closure, self.sites, self.loops)
-            self.servo[0], self.servo[1] = self._qpos[self._x], self._qpos[self._y]
+            self.servo[:] = self.qpos[self.shafts]
 
 
 def _loops(model: mujoco.MjModel) -> Indices:

@@ -102,19 +102,23 @@ class Drive(NamedTuple):
 
 
 class Gaps(NamedTuple):
-    """What the gaps of the rods follow from.
+    """What the gaps of the rods and the angles of the shafts follow from.
 
     Attributes
     ----------
     closure : (2,) written [m]
     sites, loops : places of all sites, and the pairs that the rods join; empty without rods
     open : largest gap [m]
+    servo, qpos, shafts : angles (2,) written [rad], the model's positions, places in them (2,)
     """
 
     closure: Array
     sites: Array
     loops: Integers
     open: float
+    servo: Array
+    qpos: Array
+    shafts: Integers
 
 
 class Native(NamedTuple):
@@ -244,6 +248,7 @@ def derive(p: Native, time: float) -> bool:
     g = p.gaps
     if g.loops.size:
         find_gaps(g.closure, g.sites, g.loops)
+        g.servo[0], g.servo[1] = g.qpos[g.shafts[0]], g.qpos[g.shafts[1]]
         if not (g.closure[0] <= g.open and g.closure[1] <= g.open):
             return False
     blow(p.air, time)

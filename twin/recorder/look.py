@@ -9,10 +9,11 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from analysis import schema
+from twin.plant.authority import command_limit
 from twin.recorder import blueprint, columns, lifetime, profile, style
 from twin.recorder.display import Display
 from twin.recorder.poses import Poses
-from twin.recorder.states import HEALTH, States, command_limit
+from twin.recorder.states import HEALTH, States
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]

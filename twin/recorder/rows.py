@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,6 +97,22 @@ class Rows:
         self._wall_ns = time.time_ns()
         if self._rig is not None:
             self._rig.bind(recorder)
+
+    @property
+    def sources(self) -> Integers | None:
+        """Addresses of the values of a row, for compiled code; None where a row is more than them.
+
+        `take` commits what was copied from them.
+        """
+        return None if self._rig or self._eventful else self._addresses
+
+    def take(self, time_ns: int, values: Array, data: mujoco.MjData) -> None:
+        """Commit a row of values copied from `sources`, and the poses of that instant."""
+        recorder = self._recorder
+        assert recorder is not None
+        recorder.row[self._places] = values
+        recorder.commit(time_ns, self._wall_ns + time_ns)
+        recorder.commit_pose(time_ns, data)
 
     def derive(self, time_ns: int) -> None:
         """Compute the signals that are derived rather than read."""

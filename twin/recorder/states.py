@@ -2,13 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-import mujoco
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from hardware.protocol.messages import Flags
-from twin.control.attitude import LARGEST_COMMAND
 from twin.recorder import columns
 
 Floats = NDArray[np.float64]
@@ -92,14 +90,6 @@ class States:
         assert self._limit is not None
         at = (np.abs(command) > self._limit * (1.0 - 1e-6)) & (thrust > 0.0)
         return np.asarray(at[:, 0] + 2 * at[:, 1], np.intp)
-
-
-def command_limit(model: mujoco.MjModel) -> float:
-    """Largest commanded angle of the model's attitude loop [rad]."""
-    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, "control_limit")
-    if index < 0:
-        return LARGEST_COMMAND
-    return float(model.numeric_data[model.numeric_adr[index]])
 
 
 def _connected(values: Floats) -> Codes:

@@ -1,5 +1,6 @@
 """What a gimbal mechanism can do, and whether its parts clear each other."""
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -9,11 +10,10 @@ import numpy as np
 from hardware.frames import AXES
 from hardware.parts import SERVO_TRAVEL
 from twin.config.result import Result, Rows
-from twin.control.attitude import LARGEST_COMMAND
 from twin.physics.mechanism import Kinematics, mobility
 from twin.physics.mechanism.clearance import Clearance, Gap
 from twin.physics.mechanism.torque import Torque, holding
-from twin.plant.authority import numeric
+from twin.plant.authority import numeric, stroke
 from twin.plant.compose import MJCF
 from twin.plant.model import ModelConfig, load
 
@@ -31,6 +31,7 @@ class MechanismResult(Result):
     mobility : degrees of freedom without idle ones, as a text
     stops_deg : ends of the gimbal angles, x low, high, y low, high
     servo_deg : shaft angles that these take, the same
+    stroke_deg : largest command either way
     gain : gimbal over servo angle (x, y) at home
     gain_range : least and largest over the commanded angles, both axes
     coupling : largest gimbal angle of the other axis per gimbal angle, over the commanded angles
@@ -45,6 +46,7 @@ class MechanismResult(Result):
     mobility: str
     stops_deg: tuple[float, float, float, float]
     servo_deg: tuple[float, float, float, float]
+    stroke_deg: float
     gain: tuple[float, float]
     gain_range: tuple[float, float]
     coupling: float
@@ -78,13 +80,14 @@ class MechanismResult(Result):
         x0, x1, y0, y1 = self.stops_deg
         u0, u1, v0, v1 = self.servo_deg
         needed, stall = (max(self.torque.needed), min(self.torque.stall))
+        least, most = self.gain_range
         rows = [
             ("mechanism", self.file),
             ("mobility", self.mobility),
             ("stops", f"x {x0:.1f}° to {x1:.1f}°, y {y0:.1f}° to {y1:.1f}°"),
             ("servos", f"x {u0:.1f}° to {u1:.1f}°, y {v0:.1f}° to {v1:.1f}° for all of it"),
             ("gain at home", f"{self.gain[0]:.3f} (x), {self.gain[1]:.3f} (y) gimbal per servo"),
-            ("", f"{self.gain_range[0]:.3f} to {self.gain_range[1]:.3f} within ±8°"),
+            ("", f"{least:.3f} to {most:.3f} within ±{self.stroke_deg:.3g}°"),
             ("coupling", f"{self.coupling:.3f} of an axis's angle on the other, at most"),
             ("resolution", f"{self.step_deg:.3f}° for 1 µs of pulse"),
             ("", f"dead band ±{self.dead_band_deg:.3f}°, backlash {self.backlash_deg:.3f}°"),
@@ -117,7 +120,8 @@ def figures(file: Path, load_g: float, gap_mm: float, *, clear: bool) -> Mechani
     whole = kinematics.workspace()
     ends = np.degrees([model.joint(f"gimbal_{a}").range for a in AXES]).ravel()
     servo = np.degrees([(whole.servo[..., k].min(), whole.servo[..., k].max()) for k in (0, 1)])
-    home, ratio = ratios(kinematics)
+    reach = stroke(model)
+    home, ratio = ratios(kinematics, reach)
     own = np.abs(ratio[..., [0, 1], [0, 1]])
     most = float(own.max())
     clearance = bore = None
@@ -128,6 +132,7 @@ def figures(file: Path, load_g: float, gap_mm: float, *, clear: bool) -> Mechani
         mobility=mobility(model).text,
         stops_deg=_four(ends),
         servo_deg=_four(servo.ravel()),
+        stroke_deg=math.degrees(reach),
         gain=(float(home[0, 0]), float(home[1, 1])),
         gain_range=(float(own.min()), most),
         coupling=coupling(ratio),
@@ -142,9 +147,7 @@ def figures(file: Path, load_g: float, gap_mm: float, *, clear: bool) -> Mechani
     )
 
 
-def ratios(
-    kinematics: Kinematics, stroke: float = LARGEST_COMMAND
-) -> tuple[np.ndarray, np.ndarray]:
+def ratios(kinematics: Kinematics, stroke: float) -> tuple[np.ndarray, np.ndarray]:
     """∂gimbal/∂servo at home (2, 2), and over the commanded angles (n, n, 2, 2)."""
     angles = np.linspace(-stroke, stroke, 17)
     grid = np.stack(np.meshgrid(angles, angles, indexing="ij"), axis=-1)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import scipy  # its part `optimize` takes a quarter of a second and is loaded where it is used
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from twin.errors import TwinError
 from twin.physics import aerodynamics as air
@@ -28,7 +28,7 @@ class Stability:
     """
 
     def __init__(self, model: mujoco.MjModel, time: float = 0.0) -> None:
-        self._model = model
+        self._model, self._data = model, mujoco.MjData(model)  # half a millisecond each
         self._depletion = Depletion(model)
         names = ("strip_z", "strip_area", "crossflow_drag", "reference_area")
         self._z, self._area, (self._drag, *_), (self._reference, *_) = (
@@ -44,7 +44,7 @@ class Stability:
     def at(self, time: float) -> "Stability":
         """The same vehicle with the propellant left at a simulation time [s]."""
         self._depletion.update(time)
-        data = mujoco.MjData(self._model)
+        data = self._data
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         body = data.body("vehicle")
@@ -92,7 +92,9 @@ class Stability:
         if righting[:-1].all():
             return float(angles[-1])
         first = int(np.argmin(righting))
-        return float(brentq(lambda a: sum(self.moment(a)), angles[first - 1], angles[first]))
+        return float(
+            scipy.optimize.brentq(lambda a: sum(self.moment(a)), angles[first - 1], angles[first])
+        )
 
 
 @dataclass(frozen=True)

@@ -162,6 +162,7 @@ class _Editor:
         axis, shaft = (classes[name] for name in ("axis", "shaft"))
         stops = (-size.stops, size.stops)
         axis.find("joint").set("range", _text(stops))  # type: ignore[union-attr]
+        self._numeric("stroke", size.stroke)
         joint, motor = shaft.find("joint"), shaft.find("dcmotor")
         assert joint is not None
         assert motor is not None

@@ -60,6 +60,15 @@ class Vehicle:
         ------
         VehicleError : parts that cannot be or do not fit each other
         """
+        try:
+            return cls._checked(design)
+        except VehicleError as error:
+            if design.source is None or str(error).startswith(str(design.source)):
+                raise
+            raise VehicleError(f"{design.source}: {error}") from None
+
+    @classmethod
+    def _checked(cls, design: Design) -> "Vehicle":
         check_parts(design)
         motor = design.motor_data
         if motor is None:

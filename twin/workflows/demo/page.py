@@ -33,7 +33,6 @@ def sections(result: DemoResult) -> tuple[Section, ...]:
     """Sections of the page."""
     facts = tuple((f.topic, f.text, f.meaning) for f in result.facts())
     files = tuple((n, what) for n, what in FILES if (result.folder / n).exists())
-    ideas = tuple((text,) for text in result.ideas())
     verdicts = Verdicts((
         _verdict("physical model", result.stages.physics),
         _verdict("identified model", result.stages.fitted),
@@ -43,16 +42,17 @@ def sections(result: DemoResult) -> tuple[Section, ...]:
             verdicts, Table(("what", "figure", "what it means"), facts))),
         Section("step", "One step of the gimbal", parts=(_step(result),)),
         Section("flights", "The same flight, twice", parts=(_flights(result),)),
-        Section("files", "What is in this folder", ("Recordings open with `twin view FILE`.",),
+        Section("files", "What is in this folder", ("Recordings open with: twin view FILE",),
                 (Table(("file", "content"), files),)),
-        Section("next", "What to try next", parts=(Table(("command",), ideas),)),
+        Section("next", "What to try next", parts=(
+            Table(("command", "what it does"), result.ideas()),)),
     )  # fmt: skip
 
 
 def _verdict(name: str, compared: "CompareResult") -> tuple[str, Grade]:
     fit = compared.comparison.fit
     grade: Grade = "good" if fit >= GOOD else "fair" if fit >= FAIR else "poor"
-    return f"{name}: fit {fit:.0f} %", grade
+    return f"{name}: fit {fit:.1f} %", grade
 
 
 def _step(result: DemoResult) -> Plot:
@@ -95,7 +95,7 @@ def _flights(result: DemoResult) -> Plot:
         size = np.degrees(np.hypot(*error.values[:, :2].T))
         lines += [
             Line(name, across, place[:, 2] - place[0, 2], f"run{k}"),
-            Line(name, error.time, size, f"run{k}", panel=1, style="thin"),
+            Line(name, error.time, size, f"run{k}", panel=1),
         ]
     apart = result.stages.apart.flight
     caption = "Height over downrange, and the angle between the nose and the programme."

@@ -93,7 +93,8 @@ class DemoResult(Result):
             rows += [(fact.topic, fact.text), ("", f"  {fact.meaning}")]
         rows.append(("page", f"{self.page}  (open it in a browser)"))
         rows.append(("watch the flight", f"twin view {self.stages.looped.recording}"))
-        return rows + [("try next" if k == 0 else "", t) for k, t in enumerate(self.ideas())]
+        ideas = (f"{command}    ({what})" for command, what in self.ideas())
+        return rows + [("try next" if k == 0 else "", text) for k, text in enumerate(ideas)]
 
     def facts(self) -> Iterator[Fact]:
         """The numbers of the demonstration."""
@@ -158,15 +159,21 @@ class DemoResult(Result):
             if parts:
                 yield Fact(f"step of 5°, {axis}", ", ".join(parts), "mean of both directions")
 
-    def ideas(self) -> tuple[str, ...]:
-        """Commands that lead on."""
+    def ideas(self) -> tuple[tuple[str, str], ...]:
+        """Commands that lead on, and what each does."""
         model = self.stages.model.file
         return (
-            f"twin report {self.stages.steps.recording} --model {model}",
-            "twin fly --programme point --off-axis-deg 15 0",
-            f"twin campaign run {self.folder / 'wind.toml'} --out runs/wind     (edit it first)",
-            "twin demo --gimbal firmware     (the Nano's program on a simulated Nano)",
-            "twin demo --gimbal /dev/ttyUSB0     (your rig; its servos move)",
+            (
+                f"twin report {self.stages.steps.recording} --model {model}",
+                "a page with all figures of the steps",
+            ),
+            ("twin fly --programme point --off-axis-deg 15 0", "steers to a point beside the ramp"),
+            (
+                f"twin campaign run {self.folder / 'wind.toml'} --out runs/wind",
+                "the campaign with your changes to wind.toml",
+            ),
+            ("twin demo --gimbal firmware", "the same with the Nano's program on a simulated Nano"),
+            ("twin demo --gimbal /dev/ttyUSB0", "the same with your rig; its servos move"),
         )
 
 
@@ -174,4 +181,5 @@ def _followed(topic: str, compared: "CompareResult", what: str) -> Fact:
     fit = compared.comparison.fit
     rms = math.degrees(max(a.as_is.rmse for a in compared.comparison.axes if a.commanded))
     word = "well" if fit >= GOOD else "roughly" if fit >= FAIR else "poorly"
-    return Fact(topic, f"follows the rig {word}: fit {fit:.0f} % of 100, {rms:.2f}° rms", what)
+    text = f"follows the rig {word}: fit {fit:.1f} %, {rms:.2f}° rms"
+    return Fact(topic, text, f"{what}; 100 % is exact, {GOOD:.0f} % and more is well")
