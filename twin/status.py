@@ -47,6 +47,12 @@ def note(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
+def begun(line: str) -> None:
+    """Print a line that stays where no status line is shown, and nothing on a terminal."""
+    if not _on:
+        note(line)
+
+
 def done(line: str) -> None:
     """Print a line that stays where the status line is shown, and nothing elsewhere."""
     if _on:

@@ -202,7 +202,7 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
         text = (
             f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, near {mistaken:.4g}: "
             f"{sides[0]} in degrees and {sides[1]} in radians? "
-            + ("give each its unit" if assumed else "check the units given")
+            + ("give both (--angle-unit, --input-unit)" if assumed else "check the units given")
         )
         if assumed and 1.0 / _SURELY < abs(gain) / mistaken < _SURELY:
             raise IdentificationError(text)
@@ -217,7 +217,7 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
     if reach > _TURNED:
         text = (
             f"command '{command}' reaches {reach:.3g} rad, {np.degrees(reach):.0f} degrees: is it "
-            f"in degrees? {'give its unit' if assumed else 'check the unit given'}"
+            f"in degrees? {'give --angle-unit deg' if assumed else 'check the unit given'}"
         )
         return [text]
     if not 1.0 / _USUAL < gain < _USUAL:

@@ -15,7 +15,7 @@ from hardware.protocol import Board, constants
 
 FRAME_TICKS = constants.PWM_PERIOD_US // LOOP_US
 BROWN_OUT = 1 << 2  # of MCUSR
-IMU_AGE_US = (620, 310)  # from the reads, one after the other, to the sample
+IMU_AGE_US = (1090, 570)  # of the firmware: from the beginning of each read to the sample
 
 
 def identity(parameters: RigParameters) -> int:

@@ -96,7 +96,8 @@ class Monitor(Drift):
         KeyError, TypeError, ValueError : it is not a snapshot
         """
         tracks = tuple(filled(Track, values) for values in memory["tracks"])
-        x, y = (filled(Axis, values) for values in memory["axes"])
+        # Recordings of earlier versions hold no `wandering`.
+        x, y = (filled(Axis, {"wandering": 0.0, **values}) for values in memory["axes"])
         if [track.index for track in tracks] != list(range(len(SENSORS))):
             raise ValueError("tracks of other sensors")
         gravity = filled(Gravity, memory["gravity"])

@@ -159,7 +159,7 @@ def _explain(url: str, error: Exception) -> str:
         return f"{url}: no permission; run `sudo usermod -aG dialout $USER`, then log in again"
     if number in {errno.ENOENT, errno.ENODEV, errno.ENXIO} or "FileNotFoundError" in text:
         return f"{url}: no such port; must be one of: {_ports()}"
-    return f"{url}: not a serial port ({text}); must be one of: {_ports()}"
+    return f"{url}: not a serial port; must be one of: {_ports()}"
 
 
 def available() -> dict[str, str]:
@@ -170,4 +170,7 @@ def available() -> dict[str, str]:
 
 
 def _ports() -> str:
-    return ", ".join(sorted(available())) or "none"
+    found = sorted(available())
+    listed = ", ".join(found) or "none"
+    built_in = all(name.startswith("/dev/ttyS") for name in found)
+    return f"{listed} (no USB adapter found: check cable and driver)" if built_in else listed

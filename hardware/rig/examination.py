@@ -14,7 +14,12 @@ from hardware.rig.rig import Rig
 LISTENED_S = 0.5
 POLL_S = 0.005
 SWITCHES = ("+x", "-x", "+y", "-y")
-Row = tuple[str, Literal["ok", "note", "missing"], str, str]  # topic, level, state, remedy
+UNKNOWN_CHIP = (
+    "neither an MPU6050 (0x68) nor an MPU6500 (0x70): reset the board and look again; if it stays,"
+    " check SDA, SCL and the supply, or use another module"
+)
+Level = Literal["ok", "note", "missing"]
+Row = tuple[str, Level, str, str]  # topic, level, state, remedy
 
 
 def examined(port: str) -> list[Row]:
@@ -55,8 +60,10 @@ def answers(rig: Rig, wait: Callable[[], None]) -> Iterator[Row]:
 
 def _identity(hello: Hello) -> Iterator[Row]:
     version = ".".join(map(str, hello.firmware))
-    state = f"firmware {version}, build {hello.build:08x}, serial number {hello.serial:08x}"
-    own = hello.board != Board.NANO or hello.build == build_hash()
+    flashed = hello.board == Board.NANO
+    build = f"build {hello.build:08x}" if flashed else "no build (not a flashed Nano)"
+    state = f"firmware {version}, {build}, serial number {hello.serial:08x}"
+    own = not flashed or hello.build == build_hash()
     remedy = "" if own else f"this tree's build is {build_hash():08x}: flash it to have the same"
     yield "board", "ok" if own else "note", state, remedy
 
@@ -68,11 +75,17 @@ def _sensors(hello: Hello, frames: list[SensorFrame]) -> Iterator[Row]:
     names = ("holder", Flags.HOLDER_IMU, 0x68), ("base", Flags.BASE_IMU, 0x69)
     for (name, bit, address), chip in zip(names, hello.imu_identity, strict=True):
         if flags & bit:
-            kind = {MPU6050: "MPU6050"}.get(chip, "MPU6500" if chip in SUCCESSORS else f"{chip:#x}")
-            yield f"IMU {name}", "ok", f"answers at {address:#x}, {kind}", ""
+            known = chip == MPU6050 or chip in SUCCESSORS
+            kind = {MPU6050: "MPU6050"}.get(chip, "MPU6500" if known else f"WHO_AM_I {chip:#x}")
+            remedy = "" if known else UNKNOWN_CHIP
+            state = f"answers at {address:#x}, {kind}"
+            yield f"IMU {name}", "ok" if known else "note", state, remedy
         else:
-            state, remedy = f"no answer at {address:#x}", "check SDA, SCL, AD0 and its supply"
-            yield f"IMU {name}", "missing" if name == "holder" else "note", state, remedy
+            missing = name == "holder"
+            remedy = "check SDA, SCL, AD0 and its supply"
+            remedy = remedy if missing else f"only needed for the turntable; there {remedy}"
+            level: Level = "missing" if missing else "note"
+            yield f"IMU {name}", level, f"no answer at {address:#x}", remedy
     last = frames[-1]
     read = [sum(f.potentiometer[k] for f in frames) / len(frames) for k in range(4)]
     at_rail = [n for n, v in zip(POTENTIOMETER_NAMES, read, strict=True) if not RAIL < v < 1 - RAIL]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from hardware.emulator import FirmwareRig, reference_rig
+from hardware.emulator.emulator import IMU_AGE_US
 from hardware.emulator.sensors import Mpu6050
 from hardware.firmware import FirmwareError, build, build_elf, build_hash, size
 from hardware.firmware.build import FLAGS, FLASH_SIZE, FOLDER, RAM_SIZE, SKETCH, sources
@@ -253,7 +254,7 @@ def test_clock_stamps_are_right_after_the_line_was_flooded(bench):
 
 
 def test_gyro_readings_have_the_stated_age_and_that_of_the_chips_latest_sample():
-    """Low-pass of DLPF 2 [RM-MPU-6000A-00], start of the burst to the report, 0 to 1 ms held."""
+    """Low-pass of DLPF 2 (register map 4.2), start of the burst to the report, 0 to 1 ms held."""
     chip = Mpu6050(bias_walk=0.0, clock=0.01)  # every phase against the Nano's clock in 100 ms
     rig = reference_rig()
     device = FirmwareRig(
@@ -277,6 +278,8 @@ def test_gyro_readings_have_the_stated_age_and_that_of_the_chips_latest_sample()
         held = (true - gyro) / 2 - 2.8e-3 - 1e-6 * np.array([m.imu_age_us[k] for m in readings])
         assert held.mean() == pytest.approx(0.5e-3, abs=0.05e-3)
         assert held.std() == pytest.approx(1e-3 / 12**0.5, abs=0.05e-3)
+        ages = [m.imu_age_us[k] for m in readings]
+        assert np.mean(ages) == pytest.approx(IMU_AGE_US[k], abs=50)  # the emulator's
 
 
 def test_the_imus_get_the_low_pass_setting_of_config(bench):

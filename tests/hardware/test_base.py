@@ -151,6 +151,15 @@ class TestSnapshot:
             assert fusion.update(reading) == other.update(reading)
         assert fusion.snapshot() == other.snapshot()
 
+    def test_a_snapshot_of_an_earlier_version_is_restored(self):
+        whole = self.trained(20)[0].snapshot()
+        memory = self.trained(20)[0].snapshot()
+        for axis in memory["monitor"]["axes"]:
+            del axis["wandering"]
+        fusion = Fusion(nominal())
+        fusion.restore(memory)
+        assert fusion.snapshot() == whole
+
     @pytest.mark.parametrize(
         "change",
         [

@@ -34,5 +34,15 @@ def test_what_is_not_wired_is_named():
     )  # fmt: skip
     assert found["potentiometers"][0] == "missing"
     assert found["potentiometers"][2] == "check potentiometer_y_a"
+    base = rows(Injection("base_imu", "unplug", 2.0, 0.0, 60.0))["IMU base"]
+    assert base[0] == "note"
+    assert base[2].startswith("only needed for the turntable")
     none = rows(*(Injection(name, "open", 0.0, -1.0) for name in POTENTIOMETER_NAMES))
     assert "--minimal" in none["potentiometers"][2]
+
+
+def test_a_chip_that_does_not_say_what_it_is_is_a_note_with_a_remedy(monkeypatch):
+    monkeypatch.setattr("hardware.emulator.emulator.MPU6050", 0)  # its WHO_AM_I
+    level, state, remedy = rows()["IMU holder"]
+    assert (level, state) == ("note", "answers at 0x68, WHO_AM_I 0x0")
+    assert "reset the board" in remedy

@@ -236,8 +236,17 @@ def test_a_port_held_by_another_is_told_as_busy(pty):
 def test_a_file_is_told_to_be_no_serial_port(tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("hello")
-    with pytest.raises(LinkError, match="not a serial port"):
+    with pytest.raises(LinkError, match="not a serial port; must"):
         Link(str(path))
+
+
+@posix
+@pytest.mark.parametrize("found", [{"/dev/ttyS0": ""}, {}, {"/dev/ttyS0": "", "/dev/ttyUSB1": ""}])
+def test_ports_without_any_usb_adapter_are_told_as_that(monkeypatch, found):
+    monkeypatch.setattr(port_module, "available", lambda: found)
+    with pytest.raises(LinkError, match="no such port") as refusal:
+        Link("/dev/ttyUSB9")
+    assert ("no USB adapter found" in str(refusal.value)) == ("/dev/ttyUSB1" not in found)
 
 
 def test_a_forbidden_port_is_told_with_the_group_to_join(monkeypatch):

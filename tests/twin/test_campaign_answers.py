@@ -281,3 +281,9 @@ def test_statistics_by_name():
     assert statistic("apogee_m_p90", ()).of([values], 0.95).value == pytest.approx(90.1)
     assert statistic("apogee_m_median", ()).of([values], 0.95).low < 50.5
     assert statistic("apogee_m_mean", ()).of([values], 0.95).value == 50.5
+
+
+def test_an_estimate_of_too_few_runs_has_no_interval():
+    assert mean(np.array([2.0]), 0.95).text(" m") == "2 m, too few runs for an interval (n = 1)"
+    nothing = Estimate(math.nan, math.nan, math.nan, 2)
+    assert nothing.text() == "too few runs for an interval (n = 2)"

@@ -9,6 +9,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -39,6 +40,10 @@ sd = 1
 [design]
 n = {n}
 """
+
+
+# an empty SETTINGS frame, with which a server of gRPC begins (RFC 9113, 3.4)
+SETTINGS = bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +133,11 @@ def cluster(tmp_path, monkeypatch):
     for part in range(alone.parts):
         alone.write(part, [work(r) for r in alone.runs_of(part)])
 
+    monkeypatch.setattr(cluster_module, "_check_answers", lambda *_: None)
+
     def fly(ray):
         monkeypatch.setitem(sys.modules, "ray", ray)
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            flying(s, runs, store, work, None, f"127.0.0.1:{server.getsockname()[1]}")
+        flying(s, runs, store, work, None, "127.0.0.1:6379")
         return store.table()
 
     fly.alone = alone.table()
@@ -188,24 +194,32 @@ def test_a_worker_flies_the_rows_of_this_machine_or_says_why_not(tmp_path):
     assert re.match(r"on \S+: .*differs from the study here", rows_of(s.place, "other", [1]))
 
 
-@pytest.mark.parametrize("error", [None, ConnectionError("no GCS"), RuntimeError("a\nb")])
-def test_an_address_without_a_cluster_is_one_line_with_exit_2(tmp_path, monkeypatch, capsys, error):
-    """Nobody listens, or somebody else does."""
+@pytest.mark.parametrize(
+    ("answer", "error", "says"),
+    [(None, None, "refused"), (b"", None, "timed out"), (b"HTTP/1.1 400", None, "another program"),
+     (SETTINGS, ConnectionError("no GCS"), "no GCS"), (SETTINGS, RuntimeError("a\nb"), "a b")],
+)  # fmt: skip
+def test_an_address_without_a_cluster_is_one_line_with_exit_2(
+    tmp_path, monkeypatch, capsys, answer, error, says
+):
+    """Nobody listens, a silent program, a server of the web, and one of gRPC that is not Ray's."""
     s = study(tmp_path, SHORT.format(n=8))
-    ray = FakeRay()
-    if error is not None:
-        monkeypatch.setattr(ray, "init", lambda *_, **__: raised(error))
-    monkeypatch.setitem(sys.modules, "ray", ray)
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        if error is not None:
-            other.listen()
+    monkeypatch.setitem(sys.modules, "ray", ray := FakeRay())
+    monkeypatch.setattr(ray, "init", lambda *_, **__: raised(error))
+    monkeypatch.setattr(cluster_module, "ANSWERS_S", 0.2 if answer == b"" else 5.0)
+    monkeypatch.setattr("twin.campaigns.campaign._warm_up", lambda _: None)
+    with socket.create_server(("127.0.0.1", 0)) as other:
         address = f"127.0.0.1:{other.getsockname()[1]}"
+        if answer is None:
+            other.close()
+        elif answer:
+            Thread(target=lambda: other.accept()[0].sendall(answer), daemon=True).start()
         with pytest.raises(SystemExit) as end:
             run(["campaign", "run", s.place, "--ray", address, "--out", str(tmp_path / "out")])
     said = capsys.readouterr().err.strip().splitlines()
     assert end.value.code == 2
     assert said[-1].startswith(f"twin: --ray {address}: no cluster of Ray answers there: ")
+    assert says in said[-1]
 
 
 def raised(error):

@@ -64,3 +64,16 @@ def test_a_threshold_that_part_of_the_resamples_lack_has_an_open_end():
 def test_a_region_without_failures_has_no_boundary():
     x = {"gain": np.linspace(1.0, 2.0, 200)}
     assert region(x, np.ones(200), {}, 0.95) is None
+
+
+def test_a_parameter_of_a_star_that_never_misses_has_no_limit_in_its_range(tmp_path):
+    uniform = '[vary.{}]\ndistribution = "uniform"\nlow = 0\nhigh = 6\nnominal = 1\n'
+    text = "".join(map(uniform.format, ("wind_speed", "wind_azimuth")))
+    s = study(tmp_path, f"{text}[design]\nkind = 'star'\nn = 128\n{HIT}")
+    work = place(s, runs := Runs(s), lambda v: (v["wind_speed"] - 2.0, 0.0))
+    table = pa.Table.from_pylist([work(run) for run in range(runs.count)])
+    speed, azimuth = answers(s, runs, table).map
+    assert (speed.name, speed.better) == ("wind_speed", -1)  # hits below 3
+    assert speed.threshold is not None
+    assert (azimuth.name, azimuth.limit) == ("wind_azimuth", "no limit in its range")
+    assert azimuth.low[0] == pytest.approx(128 / (128 + 1.96**2), abs=1e-4)  # Wilson of 128 of 128

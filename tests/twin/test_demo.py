@@ -53,11 +53,12 @@ def test_the_screen_gives_the_numbers_of_the_stages(shown):
     json.dumps(shown.as_dict(), allow_nan=False)
 
 
-def test_a_stage_that_fails_is_named_and_an_existing_folder_is_kept(shown, tmp_path):
+def test_a_stage_that_fails_is_named_and_an_existing_folder_is_kept(shown, tmp_path, capsys):
     with pytest.raises(twin.TwinError, match="exists; give the name"):
         twin.demo(out=shown.folder)
     with pytest.raises(twin.HardwareError, match=r"stage 1, calibrate: .*no such port"):
         demo(Demo(gimbal="/dev/ttyUSB77", out=tmp_path / "new"))
+    assert "1/9 calibrate\n" in capsys.readouterr().err  # where no status line is shown
 
 
 @pytest.mark.slow

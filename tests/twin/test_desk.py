@@ -186,6 +186,35 @@ class TestCalibrate:
             calibrate(asked)
         assert list(tmp_path.iterdir()) == []
 
+    def test_what_cannot_be_negative_is_a_limit_where_its_interval_holds_zero(self, calibrated):
+        given = replace(
+            calibrated[1].calibration,
+            hysteresis=tuple(np.radians((-0.17, 0.4))),
+            hysteresis_sigma=tuple(np.radians((0.1, 0.1))),
+        )
+        rows = dict(replace(calibrated[1], calibration=given, gimbal="/dev/ttyUSB0").rows())
+        assert rows["play x"].startswith("below 0.20°,")  # 1.96 σ
+        assert rows["play y"].startswith("0.40 ± 0.20°,")
+        assert rows["timing"].startswith("not judged")
+
+    @pytest.mark.parametrize(
+        ("verb", "told"), [("mirror", "nothing was recorded"), ("calibrate", "sent to neutral")]
+    )
+    def test_an_interrupt_before_anything_is_kept_leaves_no_file(
+        self, tmp_path, monkeypatch, capsys, verb, told
+    ):
+        def interrupted(*_, **__):
+            signal.raise_signal(signal.SIGINT)
+
+        monkeypatch.chdir(tmp_path)
+        for name in ("twin.hil.connect.check_motion", "twin.experiments.calibrate.Procedure"):
+            monkeypatch.setattr(name, interrupted)
+        steer = ["--steer", "joystick"] if verb == "mirror" else []
+        code, _, err = command(capsys, verb, "--gimbal", "emulator", *steer)
+        assert code == 130
+        assert told in err
+        assert not list(tmp_path.rglob("*.rrd")) + list(tmp_path.rglob("*.json"))
+
     def test_a_board_without_a_serial_number_keeps_the_one_it_is_given(self):
         with native.installed(), open_rig(RigOptions("emulator", fuse=False), None) as seat:
             board = seat.rig.line.device.device
@@ -273,6 +302,8 @@ class TestSteering:
         ours, theirs = pty.openpty()
         still = GimbalState(0, (0.0, 0.0))
         with Keys(theirs) as keys:
+            os.write(ours, b"\x1b[Aq")  # before the run
+            assert keys.update(0.0, still) == (0.0, 0.0)
             os.write(ours, b"\x1b[A\x1b[A\x1b[C\x1b")
             first = keys.update(0.0, still)
             os.write(ours, b"[D")  # an arrow torn apart on its way
@@ -312,6 +343,10 @@ MISTAKES = [
     ("mirror --duration-s -1", "from 0.001"),
     ("step --gimbal /dev/ttyUSB9 --clock lockstep", "real time"),
     ("step --gimbal emulater", "emulator"),
+    ("step --gimbal ttyUSB0", "did you mean /dev/ttyUSB0?"),
+    ("step --minimal", "other runs read it from --calibration"),
+    ("step --baud 9600", "fixed at 500000"),
+    ("step --gimbl emulator", "did you mean --gimbal? ("),
     ("step --gimbal linkage --fault gyro:bias", "needs a rig"),
     ("step --gimbal linkage --calibration {file}", "needs a rig"),
     ("step --gimbal socket://127.0.0.1:9 --unit 3", "simulated rigs"),

@@ -15,7 +15,7 @@ def test_the_vehicle_follows_the_newest_estimate_of_a_tick():
         GimbalState(1_000_000, (0.01, -0.02), (0.5, 0.0), (1e-3, 1e-3)),
         GimbalState(3_000_000, (0.02, -0.03), (0.7, 0.1), (1e-3, 1e-3)),
     ]
-    counts = SimpleNamespace(dropped=0, round_trip_ns=0, round_trips=0, lost=0, crc_errors=0)
+    counts = SimpleNamespace(dropped=0, round_trip_ns=0, round_trips=0, lost=9, crc_errors=2)
     fusion = SimpleNamespace(
         monitor=SimpleNamespace(note="", faults=()), state=lambda _: states[0], snapshot=dict
     )
@@ -33,3 +33,7 @@ def test_the_vehicle_follows_the_newest_estimate_of_a_tick():
     assert state.angle == states[1].angle
     assert followed == [(states[1].angle, states[1].rate)]
     assert seat.readings.age_ns == pytest.approx(1_000_000)
+    counts.lost, counts.crc_errors = 12, 3
+    seat.poll()
+    readings = seat.readings
+    assert (readings.lost, readings.crc_errors) == (3, 1)  # none of before time zero

@@ -13,7 +13,7 @@ from twin.campaigns.boundary import SHARE, Frontier, Property, Region, region
 from twin.campaigns.dispersion import Ellipse, ellipse
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import Influence, rank_influences, sobol_influences
-from twin.campaigns.statistic import PLACE, Estimate, mean, statistic, wilson
+from twin.campaigns.statistic import FEWEST, PLACE, Estimate, mean, statistic, wilson
 from twin.campaigns.store import column, counted
 from twin.campaigns.study import Study
 
@@ -119,6 +119,11 @@ def _region(
         alone = {name: numbers[name][here]}
         if (ray := region(alone, hits[here], {name: fixed}, study.confidence)) is not None:
             rays += ray.properties
+        elif here.sum() >= FEWEST and hits[here].all():
+            rate = wilson(hits[here], study.confidence)
+            ends = np.array([alone[name].min(), alone[name].max()])
+            low, high = np.full(2, rate.low), np.full(2, rate.high)
+            rays.append(Property(name, fixed, ends, np.ones(2), low, high, None, -1))
     return None, tuple(rays)
 
 

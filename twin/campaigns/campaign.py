@@ -7,14 +7,19 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from analysis.report import render
+from twin.campaigns.answers import answers
 from twin.campaigns.cluster import Cluster
 from twin.campaigns.engine import Engine, Work, lost_row
+from twin.campaigns.page import sections
 from twin.campaigns.parameters import Binding, binding
 from twin.campaigns.progress import Progress
+from twin.campaigns.result import CampaignResult, Verdict
+from twin.campaigns.reweight import reweighted
 from twin.campaigns.runs import Runs, flown
 from twin.campaigns.statistic import FEWEST, Condition, Estimate, condition
 from twin.campaigns.store import Store, column, counted, study_of
@@ -26,13 +31,10 @@ from twin.errors import TwinError
 from twin.experiments.flight import FlightResult
 from twin.experiments.fly import fly
 
-if TYPE_CHECKING:
-    from twin.campaigns.result import CampaignResult
-
 WARM_UP_S = 0.05  # of a flight that loads what all others need
 
 
-def campaign(config: Campaign) -> "CampaignResult | FlightResult":
+def campaign(config: Campaign) -> CampaignResult | FlightResult:
     """Do what `config.action` says with a study.
 
     Raises
@@ -67,8 +69,6 @@ def campaign(config: Campaign) -> "CampaignResult | FlightResult":
             new = flying(study, runs, store, work, config.workers, config.ray)
     made = result(study, runs, store, conditions, new, time.perf_counter() - began)
     if config.reweight is not None:
-        from twin.campaigns.reweight import reweighted
-
         more = reweighted(study, read(config.reweight), store.table())
         named = {f"{name}, reweighted": e for name, e in more.items()}
         estimates = {**made.answers.estimates, **named}
@@ -97,7 +97,7 @@ def flying(
         return lost_row(run, runs.sample(run), _shown(runs, run))
 
     engine: Engine | Cluster = Engine(
-        work, store, workers or os.cpu_count() or 1, lost, progress.flown, _load_answers
+        work, store, workers or os.cpu_count() or 1, lost, progress.flown, _load_statistics
     )
     if address is not None:
         engine = Cluster(study, store, address, workers, lost, progress.flown)
@@ -150,18 +150,13 @@ def result(
     conditions: Sequence[Condition],
     new: int,
     wall_s: float,
-) -> "CampaignResult":
+) -> CampaignResult:
     """The campaign in numbers, and its page.
 
     Raises
     ------
     TwinError : there are no rows
     """
-    from analysis.report import render
-    from twin.campaigns.answers import answers
-    from twin.campaigns.page import sections
-    from twin.campaigns.result import CampaignResult, Verdict
-
     table = store.table()
     kept = counted(table)
     verdicts = tuple(
@@ -179,10 +174,10 @@ def result(
 
 
 def _with_paths(
-    count: int, study: Study, runs: Runs, store: Store, made: "CampaignResult"
-) -> "CampaignResult":
+    count: int, study: Study, runs: Runs, store: Store, made: CampaignResult
+) -> CampaignResult:
     """The result with a recording of some paths."""
-    from twin.campaigns.bundle import bundle
+    from twin.campaigns.bundle import bundle  # imports Rerun
 
     bound, out = binding(study.fly, study.vary, study.folder), store.folder / "paths.rrd"
     figure, about = made.answers.figure, f"# {study.title}\n\n{made.answers.text}"
@@ -216,10 +211,9 @@ def _warm_up(bound: Binding) -> None:
     fly(replace(config, duration_s=config.at_s + WARM_UP_S), recorded=False)
 
 
-def _load_answers() -> None:
-    """Load what the answers need while the first runs fly."""
-    for name in ("scipy.stats", "twin.campaigns.page", "twin.campaigns.result"):
-        import_module(name)
+def _load_statistics() -> None:
+    """Load what the answers need, which takes half a second, while the first runs fly."""
+    import_module("scipy.stats")
 
 
 def _refly(config: Campaign, study: Study, given: Path | None) -> FlightResult:

@@ -20,6 +20,9 @@ from twin.plant.compiled import compiled
 Rows = list[dict[str, Any]]
 LOCAL = "local"
 ANSWERS_S = 5.0  # for a connection to the cluster
+# what a client of HTTP/2, and so of gRPC, says first, with empty SETTINGS (RFC 9113, 3.4)
+PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
+SETTINGS = 4  # type of the frame that a server answers with
 RETRIES = 3  # of a fragment whose worker or machine died, before its runs are flown one by one
 AHEAD = 2  # fragments given to each processor at a time
 
@@ -164,10 +167,20 @@ def _connected(address: str, workers: int | None) -> Any:  # noqa: ANN401  a mod
         return ray
     host, _, port = address.removeprefix("ray://").rpartition(":")
     try:
-        with socket.create_connection((host, int(port)), ANSWERS_S):
-            pass
+        _check_answers(host, int(port))
         ray.init(address, **quiet)
     except (OSError, ValueError, OverflowError, RuntimeError) as error:
         text = " ".join(str(error).split())[:160]
         raise TwinError(f"--ray {address}: no cluster of Ray answers there: {text}") from None
     return ray
+
+
+def _check_answers(host: str, port: int) -> None:
+    """Raise OSError where no server of gRPC answers: Ray waits for minutes where one is silent."""
+    with socket.create_connection((host, port), ANSWERS_S) as connection:
+        if os.environ.get("RAY_USE_TLS", "0") != "0":
+            return
+        connection.sendall(PREFACE)
+        answer = connection.recv(9)
+    if len(answer) < 4 or answer[3] != SETTINGS:
+        raise OSError("another program listens there")

@@ -56,7 +56,8 @@ def _answer(study: Study, result: CampaignResult) -> Section:
 
 def _estimate(name: str, e: Estimate) -> tuple[Cell | str, ...]:
     interval = f"{e.low:.4g} to {e.high:.4g}" if np.isfinite(e.low) else "–"
-    return name, Cell(f"{e.value:.4g}", "number"), interval, Cell(str(e.n), "number")
+    value = f"{e.value:.4g}" if np.isfinite(e.value) else "–"
+    return name, Cell(value, "number"), interval, Cell(str(e.n), "number")
 
 
 def _map(a: Answers) -> Section:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from twin.campaigns.statistic import Estimate
 from twin.campaigns.store import column, counted
@@ -54,7 +54,7 @@ def _ratio(values: Array, weights: Array, confidence: float) -> Estimate:
     share = weights / weights.sum()
     value = float(share @ values)
     deviation = math.sqrt(float(share**2 @ (values - value) ** 2))
-    half = float(norm.ppf(0.5 + 0.5 * confidence)) * deviation
+    half = float(ndtri(0.5 + 0.5 * confidence)) * deviation
     return Estimate(value, value - half, value + half, int(1.0 / (share @ share)))
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy  # its part `stats` takes half a second and is loaded where it is used
 from numpy.typing import NDArray
-from scipy.stats import rankdata, sobol_indices
 
 from twin.campaigns.statistic import Estimate
 
@@ -55,7 +55,7 @@ def rank_influences(
 
 def _partial(table: Array) -> Array:
     """Partial correlation of each column's ranks with those of the last one."""
-    ranks = rankdata(table, axis=0)
+    ranks = scipy.stats.rankdata(table, axis=0)
     inverse = np.linalg.pinv(np.corrcoef(ranks, rowvar=False))
     scale = np.sqrt(np.abs(np.diag(inverse)))
     return np.asarray(-inverse[:-1, -1] / (scale[:-1] * scale[-1]))
@@ -88,7 +88,7 @@ def sobol_influences(
         "f_B": values[None, :, 1],
         "f_AB": values.T[2:, None, :],
     }
-    indices = sobol_indices(func=parts, n=n)
+    indices = scipy.stats.sobol_indices(func=parts, n=n)
     spread = indices.bootstrap(confidence_level=confidence, n_resamples=RESAMPLES)
     estimates = [
         [

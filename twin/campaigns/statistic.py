@@ -48,6 +48,9 @@ class Estimate:
 
     def text(self, unit: str = "") -> str:
         """Value and interval, such as `0.94 (0.91 to 0.96)`."""
+        if math.isnan(self.low):
+            value = "" if math.isnan(self.value) else f"{self.value:.4g}{unit}, "
+            return f"{value}too few runs for an interval (n = {self.n})"
         return f"{self.value:.4g}{unit} ({self.low:.4g} to {self.high:.4g}, n = {self.n})"
 
 

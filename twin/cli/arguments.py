@@ -27,6 +27,11 @@ TYRO = {
     REPEATABLE: tyro.conf.UseAppendAction,
     FLAG: tyro.conf.FlagCreatePairsOff,
 }
+ELSEWHERE = {  # options that are expected where there is none
+    "--minimal": "only for calibrate and rig; other runs read it from --calibration",
+    "--potentiometer-deg": "only for calibrate and rig; other runs read it from --calibration",
+    "--baud": "the line is fixed at 500000 baud",
+}
 MISTAKE = 2  # tyro's exit code for arguments that it cannot use
 # tyro's messages, and the same in the words of this program
 PLAINER: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
@@ -96,10 +101,12 @@ def _suggested(advice: str, kind: type[Settings]) -> str:
     unknown = re.match(r"Unrecognized options: (--[\w-]+)", advice)
     if unknown is None:
         return advice
-    flags = [f"--{name.rstrip('_').replace('_', '-')}" for name in hints(kind)]
-    near = get_close_matches(unknown[1], flags, n=2) or [
-        f for f in flags if f.startswith(unknown[1])
-    ]
+    if unknown[1] in ELSEWHERE:
+        return f"unknown option {unknown[1]}: {ELSEWHERE[unknown[1]]}"
+    names = [name.rstrip("_").replace("_", "-") for name in hints(kind)]
+    typed = unknown[1].removeprefix("--")
+    close = get_close_matches(typed, names, n=2) or [n for n in names if n.startswith(typed)]
+    near = [f"--{name}" for name in close]
     hint = f"; did you mean {' or '.join(near)}?" if near else ""
     return f"unknown option {unknown[1]}{hint}"
 

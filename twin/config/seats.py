@@ -10,6 +10,8 @@ OF_SERVOS = ("gimbal_servo_", "gimbal_rod_", "gimbal_play_", "gimbal_backlash")
 SIMULATED = ("emulator", "firmware")
 _PORT = re.compile(r"/|\\|://|^com\d+$", re.IGNORECASE)
 
+_DEVICE = re.compile(r"(tty|cu\.)\w+$")  # without its folder
+
 
 def is_port(seat: str) -> bool:
     """Tell whether a seat is a port: a device path, COM3, or a pyserial URL."""
@@ -29,6 +31,8 @@ def check_seat(seat: str) -> None:
     TwinError : with the valid names
     """
     if seat not in MODELS and not is_rig(seat):
+        if _DEVICE.match(seat):
+            raise TwinError(f"--gimbal {seat!r}: did you mean /dev/{seat}?")
         raise TwinError(
             f"--gimbal {seat!r}: there are {', '.join(MODELS + SIMULATED)}, or a port such as"
             " /dev/ttyUSB0, COM3 or socket://127.0.0.1:5555"

@@ -12,6 +12,7 @@ from twin import status
 from twin.config import Calibrate
 from twin.config.paths import writable
 from twin.config.result import Result, Rows
+from twin.config.seats import is_port
 from twin.errors import TwinError
 from twin.hil import RigGimbal, RigOptions, mechanism_map, open_rig, switch_angles
 from twin.plant.compiled import compiled
@@ -62,12 +63,12 @@ class CalibrationResult(Result):
             error = FIGURE * degrees(sqrt(c.matrix_covariance[3 * k][3 * k])) * 1e-6
             play = FIGURE * degrees(c.hysteresis_sigma[k])
             again = degrees(c.repeatability[k])
-            loose = f"{degrees(c.hysteresis[k]):.2f} ± {play:.2f}°, repeats within {again:.2f}°"
+            loose = f"{_positive(degrees(c.hysteresis[k]), play)}, repeats within {again:.2f}°"
             rows += [
                 (f"zero {axis}", f"{c.zero[k] * 1e6:.1f} ± {zero:.1f} µs"),
                 (f"servo {axis}", f"{gain * 1e3:.2f} ± {error * 1e3:.2f} °/ms"),
                 (f"from servo {'yx'[k]}", f"{slip * 1e3:.2f} °/ms"),
-                (f"hysteresis {axis}", loose),
+                (f"play {axis}", loose),
                 (f"between switches {axis}", f"{degrees(c.deviation[k]):.2f}° rms off the map"),
                 (f"commanded {axis}", self._uncertainty(k)),
             ]
@@ -84,6 +85,8 @@ class CalibrationResult(Result):
             rows.append((f"potentiometer {name}", line))
         bias = ", ".join(f"{degrees(b):.2f}" for b in c.gyro.bias)
         rows.append(("gyro bias", f"{bias} °/s"))
+        if is_port(self.gimbal):
+            rows.append(("timing", "not judged: the board itself dates readings and pulses"))
         if c.note:
             rows.append(("note", c.note))
         return [
@@ -97,6 +100,11 @@ class CalibrationResult(Result):
         return ", ".join(
             f"± {s:.2f}° at {degrees(a):g}°" for a, s in zip(REPORTED, sigmas, strict=True)
         )
+
+
+def _positive(value: float, half: float) -> str:
+    """A figure [°] that cannot be negative, with half its interval: a limit where that holds 0."""
+    return f"{value:.2f} ± {half:.2f}°" if value > half else f"below {max(value, 0.0) + half:.2f}°"
 
 
 def calibrate(config: Calibrate) -> CalibrationResult:
@@ -123,6 +131,9 @@ def calibrate(config: Calibrate) -> CalibrationResult:
         began = seat.now_ns()
         try:
             result = _drive(seat, rig)
+        except KeyboardInterrupt as interrupt:
+            interrupt.add_note("no file was written, the servos are sent to neutral")
+            raise
         finally:
             seat.rig.neutral()
         duration = (seat.now_ns() - began) * 1e-9

@@ -25,6 +25,7 @@ from twin.loop.readings import Readings
 
 KEYS = "arrow keys, space: zero, q: end   "
 ENDLESS_NS = 1 << 62
+FEWEST_AGES = 100  # of which one is at 99 %
 # The rig is polled more often than rows are needed, so that no frame waits for its tick.
 ROW_NS = 2_000_000
 # A write of the recorder holds the loop up for milliseconds: seldom, but for a watching viewer.
@@ -41,8 +42,8 @@ class MirrorResult(Result):
     ended : reason of the end
     frames : sensor frames followed
     pose_age_ms : median and 99th percentile of the time from a device's stamp to the pose that
-        shows it; None without readings or for a recording
-    lost, crc_errors : frames
+        shows it; None with less than 100 readings or for a recording
+    lost, crc_errors : frames, from time zero on
     gaps_s : times without the rig
     health : last state of connection and sensors
     notes : what is worth knowing about the rig, one line each
@@ -72,9 +73,10 @@ class MirrorResult(Result):
             ("ended", f"{self.ended}, after {self.duration_s:.2f} s"),
             ("frames", f"{self.frames}, {self.lost} lost, {self.crc_errors} with CRC errors"),
         ]
+        age = "–"
         if self.pose_age_ms is not None:
-            median, worst = self.pose_age_ms
-            rows.append(("pose age", f"{median:.2f} ms median, {worst:.2f} ms at 99 %"))
+            age = "{:.2f} ms median, {:.2f} ms at 99 %".format(*self.pose_age_ms)
+        rows.append(("pose age", age))
         if self.gaps_s:
             times = ", ".join(f"{g:.2f}" for g in self.gaps_s)
             rows.append(("without the rig", f"{len(self.gaps_s)} times: {times} s"))
@@ -121,7 +123,7 @@ class _Witness:
         return f"x {x:+6.2f}°  y {y:+6.2f}°  {self.readings.health}, {link}"
 
     def percentiles(self) -> tuple[float, float] | None:
-        if not self.ages:
+        if len(self.ages) < FEWEST_AGES:
             return None
         median, high = np.percentile(np.frombuffer(self.ages, np.int64), [50, 99]) * 1e-6
         return float(median), float(high)
@@ -140,7 +142,6 @@ def mirror(config: Mirror) -> MirrorResult:
         if plant.twin.gimbal != "follow":
             raise TwinError(f"--scene {config.scene}: has no gimbal to follow a rig with")
         keys = stack.enter_context(Keys()) if config.steer == "keys" else None
-        ended = stack.enter_context(until_signal())
         length = ENDLESS_NS
         if config.playback is None:
             s.connect(watch=not config.steer)
@@ -157,6 +158,7 @@ def mirror(config: Mirror) -> MirrorResult:
             length = min(length, round(config.duration_s * 1e9))
         drain = DRAIN_NS if config.serve is None else DRAIN_LIVE_NS
         recorder = s.record(serve=config.serve, drain_ns=drain)
+        ended = stack.enter_context(until_signal())  # until then there is nothing to keep
         readings, rows = witness.readings, s.rows
 
         hint = KEYS if keys is not None else ""

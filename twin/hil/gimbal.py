@@ -153,6 +153,7 @@ class RigGimbal:
         self._origin = 0
         self._started = self._caught_up = False
         self.dropped = self._dropped = 0
+        self._lost = self._damaged = 0  # frames, before the run
         self._fresh_ns = 0
         self._received = False
         self._next_command = 0
@@ -202,7 +203,10 @@ class RigGimbal:
             self.wait(_STEP_NS)  # a terminal returns a backlog in pieces
             self.rig.poll()
         self._stale = self.rig.fusion.state(0)
-        self._dropped = self.rig.statistics.dropped
+        before = self.rig.statistics
+        self._dropped = before.dropped
+        if self._live:
+            self._lost, self._damaged = before.lost, before.crc_errors
         memory = {"session": self.rig.session, "fusion": self.rig.fusion.snapshot()}
         self._snapshot = json.dumps(memory, allow_nan=False)
         self._caught_up = True
@@ -294,7 +298,8 @@ class RigGimbal:
         statistics = rig.statistics
         r.round_trip_ns = statistics.round_trip_ns if known and r.frames else None
         r.round_trips = statistics.round_trips
-        r.lost, r.crc_errors = statistics.lost, statistics.crc_errors
+        r.lost = statistics.lost - self._lost
+        r.crc_errors = statistics.crc_errors - self._damaged
         if statistics.dropped > self._dropped and not self.dropped:
             r.events.append(ReadingsDropped())
         self.dropped = statistics.dropped - self._dropped

@@ -135,7 +135,10 @@ def _check(
         return
     k = int(wrong[0])
     worst = float(values[k][np.argmax(np.maximum(low - values[k], values[k] - high))])
+    hint = ""
+    if unit == "°" and source.unit == "rad" and is_table(source.file):
+        hint = f"; in degrees? give --{'input' if source.inputs else 'angle'}-unit deg"
     raise TwinError(
         f"{source.file}: command of {scale * worst:.4g} {unit} at {time[k]:g} s: must be {what},"
-        f" from {scale * low:.4g} to {scale * high:.4g} {unit}"
+        f" from {scale * low:.4g} to {scale * high:.4g} {unit}{hint}"
     )

@@ -88,6 +88,7 @@ class Keys:
         self.ended = False
         self._angle = [0.0, 0.0]
         self._rest = ""
+        self._begun = False
         if self._fd < 0 or not os.isatty(self._fd):
             raise TwinError("--steer keys: standard input must be a terminal")
         try:
@@ -117,7 +118,11 @@ class Keys:
             self._termios.tcsetattr(self._fd, self._termios.TCSADRAIN, self._before)
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
-        """Return the angle set by the keys [rad]."""
+        """Return the angle set by the keys [rad]; those typed before it began are lost."""
+        if not self._begun:
+            self._begun = True
+            with suppress(self._termios.error):
+                self._termios.tcflush(self._fd, self._termios.TCIFLUSH)
         with suppress(OSError):
             self._press(os.read(self._fd, 64).decode("ascii", "ignore"))
         return self._angle[0], self._angle[1]

@@ -140,8 +140,9 @@ def _titled(content: Content) -> Iterator[tuple[str, list[rrb.View]]]:
     estimates = [s for s in content.signals if s.startswith("shadow/estimate/")]
     for first in range(0, len(estimates), MOST_PLOTS):
         some = estimates[first : first + MOST_PLOTS]
+        number = f" {first // MOST_PLOTS + 1}" if len(estimates) > MOST_PLOTS else ""
         yield (
-            "Estimates",
+            f"Estimates{number}",
             [plots.all_components(style.last(s), [s], content.known) for s in some],
         )
 

@@ -75,7 +75,7 @@ def claimed(path: Path, partial: Path, signals: int) -> IO[bytes]:
 
 
 def _refuse_full(mark: IO[bytes], partial: Path, room: int) -> None:
-    """Reserve and release room for the blueprint: Rerun waits for ever where it does not fit."""
+    """Reserve and release room for the blueprint: Rerun would fail in many lines, and later."""
     if not hasattr(os, "posix_fallocate"):
         return
     try:

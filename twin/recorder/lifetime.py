@@ -18,14 +18,15 @@ def begin(stream: rr.RecordingStream, sinks: Sinks, look: rrb.Blueprint) -> None
     """Send a stream to its sinks, a blueprint first.
 
     As `RecordingStream.set_sinks`, whose stream of the blueprint refers to itself and is never
-    released: two threads and some memory a recording.
+    released: two threads and some memory a recording. And it waits for ever where the disk has no
+    room for the blueprint; sent after the sinks are set, it fails at the next flush.
 
     Raises
     ------
     RuntimeError, OSError, ValueError : a sink cannot be opened
     """
-    with _stored(look) as memory:
-        rerun_bindings.set_sinks(sinks, default_blueprint=memory, recording=stream.to_native())
+    rerun_bindings.set_sinks(sinks, default_blueprint=None, recording=stream.to_native())
+    show(stream, look)
 
 
 def show(stream: rr.RecordingStream, look: rrb.Blueprint) -> None:

@@ -111,6 +111,7 @@ def _stage(number: int, name: str, **settings: object) -> Any:  # noqa: ANN401
     the verb's own errors, with the stage in front
     """
     began = time.perf_counter()
+    status.begun(f"{number}/{STAGES} {name}")
     with status.stage(f"{number}/{STAGES} {name}: "):
         status.say("starting")
         try:
