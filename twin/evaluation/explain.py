@@ -28,7 +28,9 @@ Array = NDArray[np.float64]
 DEGREES = 180.0 / math.pi
 LONGEST = 15.0  # s that are simulated again
 MOST = 6  # effects of one axis
-TRIED = 4  # effects that are fitted before one is chosen
+# effects that are fitted before one is chosen: to first order one that bounds the motion, as a
+# slew limit does, promises less than it explains
+TRIED = 6
 REFINED = 4  # Gauss-Newton steps
 STARTS = (0.0, 1.0, 2.0)  # steps of the derivatives, at which a fit of an effect may begin
 PARTS = (1.0, 0.4)  # of a Gauss-Newton step
