@@ -13,6 +13,7 @@ import pytest
 
 from analysis.recording import read
 from twin.cli.main import main
+from twin.loop.seats import Pilot
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "mjcf" / "examples"
 
@@ -154,14 +155,28 @@ def test_a_flight_of_one_tick_towards_a_point_has_a_distance(capsys, here):
     assert json.loads(out)["closest_approach_m"] == pytest.approx(461, abs=1)  # hypot(300, 350)
 
 
-@pytest.mark.parametrize("clock", ["lockstep", pytest.param("wall", marks=pytest.mark.realtime)])
-def test_an_interrupted_run_says_where_it_is_kept(capsys, here, monkeypatch, clock):
+def test_an_interrupted_run_says_where_it_is_kept(capsys, here, monkeypatch):
+    planned = Pilot.planned
+
+    def pressed(self, times):
+        if times[0] > 0:  # before the second chunk of compiled ticks
+            raise KeyboardInterrupt
+        return planned(self, times)
+
+    monkeypatch.setattr(Pilot, "planned", pressed)
+    code, _, err = run(capsys, "fly", "--out", "f.rrd")
+    assert (code, err) == (130, "twin: interrupted; f.rrd holds the run up to there\n")
+    assert read("f.rrd")["vehicle/position"].time[-1] == pytest.approx(511 * 0.004)
+
+
+@pytest.mark.realtime
+def test_a_run_interrupted_in_real_time_says_where_it_is_kept(capsys, here, monkeypatch):
     def pressed(self, time_ns):
         if time_ns >= 200_000_000:
             raise KeyboardInterrupt
 
     monkeypatch.setattr("twin.experiments.flight.Flight.watch", pressed)
-    code, _, err = run(capsys, "fly", "--clock", clock, "--out", "f.rrd")
+    code, _, err = run(capsys, "fly", "--clock", "wall", "--out", "f.rrd")
     assert (code, err) == (130, "twin: interrupted; f.rrd holds the run up to there\n")
     assert read("f.rrd")["vehicle/position"].time[-1] == pytest.approx(0.2, abs=0.005)
 
