@@ -177,7 +177,9 @@ def _changed(axis: AxisEvidence) -> str | None:
     if not axis.sizes:
         return ""
     found = [
-        f"{e.name} {_short(e.value, e.unit)}" for e in axis.sizes if abs(e.value) > 1.96 * e.std
+        f"{e.name} {_short(e.value, e.unit)}"
+        for e in axis.sizes
+        if not abs(e.value) <= 1.96 * e.std
     ]
     return f" (from the smallest to the largest: {', '.join(found)})" if found else None
 

@@ -12,6 +12,7 @@ from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, Servo
 from analysis.plain import plain
 from analysis.transfer_function import Channel, Covariance, Servo, TransferFunctionModel
 from analysis.transfer_function.servo import Structure
+from analysis.transfer_function.uncertain import MOST_FIGURES
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +144,8 @@ class IdentifiedModel:
             names += [found[i].name for i in known]
             values += [found[i].value for i in known]
             parts.append(joint[np.ix_(known, known)])
+        if not 0 < len(names) <= MOST_FIGURES:
+            return None
         matrix = block_diag(*parts)
         return Covariance(tuple(names), tuple(values), tuple(map(tuple, matrix.tolist())))
 

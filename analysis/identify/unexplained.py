@@ -10,7 +10,7 @@ from analysis.identify.uncertainty import of_steps
 
 _KNOTS = 24
 _REMEMBERED = 1.0  # s after a command that count as its answer
-_ROWS = 4000  # per sensor and record; more change nothing
+_ROWS = 4000  # per sensor, of all records together; more change nothing
 _FOLDS = 4
 _RIDGE = 1e-6
 _SMALLEST = 0.02  # of the largest step; smaller ones count as this one
@@ -45,8 +45,8 @@ def repeatable(problem: Problem, residual: Array, column: int) -> float:
             A, b = design[~out], target[~out]
             normal = A.T @ A
             normal[np.diag_indices(_KNOTS)] += _RIDGE * max(float(np.trace(normal)), 1e-300)
-            told = design[out] @ np.linalg.solve(normal, A.T @ b)
-            left += float(np.sum((target[out] - told) ** 2))
+            explained_by = design[out] @ np.linalg.solve(normal, A.T @ b)
+            left += float(np.sum((target[out] - explained_by) ** 2))
             explained += float(np.sum(target[out] ** 2))
     return max(0.0, 1.0 - left / explained) if explained > 0.0 else 0.0
 

@@ -179,7 +179,7 @@ class Recording:
         try:
             import pandas
         except ImportError:
-            raise ImportError("frame() needs pandas; install tvc-twin[notebook]") from None
+            raise ImportError("frame() needs pandas; run pip install '.[notebook]'") from None
         names = self.series if signals is None else signals
         series = [self[name] for name in ((names,) if isinstance(names, str) else names)]
         stamps = np.unique(np.concatenate([np.empty(0, np.int64), *(s.time_ns for s in series)]))

@@ -48,7 +48,7 @@
       if (style.line) style.line.color = c;
       if (style.marker) style.marker.color = c;
       if (style.marker && style.marker.line) style.marker.line.color = c;
-      const listed = (line.style !== "thin" || line.labels) && !seen.has(line.name);
+      const listed = (line.style !== "thin" || Boolean(line.labels)) && !seen.has(line.name);
       if (listed) seen.add(line.name);
       const own = {
         x: line.x, y: line.y, type: "scatter", name: plain(line.name), legendgroup: line.name,

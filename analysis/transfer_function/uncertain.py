@@ -85,15 +85,18 @@ def distribution(model: "TransferFunctionModel") -> tuple[Covariance, Array]:
     """
     if (known := model.covariance) is None:
         raise ModelFileError(
-            "has no covariance; `twin identify` writes one for axes that are not coupled"
+            "has no covariance; `twin identify` writes one for uncoupled axes, without --both"
         )
     same = with_figures(model, dict(zip(known.names, known.values, strict=True)))
     a, b = (
         [n for row in m.channels for c in row for n in (*c.num, *c.den, c.delay)]
         for m in (model, same)
     )
+    for m, numbers in ((model, a), (same, b)):
+        if m.servo is not None:
+            numbers += [getattr(m.servo, name) or 0.0 for name in _SERVO.values()]
     if not np.allclose(a, b, rtol=1e-6, atol=1e-9):
-        raise ModelFileError("covariance.values are not those of the channels")
+        raise ModelFileError("covariance.values are not those of the channels and the servo")
     return known, _root(np.array(known.matrix))
 
 

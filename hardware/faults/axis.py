@@ -31,7 +31,7 @@ class Axis:
     doubtful : time for which the potentiometers disagree and neither can be named [s]
     common : time for which both disagree with the gyro and neither side can be named [s]
     pace : largest rate of gimbal and base of late [rad/s], fading with `FADING`
-    wandering : time for which the filter's bias is not believed, since it was told to forget [s]
+    wandering : time for which the filter's bias is not believed, after it was made to forget [s]
     """
 
     free: float = 0.0

@@ -159,7 +159,10 @@ def _explain(url: str, error: Exception) -> str:
         return f"{url}: no permission; run `sudo usermod -aG dialout $USER`, then log in again"
     if number in {errno.ENOENT, errno.ENODEV, errno.ENXIO} or "FileNotFoundError" in text:
         return f"{url}: no such port; must be one of: {_ports()}"
-    return f"{url}: not a serial port; must be one of: {_ports()}"
+    if number in {errno.ENOTTY, errno.EINVAL} or "Inappropriate ioctl" in text:
+        return f"{url}: not a serial port; must be one of: {_ports()}"
+    reason = getattr(error, "strerror", None) or text
+    return f"{url}: cannot be opened ({reason}); must be one of: {_ports()}"
 
 
 def available() -> dict[str, str]:

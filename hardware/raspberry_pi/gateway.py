@@ -175,10 +175,11 @@ class Gateway:
         last = self._motion.latest
         counts, read_us, fresh = list(last.counts), list(last.read_us), [False, False]
         for k, imu in enumerate(self._imus):
+            began = self.now_us()  # the age of a reading counts from here, as the firmware's
             answer = imu.read(self.device.config.dlpf)
             if answer is not None:
                 counts[6 * k : 6 * k + 6] = answer
-                read_us[k], fresh[k] = self.now_us(), True
+                read_us[k], fresh[k] = began, True
         return _Motion(tuple(counts), (read_us[0], read_us[1]), (fresh[0], fresh[1]))
 
     def _read_adc(self) -> _Codes:

@@ -61,4 +61,4 @@ def test_without_pandas_the_extra_is_named():
         "from analysis.recording import Recording; Recording({}, {}).frame()"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert "ImportError: frame() needs pandas; install tvc-twin[notebook]" in done.stderr
+    assert "ImportError: frame() needs pandas; run pip install '.[notebook]'" in done.stderr

@@ -14,7 +14,7 @@ def main() -> None:
     """Print one line a flight: apogee [m] and its difference from the measurement."""
     flown = peer(*(f"{name}:{public.wind}" for name, public in PUBLIC.items()))
     version = "not installed" if flown is None else flown["version"]
-    print(f"apogee [m]     measured   RocketPy 1.13, documented   RocketPy {version}   twin")
+    print(f"apogee [m]     measured   RocketPy's documentation   RocketPy {version}   twin")
     for name, public in PUBLIC.items():
         theirs = None if flown is None else flown["reached"][name][0]
         columns = [_beside(v, public.measured) for v in (public.peer, theirs, _twin(name, public))]

@@ -166,7 +166,7 @@ def test_an_interrupted_run_says_where_it_is_kept(capsys, here, monkeypatch):
     monkeypatch.setattr(Pilot, "planned", pressed)
     code, _, err = run(capsys, "fly", "--out", "f.rrd")
     assert (code, err) == (130, "twin: interrupted; f.rrd holds the run up to there\n")
-    assert read("f.rrd")["vehicle/position"].time[-1] == pytest.approx(511 * 0.004)
+    assert read("f.rrd")["vehicle/position"].time[-1] == pytest.approx(63 * 0.004)
 
 
 @pytest.mark.realtime

@@ -419,7 +419,6 @@ def test_old_firmware_is_told_and_what_to_do(capsys, tmp_path, monkeypatch):
     assert "flash the firmware" in err
 
 
-@pytest.mark.realtime
 def test_a_rig_on_a_port_without_a_calibration_says_that_its_angles_are_unproven(calibrated):
     with serve(Chatter(b"")) as server:
         for path in (None, calibrated[0]):
@@ -428,6 +427,7 @@ def test_a_rig_on_a_port_without_a_calibration_says_that_its_angles_are_unproven
             assert ("angles unproven; run twin calibrate" in seat.note) is (path is None)
 
 
+@pytest.mark.realtime
 def test_a_busy_port_is_told(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with served() as (_, url), native.installed(), open_rig(RigOptions(url), None):

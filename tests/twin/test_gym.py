@@ -250,4 +250,4 @@ def test_an_action_that_is_not_two_numbers_is_refused(action):
 def test_without_gymnasium_the_extra_is_named():
     code = "import sys; sys.modules['gymnasium'] = None; import twin.gym"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert "ImportError: twin.gym needs gymnasium; install tvc-twin[gym]" in done.stderr
+    assert "ImportError: twin.gym needs gymnasium; run pip install '.[gym]'" in done.stderr

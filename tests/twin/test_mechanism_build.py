@@ -83,6 +83,8 @@ def test_a_vehicle_commands_the_stroke_of_its_mechanism(tmp_path: Path) -> None:
             assert control_config(model).limit == pytest.approx(math.radians(degrees), rel=1e-6)
     settings = ModelConfig(mechanism=stated, overrides={"control_limit": 0.05})
     assert control_config(load(settings).mj).limit == pytest.approx(0.05)
+    with pytest.raises(TwinError, match="control limit is 0; must be finite and > 0"):
+        control_config(load(ModelConfig(overrides={"control_limit": 0.0})).mj)
 
 
 def test_a_built_mechanism_has_its_dimensions_and_its_rods_close(built: Path) -> None:

@@ -235,7 +235,9 @@ def test_a_rail_that_turns_into_the_wind_points_where_the_wind_comes_from(tmp_pa
     )
     found = read(tmp_path, text)  # OpenRocket: from north over east [rad]
     assert found.design.launch.azimuth == pytest.approx(math.pi / 2 - 1.25)
-    assert found.left_out == ("the wind of its simulations: --set wind_speed=3 adds it",)
+    to = math.atan2(-math.cos(1.25), -math.sin(1.25))  # where it blows to, from east to north
+    advice = f"--set wind_speed=3 --set wind_azimuth={to:.4g} adds it"
+    assert found.left_out == (f"the wind of its simulations: {advice}",)
 
 
 @pytest.mark.parametrize(

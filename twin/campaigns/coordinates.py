@@ -34,11 +34,16 @@ def coordinates(
     if len(axes) < 3:
         return None
     places = np.stack([values for _, values in axes], axis=1)  # (runs, rows)
+    complete = np.asarray(np.isfinite(places).all(axis=1))  # a run that diverged has no figures
     lines = []
     for name, role, runs in _kinds(study, kept):
-        shown = [k for k in _spread(runs) if np.isfinite(places[k]).all()]
+        shown = _spread(runs[complete[runs]])
+        if not shown:
+            continue
         numbers = kept["run"].take(shown).to_pylist()
         lines.append(_line(name, role, places[shown], [command(run) for run in numbers]))
+    if not lines:
+        return None
     caption = (
         "Each line is a run, each row what varies, from its lowest value on the left to its highest"
         f" on the right; the most influential on top, {a.figure} last. Up to {MOST_LINES} runs of"

@@ -13,6 +13,7 @@ from scipy.special import ndtri
 
 from analysis.files import FileError, content
 from analysis.transfer_function import ModelFileError, TransferFunctionModel, distribution
+from hardware.frames import AXES
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
@@ -243,6 +244,8 @@ def _model(where: str, name: str, given: dict[str, Any], relative: bool, folder:
     except ModelFileError as error:
         text = str(error)
         raise TwinError(f"{where} {'' if str(file) in text else f'{file}: '}{text}") from None
+    if len(model.inputs) != len(AXES):
+        raise TwinError(f"{where} {file}: has {len(model.inputs)} axis; a flight needs two")
     columns = tuple(f"model.{n}" for n in known.names)
     return replace(_joint(name, "model", columns, np.array(known.values), root), model=model)
 

@@ -75,8 +75,8 @@ class Model(Parameters):
     scene: str = "flight"
     """Scene: flight, bench, turntable, or an MJCF file."""
     vehicle: Path | None = None
-    """Description (TOML), OpenRocket design (.ork, with --motor) or MJCF file of the vehicle; the
-    reference vehicle if omitted."""
+    """Description (TOML), OpenRocket design (.ork, for verbs with --motor) or MJCF file of the
+    vehicle; the reference vehicle if omitted."""
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     model: Path | None = None

@@ -47,7 +47,8 @@ def beside(config: Compare) -> Beside:
     begin, end = float(run.command.time[0]), float(run.time[-1])
     if not 0.0 < end - begin <= LONGEST:
         raise TwinError(f"{run.name}: {end - begin:.0f} s from the first command to the last angle")
-    angles = gimbal_angles(Source(config.recordings[0]), run.command, None, "both")
+    unit = "deg" if config.angle_unit or config.input_unit else "rad"  # converted already
+    angles = gimbal_angles(Source(config.recordings[0], unit=unit), run.command, None, "both")
     with compiled():
         plant = _plant(config, config.with_)
         period = plant.dt_ns * 1e-9

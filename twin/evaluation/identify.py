@@ -123,7 +123,7 @@ def _unexplained(a: AxisEvidence) -> Rows:
             text = f"not white, autocorrelation {tests.autocorrelation:.2f}"
             text += "; the intervals allow for it" if a.allowed else ""
             rows.append((f"{a.name} {what} residual", text))
-    if a.repeats > 0.0:
+    if a.repeats >= 0.005:
         text = f"another linear model explains {100 * a.repeats:.0f} % of it"
         rows.append((f"{a.name} residual", text))
     if a.disagree:
@@ -283,7 +283,8 @@ def _flown(
         one = flown.channels[0][0]
         none = type(one)((0.0,), (1.0,))
         flown = replace(
-            flown, channels=((one, none), (none, one)), inputs=("x", "y"), outputs=("x", "y")
-        )
+            flown, channels=((one, none), (none, one)), inputs=("x", "y"), outputs=("x", "y"),
+            covariance=None,  # that of one axis; two equal ones vary as one
+        )  # fmt: skip
         source["both"] = f"axis {model.inputs[0]} is used for x and y"
     return replace(flown, source=source)

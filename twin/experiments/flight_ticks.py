@@ -27,6 +27,7 @@ from twin.recorder.rows import Rows
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 CHUNK = 512  # ticks between two looks at the keyboard
+RECORDED = 64  # the same of a recorded flight: those of the last are lost where it is interrupted
 POSES: Final = ("xpos", "xquat", "qpos", "site_xpos", "site_xmat")  # of `Sink.commit_pose`
 
 
@@ -85,10 +86,11 @@ def compiled_ticks(
     if rows is not None:  # others are flown by something with a line of its own
         status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s")
     copies = _Copies(rows, sources, plant.data)
-    copied, events = np.empty((CHUNK, copies.addresses.size)), np.zeros(CHUNK, np.int64)
+    chunk = CHUNK if rows is None else RECORDED
+    copied, events = np.empty((chunk, copies.addresses.size)), np.zeros(chunk, np.int64)
     ticks, end, tick_ns = 0, 0, steps * plant.dt_ns
     while plant.time_ns < duration_ns:
-        kept = track.room()[:CHUNK]
+        kept = track.room()[:chunk]
         times = range(plant.time_ns, duration_ns, tick_ns)[: len(kept)]
         planned = pilot.planned(times)
         began = time.thread_time()

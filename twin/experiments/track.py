@@ -32,8 +32,8 @@ WIDTH: Final = 12
 AT_LIMIT: Final = 1e-6  # rad
 TURN: Final = 0.5  # s, over which the direction of the path changes by more than the nose swings
 HALF_NS: Final = 5e-10  # s; times are rounded
-STEEP: Final = 15.0  # °, angle of attack off the rail that is told
-SHORT: Final = 1.0  # s, of a flight to the ground that is told
+STEEP: Final = 15.0  # °, angle of attack off the rail that is reported
+SHORT: Final = 1.0  # s, of a flight to the ground that is reported
 WORTH: Final = 0.1  # of the largest dynamic pressure, below which no angle of attack counts
 
 

@@ -11,7 +11,7 @@ Needs the extra `gym`.
 try:
     import gymnasium
 except ImportError:
-    raise ImportError("twin.gym needs gymnasium; install tvc-twin[gym]") from None
+    raise ImportError("twin.gym needs gymnasium; run pip install '.[gym]'") from None
 
 from twin.gym.environment import GimbalEnv
 from twin.gym.observation import COMPONENTS, Observer

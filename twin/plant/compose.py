@@ -59,7 +59,7 @@ def design_of(vehicle: Path, motor: Path | None = None) -> "Design":
     if motor is None:
         raise TwinError(
             f"{vehicle}: its motor ({found.motor or 'none'}) comes without a thrust curve; give its"
-            " file with --motor FILE.eng, here or to twin vehicle import"
+            " file with --motor FILE.eng to twin fly, or import the design (twin vehicle import)"
         )
     return vehicles.with_motor(found.design, motor)
 

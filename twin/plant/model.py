@@ -20,7 +20,7 @@ from twin.physics.aerodynamics.fit import misfits
 from twin.physics.mechanism import check_frame, check_response
 from twin.physics.mechanism.servo import apply_servo, insert_backlash
 from twin.plant import overrides as override
-from twin.plant.authority import insert_control, settle_limit
+from twin.plant.authority import LIMIT, insert_control, settle_limit
 from twin.plant.compose import MJCF, NOTE, SCENES, compose, is_description, left_out, one_line
 from twin.plant.plausible import check_mechanism, check_motor, check_vehicle
 
@@ -135,7 +135,8 @@ def load(
         _check_meshes(model)
         _check_meaning(model, seat)
     override.apply(model, {**_seeded(model, config.seed), **config.overrides})
-    settle_limit(model)
+    if not any(name.partition("[")[0] == LIMIT for name in config.overrides):
+        settle_limit(model)
     if seat == "linkage":
         apply_servo(model)
     native.bind(model)

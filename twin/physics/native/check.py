@@ -17,6 +17,7 @@ from twin.physics.native.names import ALL, NUMERICS, Numeric
 Array = NDArray[np.float64]
 
 SWITCHES: Final = ("air_enabled", "air_model", "motor_burn", "wind_model")
+ROUNDED: Final = 1e-3  # rad; 2π as it is written
 POSITIVE: Final = ("wind_reference_height",)
 NOT_NEGATIVE: Final = (
     "air_strip_area",
@@ -86,7 +87,7 @@ def check(model: mujoco.MjModel) -> None:
         _demand(name, values[name], values[name] >= 0, "must not be negative")
     azimuth = values["wind_azimuth"]
     degrees = f"must be within a turn, ±2π; write {azimuth[0]:g}° if it is in degrees"
-    _demand("wind_azimuth", azimuth, np.abs(azimuth) <= 2 * np.pi, degrees)
+    _demand("wind_azimuth", azimuth, np.abs(azimuth) <= 2 * np.pi + ROUNDED, degrees)
     if values["air_model"][0] == 1:
         offset = values["air_thesis_offset"]
         _demand("air_thesis_offset", offset, offset > 0, "must be positive")

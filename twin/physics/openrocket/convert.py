@@ -274,7 +274,12 @@ class _Import:
         if ramp.flag("launchintowind") and ramp.word("windmodeltype", "average") == "average":
             north = ramp.number("winddirection", north)
         if (wind := ramp.number("windaverage")) > 0:
-            self._left.append(f"the wind of its simulations: --set wind_speed={wind:g} adds it")
+            came = ramp.number("winddirection", math.pi / 2)  # from, from north over east
+            to = math.remainder(-math.pi / 2 - came, math.tau)
+            self._left.append(
+                f"the wind of its simulations: --set wind_speed={wind:g} --set"
+                f" wind_azimuth={to:.4g} adds it"
+            )
         return Launch(
             elevation=min(max(math.pi / 2 - abs(lean), 0.0), math.pi / 2),
             azimuth=math.remainder(math.pi / 2 - north + (math.pi if lean < 0 else 0), math.tau),

@@ -220,6 +220,11 @@ def check_gimbal(design: Design, outline: Outline, held: Carrier | None) -> None
         )
     if design.motor.overhang or design.motor.diameter is not None:
         raise VehicleError("motor.overhang and motor.diameter: the mechanism decides both")
+    if pivot < held.reach:
+        raise VehicleError(
+            f"gimbal.pivot = {pivot:g} m; must be {held.reach:g} m or more behind the tip, so far"
+            " forward reaches the mechanism"
+        )
     narrowest = min(_inside(outline, x, 0.0) for x in _between(outline, pivot - held.reach, pivot))
     if narrowest < held.tube - SLACK:
         raise VehicleError(
@@ -239,6 +244,12 @@ def _check_swing(pivot: float, outline: Outline, held: Carrier, nozzle: float) -
     for x in _between(outline, pivot, end):
         room = _inside(outline, x, THIN) - FREE - held.bore / 2 / math.cos(held.swing)
         most = room / math.tan(held.swing) if held.swing > 0 else math.inf
+        if most < 0:
+            wide = 2e3 * (held.bore / 2 / math.cos(held.swing) + FREE)
+            raise VehicleError(
+                f"gimbal: the motor needs {wide:.0f} mm to tilt; the body is"
+                f" {2e3 * _inside(outline, x, THIN):.0f} mm wide inside at {x:.4g} m"
+            )
         if x - pivot > most + SLACK:
             raise VehicleError(
                 f"gimbal.pivot = {pivot:g} m: the body reaches {1e3 * (x - pivot):.0f} mm aft of"

@@ -1,4 +1,4 @@
-"""Parts inside the body that take each other's place, for notes to whoever described them."""
+"""Parts inside the body that take each other's place, listed as notes."""
 
 from itertools import combinations
 from typing import Final, NamedTuple
@@ -10,8 +10,8 @@ from twin.physics.vehicle.carrier import Carrier
 from twin.physics.vehicle.design import Design, Mass
 from twin.physics.vehicle.outline import Outline
 
-LEAST: Final = 1e-3  # m, of overlap that is told
-MOST: Final = 3  # overlaps that are told
+LEAST: Final = 1e-3  # m, of overlap that is reported
+MOST: Final = 3  # overlaps that are reported
 
 
 class _Place(NamedTuple):
