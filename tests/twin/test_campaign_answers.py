@@ -287,3 +287,16 @@ def test_an_estimate_of_too_few_runs_has_no_interval():
     assert mean(np.array([2.0]), 0.95).text(" m") == "2 m, too few runs for an interval (n = 1)"
     nothing = Estimate(math.nan, math.nan, math.nan, 2)
     assert nothing.text() == "too few runs for an interval (n = 2)"
+
+
+def test_parallel_coordinates_of_misses_without_a_figure_show_the_hits(tmp_path):
+    """As of a campaign whose only misses diverged."""
+    s = study(tmp_path, linear(40, HIT))
+    work = place(s, runs := Runs(s))
+    rows = [work(run) for run in range(40)]
+    table = pa.Table.from_pylist([
+        {**row, "closest_approach_m": row["closest_approach_m"] if row["hit"] else None}
+        for row in rows
+    ])  # fmt: skip
+    (plot,) = coordinates(answers(s, runs, table), s, table, str).parts
+    assert [line.name for line in plot.lines] == ["hit"]
