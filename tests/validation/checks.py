@@ -169,7 +169,7 @@ def _flights() -> list[Check]:
         peer = functools.partial(lambda n, p: 100 * abs(apogee(n) / p - 1), name, public.peer)
         real = functools.partial(lambda n, p: 100 * abs(apogee(n) / p - 1), name, public.measured)
         against += [
-            Check(f"peer-{name}", f"apogee of {title}", f"RocketPy 1.13: {public.peer} m",
+            Check(f"peer-{name}", f"apogee of {title}", f"RocketPy's pages: {public.peer} m",
                   peer, 1.0, " %"),
             Check(f"flight-{name}", f"apogee of {title}", f"measured: {public.measured} m",
                   real, 100 * public.error, " %"),

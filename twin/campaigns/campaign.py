@@ -54,26 +54,37 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     conditions = (*study.fail_if, *(condition(t, study.measures) for t in config.fail_if))
     runs = Runs(study)
     store = _store(config, study, runs)
-    new = 0
-    if config.action == "report":
-        store.check()
-    else:
-        bound = binding(study.fly, study.vary, study.folder)
-        if config.action == "run":
-            store.begin(force=config.force)
-        else:
-            store.check()
-        with TemporaryDirectory(prefix="tvc-twin-") as scratch:
-            work = flown(study, runs, bound, Path(scratch))
-            _warm_up(bound)
-            new = flying(study, runs, store, work, config.workers, config.ray)
-    made = result(study, runs, store, conditions, new, time.perf_counter() - began)
+    try:
+        new = _flown(config, study, runs, store)
+        made = result(study, runs, store, conditions, new, time.perf_counter() - began)
+    except KeyboardInterrupt as interrupt:
+        if done := sum(len(store.runs_of(p)) for p in store.present()):
+            interrupt.add_note(
+                f"{store.folder} has {done} of {runs.count} runs; `twin campaign resume` continues"
+            )
+        raise
     if config.reweight is not None:
         more = reweighted(study, read(config.reweight), store.table())
         named = {f"{name}, reweighted": e for name, e in more.items()}
         estimates = {**made.answers.estimates, **named}
         made = replace(made, answers=replace(made.answers, estimates=estimates))
     return made if not config.paths else _with_paths(config.paths, study, runs, store, made)
+
+
+def _flown(config: Campaign, study: Study, runs: Runs, store: Store) -> int:
+    """Fly what the action asks for; gives the number of runs flown."""
+    if config.action == "report":
+        store.check()
+        return 0
+    bound = binding(study.fly, study.vary, study.folder)
+    if config.action == "run":
+        store.begin(force=config.force)
+    else:
+        store.check()
+    with TemporaryDirectory(prefix="tvc-twin-") as scratch:
+        work = flown(study, runs, bound, Path(scratch))
+        _warm_up(bound)
+        return flying(study, runs, store, work, config.workers, config.ray)
 
 
 def flying(
@@ -109,9 +120,6 @@ def flying(
             if enough is not None and enough(part):
                 last = part
                 break
-    except KeyboardInterrupt as interrupt:
-        interrupt.add_note(f"{store.folder} has the runs so far; `twin campaign resume` continues")
-        raise
     finally:
         fragments.close()  # ends the processes
         store.tidy()

@@ -152,7 +152,7 @@ def _footprint(a: Answers, kept: Any, command: Callable[[int], str]) -> Section:
     lines = (
         Line("end of a run", column(some, PLACE[0]), column(some, PLACE[1]), "run0", 0, "dots",
              labels=labels),
-        Line("ellipse of half the ends", outline[:, 0], outline[:, 1], "run1"),
+        Line("normal ellipse of half the ends", outline[:, 0], outline[:, 1], "run1"),
     )  # fmt: skip
     caption = (
         f"Ends of the runs. Deviations along the axes of the ellipse:"

@@ -52,7 +52,7 @@ class MotionChecked(Event):
         if self.response is None:
             return "motion check skipped as requested"
         x, y = self.response
-        return f"motion check: x moved {x:.2f} and y {y:.2f} of the commanded ±2°"
+        return f"motion check: x moved {x:.2f} and y {y:.2f} times the commanded ±2°"
 
 
 def check_motion(seat: RigGimbal) -> None:
