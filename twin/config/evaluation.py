@@ -284,7 +284,7 @@ class Report(Columns, Output):
 class Export(Output):
     """Write a recording in the format of another program.
 
-    csv, parquet, mat: all signals in SI, which read again equal. mcap: signals as messages. kml:
+    csv, parquet, mat: all signals in SI, every value equal when read with pandas or SciPy. mcap: signals as messages. kml:
     path of a flight on a map. glb, usd: the scene with its motion, for example for Blender.
     """
 
