@@ -154,6 +154,7 @@ def fly(
     hand_speed_m_s: tuple[float, float] = ...,
     hand_attitude_deg: float = ...,
     hand_rate_deg_s: float = ...,
+    any_gain: bool = ...,
     programme: Literal['hold', 'step', 'doublet', 'pitch-over', 'point'] = ...,
     controller: object = ...,
     target: tuple[float, float, float] | None = ...,

@@ -1,5 +1,6 @@
 """The mission of the thesis's table 1, and that a run can be trusted and repeated."""
 
+import json
 import math
 import subprocess
 import sysconfig
@@ -280,3 +281,19 @@ def test_a_step_that_the_integrator_cannot_take_is_refused_and_the_largest_flies
 def test_a_step_past_the_stops_is_refused():
     with pytest.raises(TwinError, match="stops"):
         step(Step(amplitude_deg=12))
+
+
+@pytest.mark.parametrize(
+    ("factors", "says"), [((-1.0, 1.0), "axis x by -1"), ((1.0, 57.3), "axis y by 5[67]")]
+)
+def test_a_model_of_the_wrong_sign_or_size_is_flown_with_consent_only(tmp_path, factors, says):
+    content = json.loads((MJCF / "gimbal.json").read_text())
+    for k, factor in enumerate(factors):
+        channel = content["channels"][k][k]
+        channel["num"] = [factor * n for n in channel["num"]]
+    file = tmp_path / "model.json"
+    file.write_text(json.dumps(content))
+    settings = {"gimbal": "transfer-function", "model": file, "duration_s": 0.02}
+    with pytest.raises(TwinError, match=says):
+        fly(Fly(**settings), recorded=False)
+    assert fly(Fly(**settings, any_gain=True), recorded=False).flight_time_s > 0.0

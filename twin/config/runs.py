@@ -48,6 +48,7 @@ class Fly(FaultResponse, Run):
             "at_s": ("programme", MANOEUVRES),
             "target_range_m": ("programme", ("point",)),
             "off_axis_deg": ("programme", ("point",)),
+            "any_gain": ("gimbal", ("transfer-function",)),
             "hand_speed_m_s": ("launch", ("hand",)),
             "hand_attitude_deg": ("launch", ("hand",)),
             "hand_rate_deg_s": ("launch", ("hand",)),
@@ -66,6 +67,8 @@ class Fly(FaultResponse, Run):
     """Standard deviation of the attitude about each axis across the nose, by hand [°]."""
     hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = 30.0
     """Standard deviation of the angular rate about each axis, by hand [°/s]."""
+    any_gain: Flag = False
+    """Fly also an identified model whose gain is negative, below 0.5 or above 2."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
     point."""
