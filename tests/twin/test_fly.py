@@ -284,7 +284,7 @@ def test_a_step_past_the_stops_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("factors", "says"), [((-1.0, 1.0), "axis x by -1"), ((1.0, 57.3), "axis y by 5[67]")]
+    ("factors", "says"), [((-1.0, 1.0), "axis x by -1"), ((1.0, 57.3), "axis y by [56][0-9]")]
 )
 def test_a_model_of_the_wrong_sign_or_size_is_flown_with_consent_only(tmp_path, factors, says):
     content = json.loads((MJCF / "gimbal.json").read_text())
