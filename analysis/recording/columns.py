@@ -91,11 +91,11 @@ def measurement_of_table(
         seconds = 1.0
     given = None if columns.commands is None else tables.read(columns.commands)
     run = measurement(
-        table.column(columns.time) * seconds,
+        _unwrapped(table.column(columns.time)) * seconds,
         _filled((given or table).stack(columns.inputs)),
         angle=table.stack(columns.angle) if columns.angle else None,
         rate=table.stack(columns.rate) if columns.rate else None,
-        command_time=None if given is None else given.column(columns.time) * seconds,
+        command_time=None if given is None else _unwrapped(given.column(columns.time)) * seconds,
         stamps=columns.stamps,
         before=columns.before,
         scale=scale,
@@ -126,7 +126,7 @@ def commands_of_table(
         commands that are not finite
     """
     table = tables.read(path)
-    stamps = table.column(time)
+    stamps = _unwrapped(table.column(time))
     if time_scale is None:
         _check_seconds(table.source, time, stamps)
     values = _filled(table.stack(inputs))
@@ -151,6 +151,12 @@ def _check_seconds(source: str, name: str, stamps: Array) -> None:
         f"{source}: samples {period:g} s apart; if '{name}' is not in seconds, give its unit "
         f"(--time-scale {scale:g}), otherwise --time-scale 1"
     )
+
+
+def _unwrapped(stamps: Array) -> Array:
+    """Stamps (n,) of a counter of 32 bits through its overflows: `micros()` has one in 72 min."""
+    over = np.diff(stamps, prepend=stamps[:1]) < -(2.0**31)
+    return stamps + 2.0**32 * np.cumsum(over) if over.any() else stamps
 
 
 def _scale(unit: str) -> float:
