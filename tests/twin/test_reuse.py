@@ -34,9 +34,9 @@ def builds(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[ModelConfig]]:
         return build(config)
 
     monkeypatch.setattr(reuse, "build", counted)
-    reuse._models.clear()
+    reuse.forget()
     yield made
-    reuse._models.clear()
+    reuse.forget()
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_a_flight_of_a_reused_model_equals_the_first_to_the_last_bit(
     heavy = replace(config, set=("gimbal_holder.mass=0.2",), seed=5)
     again = _flown(heavy)
     assert len(builds) == 1
-    reuse._models.clear()
+    reuse.forget()
     assert _flown(heavy) == again != first
 
 

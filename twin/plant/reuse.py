@@ -52,6 +52,11 @@ def reused(config: ModelConfig) -> Built:
     return replace(kept.built, mj=copy.copy(kept.built.mj))
 
 
+def forget() -> None:
+    """Build all models anew from now on."""
+    _models.clear()
+
+
 def _key(config: ModelConfig) -> Hashable:
     """All settings that `build` uses."""
     file = None if config.vehicle is None else (config.vehicle, config.vehicle.resolve())
