@@ -61,8 +61,9 @@ def fly(
     if config.gimbal == "transfer-function" and config.model is not None and not config.any_gain:
         _judge_gain(config.model)
     with Session(
-        config, "fly", config.control_hz, motor=config.motor, playback=playback, origin=origin
-    ) as s:
+        config, "fly", config.control_hz, motor=config.motor, playback=playback, origin=origin,
+        recorded=recorded,
+    ) as s:  # fmt: skip
         plant = s.plant
         if not plant.has_vehicle:
             raise TwinError(f"--scene {config.scene}: has no joint 'vehicle' to fly")
