@@ -223,7 +223,8 @@ def _information(config: Identify) -> InformationResult:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         found = expectations(source.runs, config.poles, max_delay=longest(config))
-    return InformationResult(found, tuple(r.name for r in source.runs), source.doubts)
+    notes = tuple(f"{r.name}: {r.note}" for r in source.runs if r.note)
+    return InformationResult(found, tuple(r.name for r in source.runs), source.doubts + notes)
 
 
 def _delay(text: str) -> Literal["free"] | float:
