@@ -35,6 +35,14 @@ def test_columns_come_by_name_and_empty_fields_are_missing(tmp_path):
     assert math.isnan(found.column("pot")[2])
 
 
+def test_missing_commands_are_held_in_one_line_and_refused_in_the_first_row(tmp_path):
+    r = chosen(table(tmp_path, "t,u,pot\n0,0,0\n0.1,5,0\n0.2,,4\n0.3,,5\n0.4,0,5\n"))
+    assert r.command.values[:, 0].tolist() == [0, 5, 5, 5, 0]
+    assert r.note == "2 missing commands are taken as the one before, first in sample 3"
+    with pytest.raises(AnalysisError, match="first row has no command in 'u'"):
+        chosen(table(tmp_path, "t,u,pot\n0,,0\n0.1,5,0\n0.2,5,4\n0.3,5,5\n"))
+
+
 def test_an_unknown_column_lists_the_valid_ones(tmp_path):
     with pytest.raises(AnalysisError, match=r"no column 'po'.*gyro, pot, t, u"):
         table(tmp_path, GOOD).column("po")

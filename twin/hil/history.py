@@ -14,6 +14,7 @@ from analysis.recording.loader import is_table
 from hardware.calibration import Calibration
 from hardware.frames import AXES
 from hardware.rig.rig import PULSES
+from twin import status
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
@@ -85,7 +86,9 @@ def read(source: Source) -> TimeSeries:
         )
     if source.pulses and source.ratio is not None:
         raise TwinError(f"--ratio: not with --input-unit {source.unit}, which has no shaft angle")
-    command = commands_of_table(source.file, source.time, source.inputs, source.time_scale)
+    command, note = commands_of_table(source.file, source.time, source.inputs, source.time_scale)
+    if note:
+        status.note(f"twin: {source.file}: {note}")
     command = command.shifted(-float(command.time[0]))
     return TimeSeries(
         command.name, command.time, source.scaled(command.values), "rad", command.components
