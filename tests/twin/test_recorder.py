@@ -24,6 +24,8 @@ from twin import viewer
 from twin.recorder import DetachedRecorder, Recorder, RecorderError, ring, scene, shapes
 from twin.viewer import process
 
+pytestmark = pytest.mark.looks
+
 
 def compare(a, b):
     options = ["rrd", "compare", "--unordered", "--ignore-timeline", schema.WALL_TIME]
