@@ -19,6 +19,7 @@ from twin.recorder.look import Look
 from twin.recorder.poses import Poses
 from twin.recorder.scene import bodies
 
+pytestmark = pytest.mark.looks
 TICK_NS = 4_000_000
 SIGNALS = ("gimbal/command", "gimbal/simulated", "gimbal/measured", "gimbal/sigma")
 

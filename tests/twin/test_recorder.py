@@ -26,6 +26,8 @@ from twin.recorder import DetachedRecorder, Recorder, RecorderError, ring, scene
 from twin.recorder.poses import Poses
 from twin.viewer import process
 
+pytestmark = pytest.mark.looks
+
 
 def compare(a, b):
     options = ["rrd", "compare", "--unordered", "--ignore-timeline", schema.WALL_TIME]

@@ -24,7 +24,7 @@ GIMBAL = (
 )  # the close-up follows the first
 FOCUS = "focus"
 FOCUS_RADII = 2.7  # of the vehicle, which then fills half the height of the view
-NEAR_RADII = 1.8  # of the gimbal
+NEAR_RADII = 1.5  # of the gimbal
 TRAIL_EVERY = 5  # poses to a piece of trail
 PATH_POINTS = 2048  # of the whole path; every second one is dropped when full
 METRES_PER_NEWTON = 0.02  # length of the thrust arrow
