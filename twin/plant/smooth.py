@@ -1,8 +1,9 @@
-"""Runge–Kutta steps of a vehicle without moving parts: whole ones, parts where its forces change.
+"""Runge–Kutta steps of a vehicle: whole ones, and parts of them where its forces change.
 
-Nothing in such a vehicle moves fast, so that a step may be as long as a control tick. Four things
-end that: a corner of the thrust curve, a lug that leaves the rail within centimetres, air that
-turns or slows the vehicle within a step, and a vehicle that spins.
+Nothing in a vehicle without moving parts moves fast, so that a step may be as long as a control
+tick; a gimbal asks for shorter ones. Four things divide a step: a corner of the thrust curve, a lug
+that leaves the rail within centimetres, air that turns or slows the vehicle within a step, and a
+vehicle that spins.
 """
 
 import math
@@ -49,6 +50,7 @@ class Division(NamedTuple):
 
     Attributes
     ----------
+    bare : whether the vehicle has no constraint but contacts
     rates : fastest motion in the air, per speed [1/m]; empty where nothing is divided
     corners : of the thrust curve [s]
     start : launch point (3,) [m]
@@ -58,6 +60,7 @@ class Division(NamedTuple):
     position, velocity, rate : (3,) views of the vehicle's state
     """
 
+    bare: bool
     rates: Array
     corners: Array
     start: Array
@@ -73,7 +76,9 @@ def undivided() -> Division:
     """Division of a model whose steps are all alike."""
     nothing = np.empty(0)
     flags = np.empty(0, np.bool_)
-    return Division(nothing, nothing, nothing, nothing, RELEASE, flags, nothing, nothing, nothing)
+    return Division(
+        False, nothing, nothing, nothing, nothing, RELEASE, flags, nothing, nothing, nothing
+    )
 
 
 def division(model: mujoco.MjModel, position: Array, velocity: Array, rate: Array) -> Division:
@@ -82,7 +87,7 @@ def division(model: mujoco.MjModel, position: Array, velocity: Array, rate: Arra
     corners = np.empty(0) if curve is None else np.unique(curve[0])
     ends = _rail(model)
     return Division(
-        np.array([_rate(model)]), corners, np.array(launch_of(model)[1]), ends,
+        applies(model), np.array([_rate(model)]), corners, np.array(launch_of(model)[1]), ends,
         RELEASE / PARTS, np.array([ends.size > 0]), position, velocity, rate,
     )  # fmt: skip
 
