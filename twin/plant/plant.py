@@ -99,7 +99,12 @@ class Plant:
         self._holds_ns = 0
         self._division = undivided()
         if self.divides and integrator == "rk4" and self.has_vehicle:
-            self._division = division(self.model, self.position, self.velocity, self.rate)
+            identified = twin.gimbal == "transfer-function"
+            drive = self._actuation.native
+            self._division = division(
+                self.model, self.position, self.velocity, self.rate, self._qvel, drive.ctrl,
+                drive.places if identified else drive.places[:0], self.gimbal_angle,
+            )  # fmt: skip
         self._compiled: stepping.Steps | None = None
         self.reset()
 
