@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import mujoco
 
@@ -27,8 +27,13 @@ FINEST = 0.001  # s; where Runge-Kutta needs shorter steps, implicit ones of thi
 STAND = 0.02  # m that a vehicle lifts off its stand before it is free
 
 
-def make_plant(config: Run, motor: Path | None = None) -> Plant:
+def make_plant(config: Run, motor: Path | None = None, *, recorded: bool = True) -> Plant:
     """The simulated side of a run; its gimbal follows where a rig has the gimbal seat.
+
+    Parameters
+    ----------
+    motor : motor file in place of the vehicle's own
+    recorded : whether the model's digest is needed
 
     Raises
     ------
@@ -54,33 +59,32 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
     first = model
     if kind == "transfer-function" and _chooses(config) and config.dt is None:
         first = replace(model, dt=_whole(config, MOVING))  # its matrices belong to one step
-    twin = load(first, lambda mj: _settle(config, mj))
+    twin = load(first, lambda mj: _settle(config, mj), digested=recorded)
     integrator = config.integrator or ("rk4" if _divided(config, twin.mj) else "implicitfast")
     if first is not model and integrator != "rk4":
-        twin = load(model)
+        twin = load(model, digested=recorded)
     integrators.check_step(
         integrator, twin.mj.opt.timestep, ramp=on_elastic_rail(twin.mj), rods=twin.mj.neq > 0
     )
     return Plant(twin, integrator, _release(config))
 
 
-def _chooses(config: Run) -> bool:
+def _chooses(config: Run) -> TypeGuard[Fly]:
     """Whether a run may take Runge-Kutta steps of its own choice; those beside a rig are fixed."""
     return (
         isinstance(config, Fly) and config.gimbal in MODELS and config.integrator in (None, "rk4")
     )
 
 
-def _divided(config: Run, model: mujoco.MjModel) -> bool:
+def _divided(config: Run, model: mujoco.MjModel) -> TypeGuard[Fly]:
     """Whether a run takes Runge-Kutta steps if nothing else is asked for, `twin.plant.smooth`."""
     if applies(model):
         return isinstance(config, Fly)
     return _chooses(config) and longest_step(model) >= FINEST
 
 
-def _whole(config: Run, longest: float) -> float:
+def _whole(config: Fly, longest: float) -> float:
     """Longest step of a whole fraction of the control period [s]."""
-    assert isinstance(config, Fly)
     tick = 1.0 / config.control_hz
     return round(1e9 * tick / math.ceil(tick / longest - 1e-9)) * 1e-9
 
