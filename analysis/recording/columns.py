@@ -92,11 +92,11 @@ def measurement_of_table(
     given = None if columns.commands is None else tables.read(columns.commands)
     commands, held = _filled(given or table, columns.inputs)
     run = measurement(
-        table.column(columns.time) * seconds,
+        _unwrapped(table.column(columns.time)) * seconds,
         commands,
         angle=table.stack(columns.angle) if columns.angle else None,
         rate=table.stack(columns.rate) if columns.rate else None,
-        command_time=None if given is None else given.column(columns.time) * seconds,
+        command_time=None if given is None else _unwrapped(given.column(columns.time)) * seconds,
         stamps=columns.stamps,
         before=columns.before,
         scale=scale,
@@ -127,7 +127,7 @@ def commands_of_table(
         commands that are not finite
     """
     table = tables.read(path)
-    stamps = table.column(time)
+    stamps = _unwrapped(table.column(time))
     if time_scale is None:
         _check_seconds(table.source, time, stamps)
     values, note = _filled(table, inputs)
@@ -150,6 +150,12 @@ def _check_seconds(source: str, name: str, stamps: Array) -> None:
         f"{source}: samples {period:g} s apart; if '{name}' is not in seconds, give its unit "
         f"(--time-scale {scale:g}), otherwise --time-scale 1"
     )
+
+
+def _unwrapped(stamps: Array) -> Array:
+    """Stamps (n,) of a counter of 32 bits through its overflows: `micros()` has one in 72 min."""
+    over = np.diff(stamps, prepend=stamps[:1]) < -(2.0**31)
+    return stamps + 2.0**32 * np.cumsum(over) if over.any() else stamps
 
 
 def _scale(unit: str) -> float:

@@ -29,8 +29,8 @@ from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
-from twin.evaluation.loop import attitude_loops
 from twin.evaluation.words import estimated, quantity
+from twin.plant.loops import attitude_loops
 
 if TYPE_CHECKING:
     from twin.evaluation.linkage import PhysicsResult
