@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis import recording
 from tests.twin import runs
-from twin.recorder import Recorder, plots, profile, states, together
+from twin.recorder import Recorder, checks, plots, profile, states, together
 from twin.recorder.ghost import Ghost
 from twin.recorder.scene import bodies
 
@@ -161,6 +161,18 @@ def test_an_axis_shows_its_values_in_most_of_its_height_with_two_labels_where_th
     decade = 10.0 ** np.floor(np.log10(high - low))
     labels = [np.floor(most / s) - np.ceil(least / s) + 1 for s in (decade, 10.0 * decade)]
     assert max(labels) >= 2 or (least, most) == (low, high)
+
+
+def test_a_recording_has_a_name_in_the_viewer(beside, tmp_path):
+    fly = {"command": "fly", "configuration": {"gimbal": "emulator"}, "seed": 3}
+    assert checks.title(fly) == "fly, emulator, seed 3"
+    names = [
+        row["RecordingInfo:name"]
+        for chunk in RrdReader(beside).stream().filter(content="/__properties/**")
+        for row in chunk.to_record_batch().to_pylist()
+        if "RecordingInfo:name" in row
+    ]
+    assert names == [["recording"]]
 
 
 def test_plots_begin_with_room_for_their_legends_after_the_end_of_the_run(beside):
