@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from analysis import schema
 from analysis.recording import rrd
 from twin.recorder import blueprint, columns, lifetime
-from twin.recorder.checks import RecorderError, checked, claimed, json_text, refuse_taken
+from twin.recorder.checks import (
+    RecorderError,
+    checked,
+    claimed,
+    json_text,
+    refuse_taken,
+    title,
+)
 from twin.recorder.held import THRUST, in_force, since_1970
 from twin.recorder.look import Look
 from twin.recorder.poses import Poses
@@ -79,7 +86,7 @@ class Recorder(Sink):
         self._reached = 0
         self._open = True
         self._failed = ""
-        self._stream = self._start(text, serve)
+        self._stream = self._start(text, serve, title(properties))
 
     def _layout(self, capacity: int, drain_ns: int) -> None:
         width = sum(len(s.components) for s in self._signals)
@@ -94,7 +101,7 @@ class Recorder(Sink):
         self._due = drain_ns
         self.row: NDArray[np.float64] = np.full(width, np.nan)
 
-    def _start(self, text: str, serve: int | None) -> rr.RecordingStream:
+    def _start(self, text: str, serve: int | None, name: str) -> rr.RecordingStream:
         digest = hashlib.sha256(text.encode()).hexdigest()[:32]
         # Rerun's own properties have the time of day, by which equal runs would differ.
         stream = rr.RecordingStream(
@@ -110,6 +117,7 @@ class Recorder(Sink):
         except (RuntimeError, OSError, ValueError) as error:
             self._give_up()
             raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
+        stream.send_recording_name(name)
         stream.send_property(schema.PROPERTY, rr.AnyValues(schema=schema.SCHEMA, json=text))
         self._look.start(stream)
         if self._poses:
