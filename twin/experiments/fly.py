@@ -57,8 +57,9 @@ def fly(
     elif config.controller is not None:
         controller = load(config.controller)
     with Session(
-        config, "fly", config.control_hz, motor=config.motor, playback=playback, origin=origin
-    ) as s:
+        config, "fly", config.control_hz, motor=config.motor, playback=playback, origin=origin,
+        recorded=recorded,
+    ) as s:  # fmt: skip
         plant = s.plant
         if not plant.has_vehicle:
             raise TwinError(f"--scene {config.scene}: has no joint 'vehicle' to fly")

@@ -12,7 +12,7 @@ from analysis import schema
 from twin.recorder import display, ghost, plots, states, style
 from twin.recorder.poses import GIMBAL_PREFIX, VEHICLE, Focus, Poses, focus_path
 
-SKY = (24, 30, 40)
+SKY = (58, 68, 84)  # the black motor must stand out
 # Viewing direction, from 1.5 times the radius of the focus, which is also Rerun's default.
 LOOK = (0.55, 0.75, -0.25)
 MOST_PLOTS = 4  # in a tab
@@ -103,7 +103,7 @@ def build(content: Content, *, brief: bool = False) -> rrb.Blueprint:
     # there may be signals without plots only
     if tabs := list(itertools.islice(_tabs(content), 1 if brief else None)):
         body = rrb.Horizontal(body, rrb.Tabs(*tabs, active_tab=0), column_shares=[9, 11])
-    return rrb.Blueprint(
+    return plots.Layout(
         body,
         rrb.TimePanel(
             state="collapsed",
@@ -112,8 +112,7 @@ def build(content: Content, *, brief: bool = False) -> rrb.Blueprint:
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        auto_views=False,
-        auto_layout=False,
+        span=content.known.span,
     )
 
 
@@ -134,7 +133,8 @@ def _titled(content: Content) -> Iterator[tuple[str, list[rrb.View]]]:
         elif title == "Rates":
             views += _overlays("Gimbal rate", _RATES, content)
         for name, members in rows:
-            if there := [m for m in members if m in has]:
+            there = [m for m in members if m in has]
+            if any(content.known.moved(schema.SIGNALS[m].entity) for m in there):
                 views.append(plots.all_components(name, there, content.known))
         yield title, views
     estimates = [s for s in content.signals if s.startswith("shadow/estimate/")]
@@ -148,8 +148,8 @@ def _titled(content: Content) -> Iterator[tuple[str, list[rrb.View]]]:
 
 
 def _share(view: rrb.View) -> float:
-    """Height of a plot in its tab; the picture of a path needs more."""
-    return 1.6 if isinstance(view, rrb.Spatial2DView) else 1.0
+    """Height of a plot in its tab; a path, and angles above a residual, need more."""
+    return 1.6 if isinstance(view, rrb.Spatial2DView) else 1.0 if view.titlebar else 0.55
 
 
 def _main(content: Content) -> tuple[str, list[rrb.View]]:
@@ -178,7 +178,7 @@ def _left(content: Content) -> rrb.Container:
         parts.append(rrb.StateTimelineView(name="States", contents=[f"{states.STATES}/**"]))
     events = rrb.TextDocumentView(name="Events", contents=[display.EVENTS])
     parts.append(rrb.Tabs(events, _log(), active_tab=0))
-    shares = {1: [1], 2: [5, 2], 3: [9, 5, 5]}[len(parts)]
+    shares = {1: [1], 2: [5, 2], 3: [8, 6, 5]}[len(parts)]
     return rrb.Vertical(*parts, row_shares=shares)
 
 

@@ -171,7 +171,8 @@ class Display:
             if self._stops:
                 lines = columns.scalars(np.tile(np.ravel(self._stops), (2, 1)))
                 stream.send_columns(plots.STOPS, stamps, lines)
-        return plots.Known(known, self._stops)
+        span = (self._start, self._end) if self._end > self._start >= 0 else None
+        return plots.Known(known, self._stops, span, self._middle)
 
 
 def _residual(has: set[str]) -> str | None:

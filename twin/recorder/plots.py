@@ -14,8 +14,14 @@ VIEW = "/view"  # what is recorded for the viewer only
 SPAN = f"{VIEW}/span"
 STOPS = f"{VIEW}/stops"
 RESIDUAL = f"{VIEW}/residual"
+PULSE = "/sensors/pulse"  # of x, y and, where there is one, the turntable
 NEAR_STOP = 0.3  # of the stop: motion from here on is shown between both stops
+# Rerun 0.41's own id of what linked time axes share, as a zoom stores it in the layout.
+SHARED = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"
+LEGEND = 0.25  # of the run, to the right of its end, for the legends
 MARGIN = 0.08  # of the range of the values, above and below
+MOST_LABELS = 7.0  # steps between labels that fit into a plot of 140 pixels
+LABEL_ROOM, LEAST_USED = 0.02, 0.6  # of a step; of the height of a plot
 
 Range = tuple[float, float]
 
@@ -28,16 +34,50 @@ class Known:
     ----------
     ranges : lowest and highest value of every component, by entity, in stored units
     stops : of the gimbal's axes [deg]
+    span : start and end of the run [ns]
+    middle : signal in the middle of the band around the angle; empty without
     """
 
     ranges: Mapping[str, Sequence[Range]] = field(default_factory=dict)
     stops: Sequence[Range] = ()
+    span: tuple[int, int] | None = None
+    middle: str = ""
+
+    def moved(self, entity: str) -> bool:
+        """Whether an entity has other values than zero, or may yet have them."""
+        ranges = self.ranges.get(entity)
+        return ranges is None or any(low != 0.0 or high != 0.0 for low, high in ranges)
+
+
+class Layout(rrb.Blueprint):
+    """Layout whose plots begin with room for their legends after the end of the run.
+
+    Parameters
+    ----------
+    span : start and end of the run [ns]; None leaves the range to Rerun
+    """
+
+    def __init__(self, *parts: rrb.api.BlueprintPart, span: tuple[int, int] | None = None) -> None:
+        super().__init__(*parts, auto_views=False, auto_layout=False)
+        self._span = span
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        super()._log_to_stream(stream)
+        if self._span is not None:
+            start, end = self._span
+            ends = (start, end + round(LEGEND * (end - start)))
+            low, high = (rr.TimeRangeBoundary.absolute(seconds=e * 1e-9) for e in ends)
+            stream.log(SHARED, rrb.TimeAxis(view_range=rr.TimeRange(start=low, end=high)))
 
 
 def all_components(title: str, members: Sequence[str], known: Known) -> rrb.TimeSeriesView:
     """Plot of every component of some signals of one unit."""
     unit = schema.SIGNALS[members[0]].stored_unit
-    styles = {schema.SIGNALS[m].entity: style.lines(m) for m in members}
+    styles: dict[str, style.Lines] = {}
+    for m in members:
+        styles[schema.SIGNALS[m].entity] = style.lines(m, first=len(styles))
+    if "/turntable/measured" not in known.ranges and PULSE in styles:
+        styles[PULSE] = style.without_last(styles[PULSE])
     name = title if unit == "1" else f"{title} [{unit}]"
     return _view(name, styles, _range(known, list(styles)))
 
@@ -48,9 +88,10 @@ def overlay(title: str, members: Sequence[str], axis: int, known: Known) -> rrb.
     entities = [schema.SIGNALS[m].entity for m in members]
     styles = {e: style.one_axis(m, axis) for e, m in zip(entities, members, strict=True)}
     limits = _range(known, entities, axis)
-    bands = []
+    bands = {}
     if members[0].startswith("gimbal/") and unit == "deg":
-        bands = [band("angle", axis)]
+        around = styles.get(schema.SIGNALS[known.middle].entity) if known.middle else None
+        bands = {band("angle", axis): band_style(around)}
         if known.stops and (limits is None or _is_near(limits, known.stops[axis])):
             shown = [float(k // 2 == axis) for k in range(4)]
             styles[STOPS] = style.Lines(["stop"] * 4, [style.STOP] * 4, shown)
@@ -71,10 +112,11 @@ def residual(entity: str, axis: int, known: Known) -> rrb.TimeSeriesView:
     low, high = _range(known, [entity], axis) or (0.0, 0.0)
     most = max(-low, high)
     shown = style.one_axis("gimbal/difference", axis)
-    line = replace(shown, names=[f"measured − simulated {'xy'[axis]} [deg]"] * 2)
-    limits = (-most, most) if most > 0.0 else None
+    line = replace(shown, names=[f"residual {'xy'[axis]}, at most {most:.2g}°"] * 2)
+    limits = readable(-most, most) if most > 0.0 else None
     name = f"Residual {'xy'[axis]} [deg]"
-    return _view(name, {entity: line}, limits, [band("residual", axis)], titled=False)
+    bands = {band("residual", axis): band_style()}
+    return _view(name, {entity: line}, limits, bands, titled=False)
 
 
 def band(kind: str, axis: int) -> str:
@@ -82,9 +124,10 @@ def band(kind: str, axis: int) -> str:
     return f"{VIEW}/band/{kind}/{'xy'[axis]}"
 
 
-def band_style() -> rr.Measurements:
-    """Colour and legend of a band, without a line in its middle."""
-    return rr.Measurements.from_fields(colors=[style.BAND], names=["95 % band"], widths=[0.0])
+def band_style(around: style.Lines | None = None) -> rr.Measurements:
+    """Colour and legend of a band, those of its middle if given, without a line of its own."""
+    name, color = (around.names[0], around.colors[0]) if around else ("95 % band", style.BAND)
+    return rr.Measurements.from_fields(colors=[color], names=[name], widths=[0.0])
 
 
 def _range(known: Known, entities: Sequence[str], axis: int | None = None) -> Range | None:
@@ -96,7 +139,25 @@ def _range(known: Known, entities: Sequence[str], axis: int | None = None) -> Ra
         return None
     low, high = min(r[0] for r in all_of), max(r[1] for r in all_of)
     margin = MARGIN * max(high - low, 1e-3)
-    return low - margin, high + margin
+    return readable(low - margin, high + margin)
+
+
+def readable(low: float, high: float) -> Range:
+    """Range widened until Rerun labels two values on its axis, even in a low plot.
+
+    It labels multiples of a power of ten, at least about 20 pixels apart.
+    """
+    step = 10.0 ** math.floor(math.log10((high - low) / MOST_LABELS) + 1.0)
+    first, last = math.ceil(low / step), math.floor(high / step)
+    if first < last:
+        return low, high
+    # where none is labelled, to the multiples around, else to the nearer one
+    below, above = (first - 1 - LABEL_ROOM) * step, (last + 1 + LABEL_ROOM) * step
+    if last < first:
+        wide = below, above
+    else:
+        wide = (below, high) if low - below < above - high else (low, above)
+    return wide if high - low > LEAST_USED * (wide[1] - wide[0]) else (low, high)
 
 
 def _is_near(limits: Range, stops: Range) -> bool:
@@ -107,7 +168,7 @@ def _view(
     name: str,
     styles: Mapping[str, style.Lines],
     limits: Range | None = None,
-    bands: Sequence[str] = (),
+    bands: Mapping[str, rr.Measurements] | None = None,
     *,
     titled: bool = True,
 ) -> rrb.TimeSeriesView:
@@ -118,10 +179,10 @@ def _view(
     return rrb.TimeSeriesView(
         name=name,
         titlebar=titled,
-        contents=[*given, *bands],
+        contents=[*given, *(bands or {})],
         overrides={
             **{entity: lines.archetype().visualizer() for entity, lines in given.items()},
-            **{entity: band_style().visualizer() for entity in bands},
+            **{entity: look.visualizer() for entity, look in (bands or {}).items()},
         },
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
         axis_x=rrb.TimeAxis(link=rrb.components.LinkAxis.LinkToGlobal),

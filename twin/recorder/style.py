@@ -9,7 +9,7 @@ from analysis import schema
 
 Color = tuple[int, int, int]
 
-COMMAND: Color = (225, 225, 225)
+COMMAND: Color = (135, 135, 135)
 MEASURED: Color = (255, 140, 30)
 SIMULATED: Color = (70, 150, 255)
 STOP: Color = (200, 60, 60)
@@ -19,11 +19,12 @@ THRUST: Color = (255, 210, 60)
 X, Y, Z, W = (230, 80, 80), (90, 190, 90), (80, 130, 240), (180, 120, 220)
 _CYCLE = (X, Y, Z, W, (200, 180, 60), (80, 190, 200))
 
-# One colour per meaning; measured lines are wide, so that a simulated one on top leaves both seen.
-_WIDE, _PLAIN = 4.0, 1.5
+# One colour per meaning. Rerun draws the entities in alphabetical order, command below measured
+# below simulated; each is narrower than the one below it, so that all are seen where they agree.
+_WIDEST, _WIDE, _PLAIN = 6.0, 4.0, 1.5
 _MEANING: dict[str, tuple[Color, float]] = {
-    "command": (COMMAND, _PLAIN),
-    "setpoint": (COMMAND, _PLAIN),
+    "command": (COMMAND, _WIDEST),
+    "setpoint": (COMMAND, _WIDEST),
     "measured": (MEASURED, _WIDE),
     "reference": (MEASURED, _WIDE),
     "simulated": (SIMULATED, _PLAIN),
@@ -77,11 +78,12 @@ def labels(name: str) -> list[str]:
     return [f"{last(name)} {c}" for c in signal.components]
 
 
-def lines(name: str) -> Lines:
-    """Colours and legend of all components of a signal."""
+def lines(name: str, first: int = 0) -> Lines:
+    """Colours, from a place in their cycle on, and legend of all components of a signal."""
     count = len(schema.SIGNALS[name].components)
     same = meaning(name)
-    colors = [same[0]] * count if same else [_CYCLE[k % len(_CYCLE)] for k in range(count)]
+    cycle = [_CYCLE[(first + k) % len(_CYCLE)] for k in range(count)]
+    colors = [same[0]] * count if same else cycle
     return Lines(labels(name), colors, [same[1] if same else _PLAIN] * count)
 
 
@@ -92,3 +94,12 @@ def one_axis(name: str, axis: int) -> Lines:
     """
     color, width = meaning(name) or (_CYCLE[axis], _PLAIN)
     return Lines([last(name)] * 2, [color] * 2, [width * (axis == 0), width * (axis == 1)])
+
+
+def without_last(given: Lines) -> Lines:
+    """The same without the last component; as in `one_axis` it has no width and no own name."""
+    return Lines(
+        [*given.names[:-1], given.names[0]],
+        [*given.colors[:-1], given.colors[0]],
+        [*given.widths[:-1], 0.0],
+    )

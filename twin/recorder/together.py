@@ -47,18 +47,19 @@ def write(paths: Sequence[Path], out: Path) -> None:
     """
     runs = {_label(paths, k): read(path) for k, path in enumerate(paths)}
     stream = rr.RecordingStream(schema.APPLICATION, recording_id="together", send_properties=False)
-    lifetime.begin(stream, [rr.FileSink(out)], _layout(runs))
-    ends: list[int] = []
+    stamps = [run[name].known().time_ns[[0, -1]] for run in runs.values() for name in _shown(run)]
+    span = (int(np.min(stamps)), int(np.max(stamps))) if stamps else None
+    lifetime.begin(stream, [rr.FileSink(out)], _layout(runs, span))
     for label, run in runs.items():
         for name in _shown(run):
             series = run[name].known()
-            ends += [int(series.time_ns[0]), int(series.time_ns[-1])]
             values = schema.SIGNALS[name].to_stored(series.values)
-            entity, stamps = _entity(label, name), _times(series.time_ns)
-            stream.send_columns(entity, stamps, columns.scalars(values))
-    if ends:
-        span = _times(np.array([min(ends), max(ends)]))
-        stream.send_columns(plots.SPAN, span, columns.scalars(np.zeros((2, 1))))
+            stream.send_columns(
+                _entity(label, name), _times(series.time_ns), columns.scalars(values)
+            )
+    if span:
+        zeros = columns.scalars(np.zeros((2, 1)))
+        stream.send_columns(plots.SPAN, _times(np.array(span)), zeros)
     stream.disconnect()
 
 
@@ -81,19 +82,18 @@ def _entity(label: str, name: str) -> str:
     return "/" + "/".join(rr.escape_entity_path_part(p) for p in (label, *name.split("/")))
 
 
-def _layout(runs: dict[str, Recording]) -> rrb.Blueprint:
+def _layout(runs: dict[str, Recording], span: tuple[int, int] | None) -> rrb.Blueprint:
     tabs = []
     for title, rows in _TABS:
         views = [view for row in rows if (view := _plot(runs, *row)) is not None]
         if views:
             tabs.append(rrb.Vertical(*views, name=title))
-    return rrb.Blueprint(
+    return plots.Layout(
         rrb.Tabs(*tabs, active_tab=0) if tabs else rrb.TextLogView(name="Nothing in common"),
         rrb.TimePanel(state="collapsed", timeline=schema.TIME, play_state="paused"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        auto_views=False,
-        auto_layout=False,
+        span=span,
     )
 
 
