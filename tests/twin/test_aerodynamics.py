@@ -14,7 +14,7 @@ from tests.benchmarks.area_moments import Comparison
 from tests.mjcf.barrowman import Fins
 from tests.twin.outlines import LARGE, REFERENCE, Outline
 from twin.physics import aerodynamics as air
-from twin.physics.aerodynamics.revolve import refined
+from twin.physics.aerodynamics.revolve import profile, refined
 from twin.physics.aerodynamics.silhouette import silhouette, strip_table, strips
 from twin.physics.native.names import NUMERICS
 
@@ -123,26 +123,25 @@ def test_strips_of_a_half_ellipse_have_its_area_and_first_moment() -> None:
 
 
 def test_bodies_with_edges_keep_them() -> None:
-    """A box askew, stepped shafts, a hexagonal bar: none is the round body of its vertices."""
+    """None of them is the round body of its vertices."""
     import trimesh
 
     askew = trimesh.creation.box(extents=(0.1, 0.06, 0.03))
     askew.apply_transform(trimesh.transformations.rotation_matrix(0.4, [1, 2, 0.5]))
-    shaft, long_shaft = (
-        trimesh.util.concatenate(
-            [
-                trimesh.creation.cylinder(
-                    radius=r / 100, segment=[[0, 0, k / 100], [0, 0, (k + 1) / 100]], sections=64
-                )
-                for k, r in enumerate(radii)
-            ]
-        )
-        for radii in ((1, 2, 1, 3, 2), (1, 2, 1, 3, 2, 1, 2, 1, 3, 2))
+    shaft = trimesh.util.concatenate(
+        [
+            trimesh.creation.cylinder(radius=r, segment=[[0, 0, z], [0, 0, z + 0.01]], sections=64)
+            for r, z in ((0.01, 0.0), (0.02, 0.01), (0.01, 0.02), (0.03, 0.03), (0.02, 0.04))
+        ]
     )
-    oval = trimesh.creation.uv_sphere(radius=0.05, count=(12, 12))
+    radii = 0.01 * np.array([0, 1, 2, 1, 2, 1, 2, 1, 2, 0])
+    beads = trimesh.creation.revolve(np.c_[radii, np.arange(10) / 100], sections=64)
+    oval = trimesh.creation.uv_sphere(radius=0.05, count=(12, 32))
     oval.apply_scale([1.0, 0.8, 1.0])
+    assert profile(np.array(oval.vertices)) is None
+    assert profile(np.array(beads.vertices)) is not None
     bar = trimesh.creation.cylinder(radius=0.01, height=0.1, sections=6)
-    for mesh in (askew, shaft, long_shaft, oval, bar):
+    for mesh in (askew, shaft, beads, oval, bar):
         points, faces = np.array(mesh.vertices), np.array(mesh.faces)
         assert refined(points, faces, silhouette(points, faces))[0] is points
 
