@@ -129,6 +129,14 @@ def test_a_model_of_somebodys_own_mjcf_is_built_every_time(
     assert len(builds) == 4
 
 
+def test_a_path_that_leads_nowhere_is_refused_in_one_line(tmp_path: Path) -> None:
+    loop = tmp_path / "loop.toml"
+    loop.symlink_to(loop)
+    for path in (loop, Path("a\0b.toml")):
+        with pytest.raises(TwinError):
+            load(ModelConfig(vehicle=path))
+
+
 def test_a_changed_shipped_file_is_noticed(
     builds: list[ModelConfig], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

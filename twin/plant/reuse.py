@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from pathlib import Path
 from typing import Final
 
 from analysis.files import FileError, content, noted
@@ -59,11 +60,19 @@ def forget() -> None:
 
 def _key(config: ModelConfig) -> Hashable:
     """All settings that `build` uses."""
-    file = None if config.vehicle is None else (config.vehicle, config.vehicle.resolve())
     return (
-        config.scene, config.gimbal, config.transfer_function, file, config.mechanism,
-        config.motor, config.dt, tuple(of_backlash(config.overrides).items()),
+        config.scene, config.gimbal, config.transfer_function, config.vehicle,
+        _real(config.vehicle), config.mechanism, config.motor, config.dt,
+        tuple(of_backlash(config.overrides).items()),
     )  # fmt: skip
+
+
+def _real(file: Path | None) -> str:
+    """Where a path leads; empty where `build` refuses it."""
+    try:
+        return "" if file is None else os.path.realpath(file)
+    except ValueError:
+        return ""
 
 
 def _stamps(folder: str) -> Iterator[_Stamp]:
