@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from analysis.recording import read
-from hardware.frames import HardwareError, SensorFrame
+from hardware.frames import GimbalCommand, HardwareError, SensorFrame
 from hardware.fusion import BaseMap
 from hardware.fusion.base import tilt
 from hardware.simavr.nano import missing
@@ -20,6 +20,7 @@ from twin.config import Fly
 from twin.experiments.fly import fly
 from twin.hil import BenchPlant, RigOptions, open_rig
 from twin.hil.connect import lead, opened
+from twin.hil.gimbal import COMMAND_NS
 from twin.hil.turntable import Turntable, _twist, measure_base
 from twin.physics import native
 from twin.plant.model import ModelConfig, load
@@ -249,3 +250,26 @@ def test_a_turntables_own_parameters_reach_its_scene(tmp_path):
     with native.installed():
         told = lead(RigOptions("emulator", overrides={"turntable_lead[0]": 0.01}))
     assert told[0] == 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", [None, *range(20, 26)])
+def test_a_base_thrown_from_stop_to_stop_is_no_fault_of_a_servo(unit):
+    """Without a calibration, as after burnout: the load moves the gimbal by 2° at a command of 0.
+
+    Short form: `test_the_load_of_a_base_that_turns_is_no_fault_of_a_servo_and_hides_none`.
+    """
+    named = []
+    with (
+        native.installed(),
+        open_rig(RigOptions("emulator", scene="turntable", unit=unit), None) as seat,
+    ):
+        begun = seat.now_ns()
+        while (time := (seat.now_ns() - begun) * 1e-9) < 2.5:
+            turn = min(1.7 * time, 0.84) if time < 1.0 else -0.84 if time < 1.7 else 0.84
+            command = GimbalCommand(seat.now_ns(), (0.0, 0.0))
+            seat.rig.send(command, seat.base.pulse(turn))
+            seat.wait(COMMAND_NS)
+            seat.rig.poll()
+            named += seat.rig.faults
+    assert named == []
