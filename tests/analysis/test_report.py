@@ -71,15 +71,21 @@ def answered(commands: np.ndarray, gain: float = 1.0) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def three():
-    """Noisy hardware that starts late, its exact model, and a linkage with another gain."""
+def three(tmp_path_factory):
+    """Report of noisy hardware that starts late, its exact model, and a linkage of another gain.
+
+    Its numbers and its page.
+    """
     commands = stepped()
     angles = answered(commands)
     noise = np.random.default_rng(3).normal(0.0, 5e-4, angles.shape)
-    return [
+    recordings = [
         recorded(commands, angles + noise, motion="measured", late=0.7, gimbal="firmware"),
         recorded(commands, angles * 1.1, gimbal="linkage"),
-    ], {"model": TransferFunctionModel.second_order(OMEGA, ZETA, DELAY)}
+    ]
+    page = tmp_path_factory.mktemp("three") / "a.html"
+    models = {"model": TransferFunctionModel.second_order(OMEGA, ZETA, DELAY)}
+    return report(recordings, page, models=models), page
 
 
 def test_figures_are_those_of_the_second_order_textbook():
@@ -141,14 +147,13 @@ def test_a_command_without_a_description_is_known_by_its_look(wave, kind):
     assert kind_of(run.axes[0]) == kind
 
 
-def test_runs_are_laid_over_each_other_by_their_commands_and_the_shift_is_told(three, tmp_path):
-    recordings, models = three
-    numbers = report(recordings, tmp_path / "a.html", models=models)
+def test_runs_are_laid_over_each_other_by_their_commands_and_the_shift_is_told(three):
+    numbers, page = three
     model = next(c for c in numbers.comparisons if (c.reference, c.other) == ("firmware", "model"))
     assert all(abs(a.delay) < 2e-4 for a in model.axes)  # a tenth of a row
     # noise of 5e-4 rad on motion of 0.05 rad rms
     assert model.fit > 98.0
-    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
     assert "shifted by 700 ms" in text
     linkage = next(r for r in numbers.runs if r.label == "linkage")
     assert ("x", "gain", pytest.approx(0.1)) in linkage.disagree  # 1.1 is not 1
@@ -244,10 +249,9 @@ def test_places_reached_again_and_again_have_their_repeatability(tmp_path):
     assert ("accuracy AP from above", 0.1) not in told
 
 
-def test_a_models_own_figures_stand_in_its_column(three, tmp_path):
+def test_a_models_own_figures_stand_in_its_column(three):
     """Bandwidth of a second order of ζ 0.5: ωn·√(½ + √(5/4)); the delay counts into the lag."""
-    recordings, models = three
-    numbers = report(recordings, tmp_path / "a.html", models=models)
+    numbers, page = three
     own = figures_of(numbers.runs[2], "x")
     hertz = OMEGA * math.sqrt(0.5 + math.sqrt(1.25)) / (2 * math.pi)
     assert own["bandwidth"].value == pytest.approx(hertz, rel=1e-4)
@@ -258,7 +262,7 @@ def test_a_models_own_figures_stand_in_its_column(three, tmp_path):
     assert own["bandwidth"].n == 0
     assert figures_of(numbers.runs[2], "x/y")["coupling x→y"].value == 0.0
     assert not any("bandwidth" in figures_of(r, "x") for r in numbers.runs[:2])
-    assert value_text(own["bandwidth"]) in (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert value_text(own["bandwidth"]) in page.read_text(encoding="utf-8")
 
 
 def test_a_models_step_figures_stand_beside_a_measured_sweep(tmp_path):
@@ -273,9 +277,8 @@ def test_a_models_step_figures_stand_beside_a_measured_sweep(tmp_path):
     assert "overshoot" not in figures_of(numbers.runs[0], "x")
 
 
-def test_the_cosine_loss_is_that_of_the_angles_reached(three, tmp_path):
-    recordings, models = three
-    numbers = report(recordings, tmp_path / "a.html", models=models)
+def test_the_cosine_loss_is_that_of_the_angles_reached(three):
+    numbers, _ = three
     for run, reached in zip(numbers.runs, (0.1, 0.11, 0.1), strict=True):
         loss = figures_of(run, "x")["cosine_loss"]
         assert loss.value == pytest.approx(100.0 * (1.0 - math.cos(reached)), rel=0.01)
@@ -307,10 +310,9 @@ def test_motions_under_different_commands_are_not_compared(tmp_path):
     assert any("commanded differently" in note for note in numbers.notes)
 
 
-def test_the_page_and_the_json_hold_the_same_numbers(three, tmp_path):
-    recordings, models = three
-    numbers = report(recordings, tmp_path / "a.html", models=models)
-    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+def test_the_page_and_the_json_hold_the_same_numbers(three):
+    numbers, page = three
+    text = page.read_text(encoding="utf-8")
     inside = re.search(r'<script type="application/json" id="numbers">(.*?)</script>', text, re.S)
     assert inside is not None
     assert json.loads(inside[1]) == json.loads(json.dumps(numbers.to_dict(), allow_nan=False))
@@ -372,11 +374,9 @@ def test_a_record_that_begins_with_its_command_has_the_figures_of_that_step(tmp_
     assert report([still], tmp_path / "b.html").runs[0].kind("x") == "still"
 
 
-def test_the_page_leads_with_the_answer_and_at_most_twelve_figures(three, tmp_path):
+def test_the_page_leads_with_the_answer_and_at_most_twelve_figures(three):
     """The linkage's gain is 1.1: 10 % of a motion of ±0.1 rad is 0.57°, a fit of about 90 %."""
-    recordings, models = three
-    report(recordings, tmp_path / "a.html", models=models)
-    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    text = three[1].read_text(encoding="utf-8")
     order = re.findall(r'<section id="([a-z-]+)">', text)
     assert order[:3] == ["summary", "histories", "key-figures"]
     head = text[text.index('id="summary"') : text.index('id="histories"')]
@@ -561,14 +561,10 @@ def watch(browser):
         yield Watch(page)
 
 
-def test_a_browser_draws_every_plot_asks_for_nothing_and_complains_about_nothing(
-    three, tmp_path, watch
-):
+def test_a_browser_draws_every_plot_asks_for_nothing_and_complains_about_nothing(three, watch):
     from PIL import Image
 
-    recordings, models = three
-    file = tmp_path / "a.html"
-    report(recordings, file, models=models)
+    _, file = three
     watch.requests.clear()
     watch.page.complaints.clear()
     plots = watch.drawn(file)
@@ -608,11 +604,9 @@ def test_a_browser_runs_nothing_and_links_nothing_from_a_hostile_recording(tmp_p
     watch.page.complaints.clear()
 
 
-def test_it_prints_on_light_paper_within_the_margins(three, tmp_path, watch):
+def test_it_prints_on_light_paper_within_the_margins(three, watch):
     """Printed from a dark screen: ink is dark, and no plot is wider than the paper's text."""
-    recordings, models = three
-    file = tmp_path / "a.html"
-    report(recordings, file, models=models)
+    _, file = three
     dark = [{"name": "prefers-color-scheme", "value": "dark"}]
     watch.page.send("Emulation.setEmulatedMedia", features=dark)
     watch.drawn(file)

@@ -190,7 +190,7 @@ def test_between_potentiometers_and_gyro_the_command_decides(fault, name, by):
     assert named[0][0] < by
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("hold", [0.1, 0.35])
 def test_healthy_units_are_not_named_in_slews_between_the_ends(seed, hold):
     def ends(time):

@@ -251,7 +251,7 @@ def test_any_encoding_of_the_terminal_shows_the_result(tmp_path, monkeypatch, en
 
 
 def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
-    command = [sys.executable, "-m", "twin.cli.main", "doctor", "--json"]
+    command = [sys.executable, "-m", "twin.cli.main", "parameters", "wind"]
     environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parents[1])}
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(

@@ -88,7 +88,7 @@ class TestPlant:
 
 
 @pytest.mark.measured
-@pytest.mark.parametrize("unit", [None, 2, 5])
+@pytest.mark.parametrize("unit", [None, 2, pytest.param(5, marks=pytest.mark.slow)])
 def test_the_base_is_found_as_the_rig_was_drawn(unit):
     with native.installed():
         options = RigOptions("emulator", scene="turntable", unit=unit)
