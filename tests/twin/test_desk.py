@@ -347,6 +347,7 @@ MISTAKES = [
     ("mirror --playback {file}", "{file}"),
     ("mirror --playback {file} --steer keys", "cannot be steered"),
     ("mirror --duration-s -1", "from 0.001"),
+    ("campaign refly limits nan", "twin: 'nan': must be a whole number"),
     ("step --gimbal /dev/ttyUSB9 --clock lockstep", "real time"),
     ("step --gimbal emulater", "emulator"),
     ("step --gimbal ttyUSB0", "did you mean /dev/ttyUSB0?"),

@@ -72,13 +72,8 @@ class Cluster:
         fly = ray.remote(num_cpus=1, max_retries=RETRIES)(rows_of)
         place = self.study.place
         given = str(Path(place).resolve()) if Path(place).suffix else place
-        try:
-            self.store.prepare()
-        except OSError as error:
-            raise TwinError(f"cannot write {self.store.folder}: {error.strerror}") from None
-        present = set(self.store.present())
-        waiting = [p for p in range(self.store.parts) if p not in present]
-        waiting.reverse()
+        waiting = self.store.prepare()[::-1]
+        present = set(range(self.store.parts)) - set(waiting)
         at_work: dict[Any, int] = {}
         for part in range(self.store.parts):
             while part not in present:

@@ -64,13 +64,8 @@ class Engine:
         """
         if not hasattr(os, "fork"):
             raise TwinError("twin campaign: needs a system with fork (Linux, macOS)")
-        try:
-            self.store.prepare()
-        except OSError as error:
-            raise TwinError(f"cannot write {self.store.folder}: {error.strerror}") from None
-        present = set(self.store.present())
-        waiting = [p for p in range(self.store.parts) if p not in present]
-        waiting.reverse()
+        waiting = self.store.prepare()[::-1]
+        present = set(range(self.store.parts)) - set(waiting)
         try:
             with selectors.DefaultSelector() as pipes:
                 for part in range(self.store.parts):

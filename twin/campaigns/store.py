@@ -117,15 +117,20 @@ class Store:
         """
         self._write(rows, self.file(part))
 
-    def prepare(self) -> None:
-        """Load what writing needs, so that forked processes have it already.
+    def prepare(self) -> list[int]:
+        """Load what writing needs, so that forked processes have it; gives the missing fragments.
 
         Raises
         ------
-        OSError : the folder cannot be written
+        TwinError : the folder cannot be written
         """
-        (self.folder / "rows").mkdir(parents=True, exist_ok=True)
+        try:
+            (self.folder / "rows").mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise TwinError(f"cannot write {self.folder}: {error.strerror}") from None
         pq.write_table(self._table([{}]), pa.BufferOutputStream(), compression="zstd")
+        present = set(self.present())
+        return [p for p in range(self.parts) if p not in present]
 
     def _table(self, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
         return pa.Table.from_pylist(list(rows), schema=self._schema)

@@ -48,6 +48,7 @@ PLAINER: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
         r"no type matching INT could be instantiated from \['(.*?)'\]\.?",
         r"'\1' is not a whole number",
     ),
+    (r"\[INT\]: ('.*?') is not a whole number", r"\1: must be a whole number"),  # not named
     (r"could not convert string to float: '(.*?)'", r"'\1' is not a number"),
     (r"invalid literal for int\(\) with base 10: '(.*?)'", r"'\1' is not a whole number"),
     (r"Missing value for argument '(.*?)'\. Expected 1 values\.", r"\1: its value is missing"),

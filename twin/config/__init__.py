@@ -6,19 +6,12 @@ False
 
 from twin.config.base import Settings
 from twin.config.demo import Demo
-from twin.config.evaluation import Columns, Compare, Doctor, Export, History, Identify, Report, View
+from twin.config.derived import Converge, Replay, added, with_model, without_ineffective
+from twin.config.evaluation import Columns, Compare, History, Identify, Report
 from twin.config.options import Run
 from twin.config.rig import Calibrate, Mirror, Rig
-from twin.config.runs import (
-    OBJECT,
-    Converge,
-    Fly,
-    Replay,
-    Step,
-    added,
-    with_model,
-    without_ineffective,
-)
+from twin.config.runs import OBJECT, Fly, Step
+from twin.config.tools import Doctor, Export, View
 from twin.config.types import LARGEST_DT, TURNTABLE, Integrator, OnFault, Programme, Signal
 from twin.config.vehicle import ListParameters
 

@@ -1,16 +1,13 @@
 """Settings of flights and step tests, and of what is derived from them."""
 
-from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, ClassVar, Literal, TypeVar
+from typing import Annotated, ClassVar, Literal
 
-from twin.config.options import FaultResponse, Output, Parameters, Run
-from twin.config.seats import OF_SERVOS, is_rig
+from twin.config.options import FaultResponse, Run
+from twin.config.seats import is_rig
 from twin.config.types import (
-    POSITIONAL,
-    TRANSFER_FUNCTION,
     TURNTABLE,
     Axis,
     Count,
@@ -18,13 +15,10 @@ from twin.config.types import (
     Duration,
     Flag,
     Frequency,
-    Integrator,
     Programme,
     Range,
-    Seed,
     Signal,
 )
-from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
 Distance = Annotated[float, Range(-1e5, 1e5, "m")]
@@ -241,116 +235,3 @@ class Step(FaultResponse, Run):
         """Settings as JSON values; none of a test signal that was not commanded."""
         values = super().as_properties()
         return {k: v for k, v in values.items() if not (self.commands and k in OF_SIGNAL)}
-
-
-@dataclass(frozen=True)
-class Replay(Output, Parameters):
-    """Repeat a recorded run: bit for bit, or with changed settings."""
-
-    group: ClassVar[str] = "replay"
-
-    recording: Annotated[Path, POSITIONAL]
-    """Recording (.rrd) of `twin fly` or `twin step`."""
-    _: KW_ONLY
-    gimbal: Literal["linkage", "transfer-function", "emulator", "firmware"] | None = None
-    """Another gimbal source; if omitted, the recorded readings of a rig take its place."""
-    integrator: Integrator | None = None
-    """Another integrator."""
-    dt: TimeStep | None = None
-    """Another physics time step [s]."""
-    control_hz: Frequency | None = None
-    """Another rate of the controller [Hz]."""
-    seed: Seed | None = None
-    """Another random seed."""
-    controller: str | None = None
-    """Own controller of the recorded flight, FILE.py:NAME; a file named in a recording is never
-    executed."""
-    force: Flag = False
-    """Replay even if versions of libraries or the model differ from those recorded, with files of
-    this machine that the recording names but does not contain; also replace an existing file that
-    is more than a simulation's recording."""
-    out: Path | None = None
-    """Recording to write; RECORDING.replay.rrd if omitted."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Converge(Output, Parameters):
-    """Vary the time step of a flight: error and order of each integrator, and real-time limits."""
-
-    group: ClassVar[str] = "study"
-
-    flight: Literal["baseline", "closed-loop"] = "baseline"
-    """Free flight with the gimbal at rest (baseline), or with the attitude loop from the launch on
-    (closed-loop)."""
-    gimbal: Literal["linkage", "transfer-function"] = "transfer-function"
-    """Gimbal source of the closed-loop flight."""
-    integrators: tuple[Integrator, ...] = ("ab1", "ab2", "ab3", "ab4", "implicitfast", "rk4")
-    """Integrators to compare."""
-    dt_ms: tuple[Annotated[float, Range(1e-3, 20.0, "ms")], ...] = ()
-    """Time steps [ms]; 20 to 2.5 for baseline, 4 to 0.5 for closed-loop if omitted."""
-    integrator: Integrator = "ab2"
-    """Integrator that the figure and the verdict are about."""
-    tolerance_m: Annotated[float, Range(1e-9, 1e6, "m")] = 0.1
-    """Largest error of the path that counts as converged [m]."""
-    duration_s: Annotated[float, Range(1e-2, 3600.0, "s")] = 3.0
-    """Longest flight [s]."""
-    control_hz: Frequency = 250.0
-    """Rate of the controller [Hz]."""
-    seed: Seed = 0
-    """Random seed."""
-    vehicle: Path | None = None
-    """Description (TOML), OpenRocket design (.ork, with --motor) or MJCF file of the vehicle; the
-    reference vehicle if omitted."""
-    mechanism: Path | None = None
-    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
-    model: Path | None = None
-    """Identified model (JSON) for `--gimbal transfer-function`; the shipped model if omitted."""
-    motor: Path | None = None
-    """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
-    thrust table of two columns (.csv); the vehicle's own motor if omitted."""
-    out: Path | None = None
-    """Page to write (.html); runs/converge-DATE-TIME.html if omitted."""
-
-    @property
-    def extras(self) -> tuple[str, ...]:
-        """Extras of the installation that these settings need."""
-        return ("report",)
-
-
-R = TypeVar("R", bound=Run)
-
-
-def with_model(config: R, gimbal: str, **changes: object) -> R:
-    """The same run with a model in the gimbal seat, without the settings of a rig.
-
-    Parameters of servos and rods are dropped where an identified model takes their place.
-    """
-    rig: dict[str, object] = {
-        "calibration": None, "fault": (), "unit": None, "clock": "lockstep", "no_check": False,
-        "shadow": None, "shadow_set": (),
-    }  # fmt: skip
-    if isinstance(config, Fly):
-        rig |= {"attitude": "truth", "scene": config.plant_scene, "about": config.turns_about}
-    if hasattr(config, "on_fault"):
-        rig["on_fault"] = None
-    if gimbal == TRANSFER_FUNCTION:
-        rig["set"] = _without_servos(config)
-    else:
-        rig["model"] = None
-    return replace(config, **{**rig, "gimbal": gimbal, **changes})  # type: ignore[arg-type]
-
-
-def without_ineffective(config: R) -> R:
-    """A recorded run without parameters that had no effect in it and are refused by now."""
-    if config.gimbal != TRANSFER_FUNCTION:
-        return config
-    return replace(config, set=_without_servos(config))
-
-
-def added(config: R, parameters: Mapping[str, float]) -> R:
-    """The same run with more parameters, which take precedence."""
-    return replace(config, set=tuple({**config.overrides, **parameters}.items()))
-
-
-def _without_servos(config: Run) -> tuple[tuple[str, float], ...]:
-    return tuple((n, v) for n, v in config.set if not n.startswith(OF_SERVOS))

@@ -8,10 +8,12 @@ from typing import Any
 from twin.config.base import Settings
 from twin.config.campaign import Campaign
 from twin.config.demo import Demo
-from twin.config.evaluation import Compare, Doctor, Export, History, Identify, Report, View
+from twin.config.derived import Converge, Replay
+from twin.config.evaluation import Compare, History, Identify, Report
 from twin.config.mechanism import Mechanism, Meshes
 from twin.config.rig import Calibrate, Mirror, Rig
-from twin.config.runs import Converge, Fly, Replay, Step
+from twin.config.runs import Fly, Step
+from twin.config.tools import Doctor, Export, View
 from twin.config.vehicle import ListParameters, Vehicle
 
 
