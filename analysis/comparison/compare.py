@@ -30,6 +30,7 @@ class Errors(Plain):
     rmse, mae, worst : of the difference [rad]
     fit : NRMSE fit, `100·(1 − |difference|/|reference − mean|)` [%]
     vaf : variance accounted for, 100·(1 − var(difference)/var(reference)) [%]
+    fit_moving : as `fit`, around the mean difference [%]: the fit of `twin identify`
     """
 
     rmse: float
@@ -37,6 +38,7 @@ class Errors(Plain):
     worst: float
     fit: float
     vaf: float
+    fit_moving: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,10 +156,9 @@ def compare(
     repeats : of an axis, the times [s] at which its repeats begin, and at which the last one ends
     longest_delay : of either motion behind the other [s]
     still : axes that were not commanded
-    noise : of the reference's readings where it is known [rad]; by their second differences, or
-        their step over √12 where that is more, without
-    limit : fit that is asked for [%]; an axis counts if its noise lets a perfect model reach that,
-        and if its motion is larger than its noise
+    noise : of the reference's readings where it is known [rad]; else by their second differences,
+        or their step over √12
+    limit : fit that is asked for [%]; an axis counts if its noise lets a perfect model reach that
 
     Raises
     ------
@@ -236,6 +237,7 @@ def errors(reference: ArrayLike, other: ArrayLike) -> Errors:
         worst=float(np.abs(e).max()),
         fit=100.0 * (1.0 - float(np.linalg.norm(e)) / spread) if spread else math.nan,
         vaf=100.0 * (1.0 - float(np.var(e)) / varied) if varied else math.nan,
+        fit_moving=100.0 * (1.0 - float(np.std(e) / np.std(y))) if spread else math.nan,
     )
 
 

@@ -18,6 +18,7 @@ from analysis.identify.gimbal import own_records
 from analysis.identify.identification import identify, layout_of, longest_delay
 from analysis.identify.known import known_of_servo
 from analysis.identify.model import IdentifiedModel
+from analysis.identify.problem import Problem
 from analysis.identify.servo_starts import reverses
 from analysis.identify.short_search import short_search
 from analysis.plain import Plain
@@ -44,6 +45,7 @@ _ADVICE = {
     "backlash": "add steps that reverse, in several sizes",
 }
 _OF_SERVO = ("rate limit", "dead band", "backlash")
+_SIZES = 1.5  # largest over smallest step; of less, a limit shows in the shape of one motion only
 _NOMINAL = 0.01  # of the command's range: what intervals of smaller dead bands and plays are over
 
 
@@ -120,7 +122,14 @@ def _bounds(
     _, servo = channels.bounded(fit, known_of_servo(fit)[0], axis, command, longest)
     size = _NOMINAL * max(float(np.ptp(p.input)) for p in problem.parts)
     return [
-        _expected(servo.rate_limit),
+        _expected(servo.rate_limit, shown=_sizes(problem) >= _SIZES),
         _expected(servo.dead_band, size),
         _expected(servo.backlash, size * abs(fit.gain), shown=reverses(problem, 0)),
     ]
+
+
+def _sizes(problem: Problem) -> float:
+    """Largest over smallest change of the command; changes of 2 % of the largest do not count."""
+    size = np.abs(np.concatenate([np.diff(p.input[:, 0]) for p in problem.parts]))
+    size = size[size > 0.02 * size.max(initial=0.0)]
+    return float(size.max() / size.min()) if len(size) else 1.0

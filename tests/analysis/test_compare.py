@@ -47,6 +47,8 @@ def test_errors_are_their_definitions():
     assert (e.rmse, e.mae, e.worst) == (0.5, 0.5, 0.5)
     assert e.fit == pytest.approx(100 * (1 - 1.0 / math.sqrt(5.0)))
     assert e.vaf == pytest.approx(100 * (1 - np.var([0.5, 0.5, 0.5, -0.5]) / 1.25))
+    assert e.fit_moving == pytest.approx(100 * (1 - math.sqrt(0.75 / 5.0)))
+    assert errors([0.0, 1.0, 2.0, 3.0], [1.0, 2.0, 3.0, 4.0]).fit_moving == pytest.approx(100.0)
 
 
 def test_a_constant_reference_has_no_fit():

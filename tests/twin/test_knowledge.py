@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.identify import Expectation
 from analysis.recording import load
 from analysis.recording import reader as recording
 from analysis.transfer_function import TransferFunctionModel
 from hardware.simavr.nano import missing
 from tests.twin.test_cli import run
+from twin.evaluation.identify import InformationResult
 from twin.plant.model import REFERENCE_GIMBAL
 
 needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
@@ -87,6 +89,18 @@ def test_a_flight_is_identified_with_a_word_about_its_loop_and_compared_with_a_s
     compared = told(capsys, "compare", steps, flight, "--out", str(tmp_path / "c.rrd"))
     assert any(w.startswith(f"{flight} is of fly, {steps} of step") for w in compared["warnings"])
     assert told(capsys, "compare", steps, steps, "--out", str(tmp_path / "c.rrd"))["warnings"] == []
+
+
+def test_what_a_record_can_determine_is_given_over_the_value_and_a_limit_as_a_bound():
+    limit = Expectation("x rate limit", math.inf, 3.99, "rad/s", True, 0.03, "add larger steps")
+    band = Expectation("x dead band", 0.16, math.radians(0.33), "rad", False, 0.3, "")
+    delay = Expectation("x/x delay", 0.0021, 0.018, "s", False, 1e-3, "use stamps")
+    rows = dict(InformationResult((limit, band, delay), ("a.csv",), ()).rows())
+    assert rows["x dead band"] == "± 16 % of 0.33°"
+    assert rows["x rate limit"].startswith(
+        "at least 3.99 rad/s (never reached in this record), not"
+    )
+    assert rows["x/x delay"] == "± 2.1 ms of 18 ms, not determined (± 1 ms is): use stamps"
 
 
 def test_a_model_is_judged_on_a_recording_it_never_saw(capsys, made, tmp_path):

@@ -46,6 +46,7 @@ _FIGURES = (
     ("mae", "mae", "°"),
     ("worst", "worst", "°"),
     ("fit", "fit", " %"),
+    ("fit without offset", "fit_moving", " %"),
     ("variance explained", "vaf", " %"),
 )
 
