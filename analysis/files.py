@@ -1,14 +1,18 @@
 """Files of unknown origin, read within limits, and files that appear whole or not at all."""
 
+import hashlib
 import os
 import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from io import BufferedReader
 from pathlib import Path
 
 from analysis.schema import AnalysisError
+
+_noted: ContextVar[dict[str, bytes] | None] = ContextVar("files that are read", default=None)
 
 
 class FileError(AnalysisError):
@@ -62,7 +66,25 @@ def content(path: Path | str, largest: int) -> bytes:
         data = file.read(largest + 1)
     if len(data) > largest:  # of files in /proc, whose size is said to be zero
         raise FileError(f"{path}: larger than {largest} bytes, the limit for its kind")
+    if (found := _noted.get()) is not None:
+        digest = hashlib.sha256(data).digest()
+        same = found.setdefault(str(path), digest) == digest
+        found[str(path)] = digest if same else b""
     return data
+
+
+@contextmanager
+def noted() -> Iterator[dict[str, bytes]]:
+    """Digests of the files that `content` reads in the block, by path.
+
+    Empty for a file that changed meanwhile.
+    """
+    found: dict[str, bytes] = {}
+    token = _noted.set(found)
+    try:
+        yield found
+    finally:
+        _noted.reset(token)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -92,6 +92,7 @@ def opened(url: str, size: tuple[int, int]) -> Iterator[Page]:
             "--headless=new",
             "--disable-gpu",
             "--enable-unsafe-swiftshader",
+            "--js-flags=--wasm-lazy-compilation",  # Rerun's viewer is 30 MB, most of it unused
             "--no-sandbox",
             "--no-first-run",
             "--hide-scrollbars",

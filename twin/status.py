@@ -1,15 +1,17 @@
-"""What the program is doing, as one line on a terminal; silent where nothing is shown."""
+"""What the program does: one line on a terminal; in a log, a line now and then of long work."""
 
 import os
 import shutil
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 Text = str | Callable[[], str]
 
 FIRST_S, PERIOD_S = 0.7, 0.25  # until the line appears, and between two of its updates
+LONG_S = 30.0  # until the first line in a log; each further one takes twice as long
 _doing: Text = ""
 _about = ""
 _on = False  # whether a thread shows the line
@@ -61,15 +63,12 @@ def done(line: str) -> None:
 
 @contextmanager
 def shown() -> Iterator[None]:
-    """Show the status line during a block if standard error is a terminal."""
-    if not sys.stderr.isatty():
-        yield
-        return
+    """Show the status line during a block; in a pipe or log, a line after 30, 60, 120 … seconds."""
     global _on
-    over = threading.Event()
-    thread = threading.Thread(target=_show, args=(over,), daemon=True, name="status")
+    _on, over = sys.stderr.isatty(), threading.Event()
+    show = _show if _on else _log
+    thread = threading.Thread(target=show, args=(over,), daemon=True, name="status")
     thread.start()
-    _on = True
     try:
         yield
     finally:
@@ -78,6 +77,24 @@ def shown() -> Iterator[None]:
         thread.join()
         with _lock:
             _erase()
+
+
+def _log(over: threading.Event) -> None:
+    began, seconds = time.monotonic(), LONG_S
+    while not over.wait(max(0.0, seconds - (time.monotonic() - began))):
+        if line := _line(seconds):
+            with suppress(OSError, ValueError):
+                note(line)
+        seconds *= 2
+
+
+def _line(seconds: float) -> str:
+    """The line after so many seconds; empty where nothing is done, or what it reads is closed."""
+    try:
+        text = _doing if isinstance(_doing, str) else _doing()
+    except Exception:
+        return ""
+    return f"{_about}{text} ({seconds:.0f} s)" if text else ""
 
 
 def _show(over: threading.Event) -> None:
@@ -89,14 +106,9 @@ def _show(over: threading.Event) -> None:
 
 def _draw(seconds: float) -> None:
     global _width
-    try:
-        text = _doing if isinstance(_doing, str) else _doing()
-    except Exception:  # what it reads may be closed meanwhile
-        return
-    room = shutil.get_terminal_size().columns - 1
-    line = f"{_about}{text} ({seconds:.0f} s)"
+    line, room = _line(seconds), shutil.get_terminal_size().columns - 1
     with _lock:
-        if not _doing:
+        if not _doing or not line:
             return
         try:
             print(f"\r{line[:room]:<{min(_width, room)}}\r", end="", file=sys.stderr, flush=True)

@@ -92,7 +92,7 @@ def _places(fit: AxisFit, j: int) -> list[int]:
 def bounded(
     fit: ServoFit, known: Uncertainty, output: str, command: str, longest: float
 ) -> tuple[ChannelFit, ServoBounds]:
-    """Linear part and bounds of one servo."""
+    """Linear part and bounds of one servo; of an idle limit, its bound from below."""
     n = fit.poles
     whole = np.concatenate([fit.theta, fit.linear])
     given = None if fit.problem.layout.free_delays else float(fit.theta[n])
@@ -124,8 +124,14 @@ def bounded(
         ("rate limit back", "rad/s"),
         ("slew of the set point", "rad/s"),
     )
+    least = {n: v * abs(fit.gain) for n, v in fit.idle.items()}
+    if behind and fit.gain < 0.0:  # upward of the output is downward of the command
+        turned = {"rate limit": "rate limit back", "rate limit back": "rate limit"}
+        least = {turned.get(n, n): v for n, v in least.items()}
     estimates = [
-        Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
+        Estimate(f"{output} {what}", least[what], np.nan, unit, False, True)
+        if what in least
+        else Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
         for (what, unit), v, s in zip(names, values, std, strict=False)
     ]
 
@@ -139,7 +145,7 @@ def bounded(
     every = known.covariance[:size, :size].copy()
     if given is None:
         every[n, n] += fit.problem.doubt**2
-    stds = np.concatenate([[e.std for e in channel.estimates], std])
+    stds = np.nan_to_num([e.std for e in (*channel.estimates, *estimates)])
     joint = _scaled(propagated(figures, whole, every), stds)
     return replace(channel, joint=joint), ServoBounds(fit.structure, fit.losses, *estimates)
 

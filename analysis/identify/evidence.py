@@ -22,6 +22,7 @@ class Estimate(Plain):
     std : standard deviation, so that 1.96 of it are a 95 % interval; from the noise or, where they
         are larger, its colour or the scatter of whole steps
     determined : whether the readings say more than nothing of it
+    at_least : `value` is a limit that no motion of the record reaches: it lies above
     interval : of 95 % confidence
     """
 
@@ -30,16 +31,20 @@ class Estimate(Plain):
     std: float
     unit: str
     determined: bool = True
+    at_least: bool = False
 
     @property
     def interval(self) -> tuple[float, float]:
         """Interval of 95 % confidence."""
+        if self.at_least:
+            return self.value, np.inf
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON; a value that is not determined is None."""
         if not self.determined:
-            return {**Plain.to_dict(self), "value": None, "std": None, "low": None, "high": None}
+            low = plain(self.value) if self.at_least else None
+            return {**Plain.to_dict(self), "value": None, "std": None, "low": low, "high": None}
         low, high = self.interval
         return {**Plain.to_dict(self), "low": plain(low), "high": plain(high)}
 

@@ -6,25 +6,19 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.array import Array
 from analysis.identify import channels, checks
 from analysis.identify.assemble import assemble
 from analysis.identify.diagnostics import Saturation, saturation
 from analysis.identify.doubts import evidence, selection_warnings, stamp_warnings, warnings_of
 from analysis.identify.errors import IdentificationError
-from analysis.identify.fit import AxisFit
+from analysis.identify.known import known_of, known_of_servo
 from analysis.identify.layout import Layout
 from analysis.identify.model import IdentifiedModel
-from analysis.identify.noise import level_errors
 from analysis.identify.problem import Problem
-from analysis.identify.segments import series_of, step_of_row
+from analysis.identify.reached import idle_warnings
 from analysis.identify.selection import select
 from analysis.identify.servo import search_servo
-from analysis.identify.servo_fit import ServoFit
 from analysis.identify.uncertainty import (
-    Uncertainty,
-    stamp_error,
-    uncertainty,
     whole_jacobian,
 )
 from analysis.recording.measurements import Measurement
@@ -142,7 +136,7 @@ def _linear(
         output = first.outputs[i]
         choice = select(problem, longest)
         fit, jacobian = choice.fit, whole_jacobian(choice.fit.solution)
-        known, stamps = _known(
+        known, stamps = known_of(
             fit,
             jacobian,
             fit.solution.weighted,
@@ -194,11 +188,7 @@ def _bounded(
             replace(problem.layout, inputs=1, delays=problem.layout.delays[:1])
         )
         fit = search_servo(alone, i, max_delay=longest, structure=structure)
-        own = len(fit.theta) + 1
-        known, stamps = _known(
-            fit, fit.jacobian, fit.residual * fit.problem.weight, own,
-            [fit.poles] if alone.layout.free_delays else [],
-        )  # fmt: skip
+        known, stamps = known_of_servo(fit)
         channel, limits = channels.bounded(fit, known, first.outputs[i], first.inputs[i], longest)
         rows.append(
             tuple(channel if j == i else channels.nothing(channel) for j in range(len(problems)))
@@ -208,6 +198,7 @@ def _bounded(
         axes.append(evidence(fit, first.outputs[i], none, known, stamps, (), {}, i))
         warnings += warnings_of(axes[-1], (channel,), longest, problem)
         warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])
+        warnings += idle_warnings(limits, first.outputs[i])
     warnings += stamp_warnings(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), tuple(bounds), tuple(axes), tuple(warnings)
@@ -216,19 +207,3 @@ def _bounded(
 
 def _delay_places(problem: Problem) -> list[int]:
     return [problem.layout.delay_place(j) for j in problem.layout.free_delays]
-
-
-def _known(
-    fit: AxisFit | ServoFit, jacobian: Array, weighted: Array, own: int, delays: Sequence[int]
-) -> tuple[Uncertainty, float]:
-    """Uncertainty of all parameters, of which `own` are no offsets; error of the stamps."""
-    problem = fit.problem
-    steps = step_of_row(problem)
-    known = uncertainty(
-        jacobian, weighted, series_of(problem), steps, range(own),
-        level_errors(problem, fit.noise), delays,
-    )  # fmt: skip
-    late = float("nan")
-    if delays and known.disagree:
-        late = stamp_error(jacobian[:, delays[0]], weighted, steps)
-    return known, late

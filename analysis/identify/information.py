@@ -1,7 +1,8 @@
 """What a record can determine, by its Fisher information, before a model is made of it.
 
-The information is that of a nominal gimbal: poles and delay as a linear fit of the record has them,
-a speed limit a fifth below the fastest motion, dead band and play of 1 % of the command's range.
+Poles, gain and delay as a linear fit of the record has them; the bounds of the servo from a short
+search of one structure: its residual has the colour of the noise, the lag of the sensor and what no
+servo explains, and its derivatives hold the bounds against all other parameters.
 """
 
 from collections.abc import Sequence
@@ -9,18 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.array import Array
+from analysis.identify import channels
 from analysis.identify.assemble import assemble
 from analysis.identify.basis import parameters_of
+from analysis.identify.evidence import Estimate
 from analysis.identify.gimbal import own_records
-from analysis.identify.identification import identify, layout_of
+from analysis.identify.identification import identify, layout_of, longest_delay
+from analysis.identify.known import known_of_servo
 from analysis.identify.model import IdentifiedModel
-from analysis.identify.noise import from_differences, quantisation
-from analysis.identify.problem import Problem
-from analysis.identify.segments import step_of_row
-from analysis.identify.servo import servo_jacobian
-from analysis.identify.servo_starts import command_unit, fastest, scaled
-from analysis.identify.uncertainty import covariance, few
+from analysis.identify.servo_starts import reverses
+from analysis.identify.short_search import short_search
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 
@@ -44,10 +43,8 @@ _ADVICE = {
     "dead band": "add steps that are small, in both directions",
     "backlash": "add steps that reverse, in several sizes",
 }
-_NOMINAL = 0.01  # of the command's range: dead band and play
-_SLOWER = 0.8  # nominal limit over the fastest motion
-_ROUGH = 2.0  # intervals of bounds over those of white noise: steps scatter, the loss is rough
-_SIZES = 1.5  # largest over smallest step that show a limit
+_OF_SERVO = ("rate limit", "dead band", "backlash")
+_NOMINAL = 0.01  # of the command's range: what intervals of smaller dead bands and plays are over
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +54,20 @@ class Expectation(Plain):
     Attributes
     ----------
     name : as in a model's estimates
-    half : expected half width of its 95 % interval, over its value (of a delay in s); infinite
-        where the record shows nothing of it
+    half : expected half width of its 95 % interval, over `size` (of a delay in s); infinite where
+        the record shows nothing of it
+    size, unit : the value that the record suggests; of a dead band or backlash 1 % of the command's
+        range or more
+    at_least : `size` is a limit that the record does not reach
     bar : half width that counts as determined
     advice : what to record where it is not
     """
 
     name: str
     half: float
+    size: float
+    unit: str
+    at_least: bool
     bar: float
     advice: str
 
@@ -84,58 +87,40 @@ def expectations(
     IdentificationError : records that no model can come from
     """
     found: list[Expectation] = []
-    for k, axis in enumerate(records[0].outputs[: len(records[0].inputs)]):
+    for k in range(min(len(records[0].inputs), len(records[0].outputs))):
         own = own_records(records, k)
         model = identify(own, poles, max_delay=max_delay)
-        for e in model.channels[0][0].estimates:
-            what = e.name.partition(" ")[2]
-            size = 1.0 if what == "delay" else max(abs(e.value), 1e-300)
-            half = 1.96 * e.std / size if e.determined else np.inf
-            found.append(Expectation(e.name, half, _BARS[what], _ADVICE[what]))
-        for what, half in _bounds(own, model, poles).items():
-            found.append(Expectation(f"{axis} {what}", half, _BARS[what], _ADVICE[what]))
+        found += [_expected(e) for e in model.channels[0][0].estimates]
+        found += _bounds(own, model, poles, longest_delay(own, max_delay))
     return tuple(found)
 
 
-def _bounds(records: Sequence[Measurement], model: IdentifiedModel, poles: int) -> dict[str, float]:
-    """Expected relative half widths of rate limit, dead band and backlash."""
-    names = ("rate limit", "dead band", "backlash")
+def _expected(e: Estimate, least: float = 0.0, *, shown: bool = True) -> Expectation:
+    what = e.name.partition(" ")[2]
+    size = max(abs(e.value), least, 1e-300)
+    half = 1.96 * e.std / (1.0 if what == "delay" else size)
+    known = shown and np.isfinite(half) and half > 0.0
+    return Expectation(
+        e.name, half if known else np.inf, size, e.unit, e.at_least, _BARS[what], _ADVICE[what]
+    )
+
+
+def _bounds(
+    records: Sequence[Measurement], model: IdentifiedModel, poles: int, longest: float
+) -> list[Expectation]:
+    """Of rate limit, dead band and backlash."""
+    axis, (command,) = model.outputs[0], model.inputs
     if poles > 2:
-        return dict.fromkeys(names, np.inf)
-    plain = assemble(records, 0, layout_of(records, poles, 0), shared_offset=False)
-    problem = scaled(plain, 0, command_unit(plain, 0))
-    # either is too large: the one by motion that these bounds explain, the other by fast motion
-    every = np.ones(len(problem.measured), dtype=bool)
-    noise = np.fmin(model.axes[0].noise, from_differences(problem, every, quantisation(problem)))
-    problem = problem.weighed(1.0 / np.where(problem.is_rate, noise[1], noise[0]))
+        return [_expected(Estimate(f"{axis} {what}", np.nan, np.nan, "")) for what in _OF_SERVO]
+    problem = assemble(records, 0, layout_of(records, poles, 0), shared_offset=False)
     channel = model.channels[0][0]
+    fit = short_search(
+        problem, 0, parameters_of(np.roots(channel.den)), channel.delay, max_delay=longest
+    )
+    _, servo = channels.bounded(fit, known_of_servo(fit)[0], axis, command, longest)
     size = _NOMINAL * max(float(np.ptp(p.input)) for p in problem.parts)
-    section = parameters_of(np.roots(channel.den))
-    limit = np.log(_SLOWER * fastest(problem))
-    theta = np.array([*section, max(channel.delay, 0.0), limit, size, size])
-    jacobian = servo_jacobian(problem, 0, "speed", theta)
-    std = np.sqrt(np.clip(np.diag(covariance(jacobian)), 0.0, None))
-    told = np.linalg.norm(jacobian, axis=0) > 0.0
-    wider = _ROUGH * few(len(np.unique(step_of_row(problem))) - 1 - len(theta))
-    half = 1.96 * wider * std[poles + 1 : poles + 4] / np.array([1.0, size, size])
-    shown = [_sizes(problem) >= _SIZES, True, _turns(problem)]
-    return {
-        name: float(h) if t and s else np.inf
-        for name, h, t, s in zip(names, half, told[poles + 1 : poles + 4], shown, strict=True)
-    }
-
-
-def _steps(problem: Problem) -> Array:
-    return np.concatenate([np.diff(p.input[:, 0]) for p in problem.parts])
-
-
-def _sizes(problem: Problem) -> float:
-    """Largest over smallest change of the command; changes of 2 % of the largest do not count."""
-    size = np.abs(_steps(problem))
-    size = size[size > 0.02 * size.max(initial=0.0)]
-    return float(size.max() / size.min()) if len(size) else 1.0
-
-
-def _turns(problem: Problem) -> bool:
-    steps = _steps(problem)
-    return bool((steps > 0.0).any() and (steps < 0.0).any())
+    return [
+        _expected(servo.rate_limit),
+        _expected(servo.dead_band, size),
+        _expected(servo.backlash, size * abs(fit.gain), shown=reverses(problem, 0)),
+    ]

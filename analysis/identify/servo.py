@@ -13,23 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.array import Array
-from analysis.identify import noise as sensor_noise
 from analysis.identify.dead_band import static_dead_band
 from analysis.identify.errors import IdentificationError
-from analysis.identify.noise import Mask, Pair, weights
+from analysis.identify.noise import Mask, Pair, quantisation
 from analysis.identify.problem import Problem
+from analysis.identify.reached import without_idle_limits
 from analysis.identify.segments import step_folds
+from analysis.identify.servo_descent import descend, in_units, loss_of, prepared, project, settled
 from analysis.identify.servo_fit import ServoFit
-from analysis.identify.servo_response import servo_response
-from analysis.identify.servo_starts import command_unit, grid_of_starts, limits, scaled, scales
+from analysis.identify.servo_starts import grid_of_starts, reverses, scales, with_values
 from analysis.transfer_function.servo import Structure
 
-_ROUNDS = 3
 _FOLLOWED = 3
 _FOLDS = 4
 _WORTH = 0.97  # of the held-out loss: what a parameter more must save
-_DIFFERENCE = 1e-5  # of each parameter's scale: far above rounding, far below curvature
-_WIDE_DIFFERENCE = 1e-3  # where dead band and play make the loss rough
 
 
 def search_servo(
@@ -53,15 +50,12 @@ def search_servo(
             f"{problem.layout.zeros}; leave zeros away or fit without the servo"
         )
     kept = np.ones(len(problem.measured), dtype=bool) if keep is None else keep
-    floor = sensor_noise.quantisation(problem)
-    first = sensor_noise.from_differences(problem, kept, floor)
-    problem = problem.weighed(weights(problem, first, kept))
-    unit = command_unit(problem, axis)
-    alike = scaled(problem, axis, unit)
+    floor = quantisation(problem)
+    problem, alike, unit = prepared(problem, axis, kept, floor)
     tried: tuple[Structure, ...] = ("speed", "command", "set-point")
     if structure is not None:
         tried = (structure,)
-    elif problem.layout.poles == 1 or not _reverses(problem, axis):
+    elif problem.layout.poles == 1 or not reverses(problem, axis):
         # steps one way only do not show what becomes of small motions to and fro
         tried = ("speed", "command")
     fits = [_fit(alike, axis, s, max_delay, kept, floor) for s in tried]
@@ -70,23 +64,8 @@ def search_servo(
         for f, loss in fits
     }
     best = min((f for f, _ in fits), key=lambda f: losses[f.structure])
-    return replace(_in_units(best, problem, unit), losses=losses)
-
-
-def _in_units(fit: ServoFit, problem: Problem, unit: float) -> ServoFit:
-    """The fit of commands over `unit`, in the commands' own unit."""
-    n = fit.poles
-    theta, linear, jacobian = fit.theta.copy(), fit.linear.copy(), fit.jacobian.copy()
-    theta[n + 1] += np.log(unit)
-    theta[n + 4 : n + 5] += np.log(unit)
-    theta[n + 2 : n + 4] *= unit
-    jacobian[:, n + 2 : n + 4] /= unit
-    linear[0] /= unit
-    jacobian[:, len(theta)] *= unit
-    return replace(
-        fit, problem=problem.weighed(fit.problem.weight), theta=theta, linear=linear,
-        jacobian=jacobian,
-    )  # fmt: skip
+    best = without_idle_limits(best, axis, max_delay)
+    return replace(in_units(best, problem, unit), losses=losses)
 
 
 def _fit(
@@ -95,24 +74,16 @@ def _fit(
     """Judge a grid of starts, follow the best few, settle the noise; also the loss held out."""
     poles = problem.layout.poles
     starts = grid_of_starts(problem, max_delay, structure)
-    if not _reverses(problem, axis):
-        starts = [_with(s, [poles + 3], np.zeros(1)) for s in starts]
-    ranked = sorted(range(len(starts)), key=lambda i: _loss(problem, axis, structure, starts[i]))
+    if not reverses(problem, axis):
+        starts = [with_values(s, [poles + 3], np.zeros(1)) for s in starts]
+    ranked = sorted(range(len(starts)), key=lambda i: loss_of(problem, axis, structure, starts[i]))
     tight = _always(problem, axis, structure)
     ended = [
-        _descend(problem, axis, structure, starts[i], max_delay, tight) for i in ranked[:_FOLLOWED]
+        descend(problem, axis, structure, starts[i], max_delay, tight) for i in ranked[:_FOLLOWED]
     ]
-    theta, converged = min(ended, key=lambda e: _loss(problem, axis, structure, e[0]))
+    theta, _ = min(ended, key=lambda e: loss_of(problem, axis, structure, e[0]))
     free, theta, held_out = _worth_having(problem, axis, structure, theta, starts, max_delay, kept)
-    noise: Pair = (np.nan, np.nan)
-    for _ in range(_ROUNDS):
-        _, linear, residual = _project(problem, axis, structure, theta)
-        noise = _noise(problem, residual, len(theta) + len(linear), kept, floor)
-        problem = problem.weighed(weights(problem, noise, kept))
-        theta, converged = _descend(problem, axis, structure, theta, max_delay, free)
-    _, linear, residual = _project(problem, axis, structure, theta)
-    jacobian = _jacobian(problem, axis, structure, theta, linear)
-    fit = ServoFit(problem, structure, poles, theta, linear, residual, jacobian, noise, converged)
+    fit = settled(problem, axis, structure, theta, free, max_delay, kept, floor)
     return fit, held_out
 
 
@@ -122,76 +93,7 @@ def _always(problem: Problem, axis: int, structure: Structure) -> NDArray[np.int
     if structure != "set-point":
         return np.arange(poles + 2)
     every = np.arange(poles + 6)
-    return every if _reverses(problem, axis) else np.delete(every, poles + 3)
-
-
-def _noise(problem: Problem, residual: Array, paid: int, kept: Mask, floor: Pair) -> Pair:
-    both = []
-    for is_rate in (False, True):
-        rows = kept & (problem.is_rate == is_rate)
-        share = min(paid / max(int(kept.sum()), 1), 0.9)
-        power = float(np.mean(residual[rows] ** 2)) / (1.0 - share) if rows.any() else np.nan
-        both.append(max(float(np.sqrt(power)), floor[int(is_rate)], 1e-12) if rows.any() else power)
-    return both[0], both[1]
-
-
-def _columns(problem: Problem, axis: int, structure: Structure, theta: Array) -> Array:
-    """Columns of gain, offsets and biases (rows, linear)."""
-    both = [servo_response(p, axis, structure, problem.layout.poles, theta) for p in problem.parts]
-    angle = [y[p.angle_rows] for p, (y, _) in zip(problem.parts, both, strict=True)]
-    rate = [v[p.rate_rows] for p, (_, v) in zip(problem.parts, both, strict=True)]
-    return np.hstack([np.concatenate(angle + rate)[:, None], problem.offsets()])
-
-
-def _project(
-    problem: Problem, axis: int, structure: Structure, theta: Array
-) -> tuple[Array, Array, Array]:
-    """Weighted residual, linear parameters and residual at θ."""
-    phi = _columns(problem, axis, structure, theta)
-    weighted = phi * problem.weight[:, None]
-    target = problem.measured * problem.weight
-    linear = np.asarray(np.linalg.lstsq(weighted, target, rcond=1e-12)[0], dtype=np.float64)
-    residual = problem.measured - phi @ linear
-    return residual * problem.weight, linear, residual
-
-
-def _loss(problem: Problem, axis: int, structure: Structure, theta: Array) -> float:
-    return float(np.sum(_project(problem, axis, structure, theta)[0] ** 2))
-
-
-def _descend(
-    problem: Problem,
-    axis: int,
-    structure: Structure,
-    theta: Array,
-    max_delay: float,
-    free: NDArray[np.intp],
-) -> tuple[Array, bool]:
-    """Follow the loss down along the free parameters."""
-    from scipy.optimize import least_squares
-
-    low, high = limits(problem, max_delay, structure)
-    scale = scales(problem, structure)
-    start = np.clip(theta, low, high)
-
-    def whole(x: Array) -> Array:
-        full = start.copy()
-        full[free] = x * scale[free]
-        return full
-
-    def residual_at(x: Array) -> Array:
-        return _project(problem, axis, structure, whole(x))[0]
-
-    found = least_squares(
-        residual_at,
-        start[free] / scale[free],
-        bounds=(low[free] / scale[free], high[free] / scale[free]),
-        diff_step=np.full(len(free), _WIDE_DIFFERENCE if structure == "set-point" else _DIFFERENCE),
-        max_nfev=60,
-        ftol=1e-9,
-        xtol=1e-8,
-    )
-    return whole(found.x), bool(found.status > 0)
+    return every if reverses(problem, axis) else np.delete(every, poles + 3)
 
 
 def _worth_having(
@@ -214,10 +116,10 @@ def _worth_having(
     band, play_ = poles + 2, poles + 3
     static = static_dead_band(problem, axis)
     if structure == "speed":
-        theta = _with(theta, [band], np.array([static]))
+        theta = with_values(theta, [band], np.array([static]))
     choices = [(tight, theta)]
     extra = [[band]] if structure == "speed" else []
-    if structure != "set-point" and _reverses(problem, axis):
+    if structure != "set-point" and reverses(problem, axis):
         extra += [[play_], [band, play_]] if structure == "speed" else [[play_]]
     least = scales(problem, structure)
     for more in extra:
@@ -225,38 +127,25 @@ def _worth_having(
         # settled angles fall short by a dead band or by half of a backlash: they cannot tell which
         shares = [static / len(more) if k == band else 2.0 * static / len(more) for k in more]
         values = np.maximum(shares, least[more])
-        begins = [_with(_with(t, [band], np.zeros(1)), more, values) for t in (theta, *starts)]
-        begins = sorted(begins, key=lambda t: _loss(problem, axis, structure, t))[:_FOLLOWED]
-        ended = [_descend(problem, axis, structure, b, max_delay, free)[0] for b in begins]
-        choices.append((free, min(ended, key=lambda t: _loss(problem, axis, structure, t))))
+        begins = [
+            with_values(with_values(t, [band], np.zeros(1)), more, values) for t in (theta, *starts)
+        ]
+        begins = sorted(begins, key=lambda t: loss_of(problem, axis, structure, t))[:_FOLLOWED]
+        ended = [descend(problem, axis, structure, b, max_delay, free)[0] for b in begins]
+        choices.append((free, min(ended, key=lambda t: loss_of(problem, axis, structure, t))))
     folds = step_folds(problem, axis, _FOLDS)
     losses = []
     for free, start in choices:
         loss = 0.0
         for fold in folds:
             training = problem.weighed(np.where(fold | ~kept, 0.0, problem.weight))
-            found, _ = _descend(training, axis, structure, start, max_delay, free)
-            loss += _held_out(problem, _project(training, axis, structure, found)[2], fold & kept)
+            found, _ = descend(training, axis, structure, start, max_delay, free)
+            loss += _held_out(problem, project(training, axis, structure, found)[2], fold & kept)
         losses.append(loss)
     best = int(np.argmin(losses))
     if losses[best] >= _WORTH * losses[0]:
         best = 0
     return *choices[best], losses[best]
-
-
-def _with(theta: Array, places: list[int], values: Array) -> Array:
-    changed = theta.copy()
-    changed[places] = values
-    return changed
-
-
-def _reverses(problem: Problem, axis: int) -> bool:
-    """Whether the command ever turns back within a record."""
-    for part in problem.parts:
-        steps = np.diff(part.input[:, axis])
-        if (steps > 0.0).any() and (steps < 0.0).any():
-            return True
-    return False
 
 
 def _held_out(problem: Problem, residual: Array, fold: Mask) -> float:
@@ -269,26 +158,3 @@ def _held_out(problem: Problem, residual: Array, fold: Mask) -> float:
                 centred = residual[rows] - residual[rows].mean()
                 total += float(np.sum((centred * problem.weight[rows]) ** 2))
     return total
-
-
-def servo_jacobian(problem: Problem, axis: int, structure: Structure, theta: Array) -> Array:
-    """Derivatives of the weighted output of a servo (rows, θ + linear), at its best gain."""
-    return _jacobian(problem, axis, structure, theta, _project(problem, axis, structure, theta)[1])
-
-
-def _jacobian(
-    problem: Problem, axis: int, structure: Structure, theta: Array, linear: Array
-) -> Array:
-    """Derivatives of the weighted model output (rows, θ + linear)."""
-    scale = scales(problem, structure) * 1e-3
-    columns = []
-    for i, step in enumerate(scale):
-        shift = np.zeros(len(theta))
-        shift[i] = step
-        positive = problem.layout.poles + 2 <= i < problem.layout.poles + 4
-        low = shift if positive and theta[i] <= step else np.zeros(len(theta))
-        ahead = _columns(problem, axis, structure, theta + shift) @ linear
-        behind = _columns(problem, axis, structure, theta - shift + low) @ linear
-        columns.append((ahead - behind) / (2.0 * step - (low[i])))
-    phi = _columns(problem, axis, structure, theta)
-    return np.hstack([np.stack(columns, axis=1), phi]) * problem.weight[:, None]

@@ -25,6 +25,8 @@ class ServoFit:
     noise : of angle [rad] and rate [rad/s]
     losses : on steps held out, of every structure that was tried; a less simple one has to earn
         its place
+    idle : limits of speed that the readings do not ask for, and the lowest that they allow, on the
+        command's side [rad/s]
     """
 
     problem: Problem
@@ -37,6 +39,12 @@ class ServoFit:
     noise: Pair
     converged: bool
     losses: Mapping[Structure, float] = field(default_factory=dict)
+    idle: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def weighted(self) -> Array:
+        """Residual over the noise (rows,)."""
+        return self.residual * self.problem.weight
 
     @property
     def gain(self) -> float:

@@ -38,6 +38,22 @@ def scaled(problem: Problem, axis: int, unit: float) -> Problem:
     return replace(problem, parts=tuple(parts), cache={})
 
 
+def with_values(theta: Array, places: list[int], values: Array) -> Array:
+    """θ with these values in some places."""
+    changed = theta.copy()
+    changed[places] = values
+    return changed
+
+
+def reverses(problem: Problem, axis: int) -> bool:
+    """Whether the command ever turns back within a record."""
+    for part in problem.parts:
+        steps = np.diff(part.input[:, axis])
+        if (steps > 0.0).any() and (steps < 0.0).any():
+            return True
+    return False
+
+
 def grid_of_starts(problem: Problem, max_delay: float, structure: Structure) -> list[Array]:
     """Grid over speed, delay and limit; the limit around the fastest motion in the readings."""
     fixed = problem.layout.delays[0]

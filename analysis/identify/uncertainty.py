@@ -90,15 +90,17 @@ class Uncertainty:
     @property
     def covariance(self) -> Array:
         """The one that covers the others on the median."""
-        every = [
-            c
-            for c in (self.white, self.colour, self.steps if self.disagree else None)
-            if c is not None
-        ]
-        return max(
-            every,
-            key=lambda c: float(np.median(np.diag(c) / np.maximum(np.diag(self.white), 1e-300))),
-        )
+        every = (self.white, self.colour, self.steps if self.disagree else None)
+        return max((c for c in every if c is not None), key=self._over_white)
+
+    @property
+    def excess(self) -> float:
+        """Variance of the parameters over that under white noise: median."""
+        return max(self._over_white(self.covariance), 1.0)
+
+    def _over_white(self, covariance: Array) -> float:
+        white = np.diag(self.white)
+        return float(np.median(np.diag(covariance)[white > 0.0] / white[white > 0.0]))
 
 
 def uncertainty(

@@ -25,7 +25,11 @@ def caveats(runs: Sequence[Measurement], *, together: bool = True) -> tuple[str,
     ----------
     together : whether they should have been asked for the same
     """
-    found = [_short(f"{run.name}: {reason}") for run in runs for reason in _own(run.recording)]
+    found = [
+        _short(f"{run.name}: {reason}")
+        for run in runs
+        for reason in [*_own(run.recording), *([run.note] if run.note else [])]
+    ]
     for run in runs[1:] if together else ():
         found += [_short(text) for text in _different(runs[0], run)]
     return tuple(found)

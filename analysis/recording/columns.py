@@ -90,12 +90,13 @@ def measurement_of_table(
         _check_seconds(table.source, columns.time, table.column(columns.time))
         seconds = 1.0
     given = None if columns.commands is None else tables.read(columns.commands)
+    commands, held = _filled(given or table, columns.inputs)
     run = measurement(
-        table.column(columns.time) * seconds,
-        _filled((given or table).stack(columns.inputs)),
+        _unwrapped(table.column(columns.time)) * seconds,
+        commands,
         angle=table.stack(columns.angle) if columns.angle else None,
         rate=table.stack(columns.rate) if columns.rate else None,
-        command_time=None if given is None else given.column(columns.time) * seconds,
+        command_time=None if given is None else _unwrapped(given.column(columns.time)) * seconds,
         stamps=columns.stamps,
         before=columns.before,
         scale=scale,
@@ -109,16 +110,16 @@ def measurement_of_table(
     # reports name a run by the gimbal seat of its recording; a table has only its file name
     named = Recording({"configuration": {"gimbal": table.source}}, {})
     both = columns.unit is not None and columns.input_unit is not None
-    note = table.note or (given or table).note
+    note = "; ".join(dict.fromkeys(n for n in (table.note, (given or table).note, held) if n))
     return replace(run, recording=named, units="given" if both else "assumed", note=note)
 
 
 def commands_of_table(
     path: Path | str, time: str, inputs: tuple[str, ...], time_scale: float | None = None
-) -> TimeSeries:
-    """Commands of a table in the unit of the file, value in force from each stamp [s] on.
+) -> tuple[TimeSeries, str]:
+    """Commands of a table in the unit of the file, value in force from each stamp [s] on; a note.
 
-    Columns are named `x` and `y`, one column `x`.
+    Columns are named `x` and `y`, one column `x`. The note is of missing commands, or empty.
 
     Raises
     ------
@@ -126,18 +127,16 @@ def commands_of_table(
         commands that are not finite
     """
     table = tables.read(path)
-    stamps = table.column(time)
+    stamps = _unwrapped(table.column(time))
     if time_scale is None:
         _check_seconds(table.source, time, stamps)
-    values = _filled(table.stack(inputs))
+    values, note = _filled(table, inputs)
     if len(stamps) != len(values):
         raise AnalysisError(
             f"{table.source}: {len(stamps)} stamps in '{time}' but {len(values)} commands"
         )
-    if not np.isfinite(values).all():
-        raise AnalysisError(f"{table.source}: the first row has no command")
     seconds = check_stamps(stamps * (time_scale or 1.0), time, table.source, 1)
-    return TimeSeries(COMMAND, seconds, values, "1", ("x", "y")[: len(inputs)])
+    return TimeSeries(COMMAND, seconds, values, "1", ("x", "y")[: len(inputs)]), note
 
 
 def _check_seconds(source: str, name: str, stamps: Array) -> None:
@@ -153,14 +152,39 @@ def _check_seconds(source: str, name: str, stamps: Array) -> None:
     )
 
 
+def _unwrapped(stamps: Array) -> Array:
+    """Stamps (n,) of a counter of 32 bits through its overflows: `micros()` has one in 72 min."""
+    over = np.diff(stamps, prepend=stamps[:1]) < -(2.0**31)
+    return stamps + 2.0**32 * np.cumsum(over) if over.any() else stamps
+
+
 def _scale(unit: str) -> float:
     if unit not in UNITS:
         raise AnalysisError(unknown("unit", unit, UNITS))
     return UNITS[unit]
 
 
-def _filled(values: Array) -> Array:
-    """Commands with empty fields taken as no change."""
+def _filled(table: tables.Table, names: tuple[str, ...]) -> tuple[Array, str]:
+    """Commands with empty fields taken as no change, and how many there were, in one line.
+
+    Raises
+    ------
+    AnalysisError : the first row has none
+    """
+    values = table.stack(names)
+    missing = ~np.isfinite(values)
+    if missing[:1].any():
+        name = names[int(np.argmax(missing[0]))]
+        raise AnalysisError(
+            f"{table.source}: the first row has no command in '{name}'; give it there, or leave out"
+            " the rows before the first command"
+        )
+    if not missing.any():
+        return values, ""
     rows = np.arange(len(values))[:, None]
-    last = np.maximum.accumulate(np.where(np.isfinite(values), rows, 0), axis=0)
-    return np.asarray(np.take_along_axis(values, last, axis=0))
+    last = np.maximum.accumulate(np.where(missing, 0, rows), axis=0)
+    first = int(np.argmax(missing.any(axis=1))) + 1
+    many = int(missing.sum())
+    count = "1 missing command is" if many == 1 else f"{many} missing commands are"
+    note = f"{count} taken as the one before, {'' if many == 1 else 'first '}in sample {first}"
+    return np.asarray(np.take_along_axis(values, last, axis=0)), note

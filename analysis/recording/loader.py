@@ -4,6 +4,7 @@ from pathlib import Path
 
 from analysis.recording import reader, tables
 from analysis.recording.columns import Columns, measurement_of_table
+from analysis.recording.exported import is_exported
 from analysis.recording.measurements import (
     COMMAND,
     MEASURED,
@@ -50,8 +51,11 @@ def load(
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file has the suffix of a table; any other is taken for a recording."""
-    return path.suffix.lower() in tables.KINDS
+    """Whether a file is a table whose columns must be named; any other is taken for a recording.
+
+    Tables that `twin export` wrote are recordings.
+    """
+    return path.suffix.lower() in tables.KINDS and not is_exported(path)
 
 
 def measurement_of(

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from analysis import schema
 from analysis.files import FileError
-from analysis.recording import rrd
-from analysis.recording.series import Event, Recording, RecordingError, TimeSeries
+from analysis.recording import exported, rrd
+from analysis.recording.series import Event, Recording, RecordingError, TimeSeries, checked
 
 PROPERTIES = f"/__properties/{schema.PROPERTY}"
 TIMING = f"/__properties/{schema.TIMING}"
@@ -27,7 +27,7 @@ def read(path: Path | str, *, growing: bool = False) -> Recording:
     Parameters
     ----------
     path : an `.rrd` file; also one whose end is missing, as far as it goes, if `twin view` has
-        repaired it
+        repaired it; or what `twin export` wrote as CSV, Parquet or MATLAB file
     growing : it is still being written, and read as far as it goes
 
     Raises
@@ -36,6 +36,8 @@ def read(path: Path | str, *, growing: bool = False) -> Recording:
         schema version, or holds impossible numbers
     """
     path = Path(path)
+    if path.suffix.lower() in exported.SUFFIXES:
+        return _exported(path)
     content = _Content(path)
     try:
         for entity, batch in rrd.batches(path, WANTED, growing=growing):
@@ -50,6 +52,18 @@ def read(path: Path | str, *, growing: bool = False) -> Recording:
         reason = " ".join(str(error).split())[:160]
         raise RecordingError(f"{path}: not a Rerun recording, or damaged ({reason})") from None
     return content.recording()
+
+
+def _exported(path: Path) -> Recording:
+    found = exported.read(path)
+    return Recording(
+        _properties(path, found.about.get("properties", "{}")),
+        found.series,
+        found.logs["events"],
+        found.logs["health"],
+        found.about.get("estimator", ""),
+        _properties(path, found.about.get("timing", "{}")),
+    )
 
 
 def properties(path: Path) -> dict[str, object]:
@@ -113,7 +127,7 @@ class _Content:
         texts, levels = (_texts(batch, name) for name in ("TextLog:text", "TextLog:level"))
         for at, text, level in zip(_times(batch), texts, levels, strict=True):
             self.lines.setdefault(entity, []).append(
-                Event(float(at) * 1e-9, level or "INFO", text or "")
+                Event(float(at) / 1e9, level or "INFO", text or "")
             )
 
     def _take_values(self, signal: schema.Signal, batch: pa.RecordBatch) -> None:
@@ -153,18 +167,9 @@ class _Content:
         parts = sorted(self.parts[signal.name], key=lambda part: int(part[0][0]))
         time = np.concatenate([stamps for stamps, _ in parts])
         values = np.concatenate([values for _, values in parts])
-        if signal.kind != "sampled" and not (sound := np.isfinite(values).all(axis=1)).all():
-            at = float(time[int(np.argmin(sound))]) * 1e-9
-            raise RecordingError(f"{self.path}: {signal.name} is not a finite number at {at:.9g} s")
         try:
             # Division gives the float nearest to the decimal; a product with 1e-9 may be one off.
-            return TimeSeries(
-                signal.name,
-                time / 1e9,
-                signal.from_stored(values),
-                signal.unit,
-                signal.components,
-            )
+            return checked(signal, time / 1e9, signal.from_stored(values))
         except RecordingError as error:
             raise RecordingError(f"{self.path}: {error}") from None
 

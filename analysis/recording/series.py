@@ -116,6 +116,19 @@ class TimeSeries:
         return np.flatnonzero(moved.any(axis=1) if column is None else moved[:, column]) + 1
 
 
+def checked(signal: schema.Signal, time: Array, values: Array) -> TimeSeries:
+    """Series of a signal from stamps (n,) [s] and values (n, k) in SI of a file.
+
+    Raises
+    ------
+    RecordingError : for what no series may hold, and for gaps in a signal that is in every row
+    """
+    if signal.kind != "sampled" and not (sound := np.isfinite(values).all(axis=1)).all():
+        at = float(time[int(np.argmin(sound))])
+        raise RecordingError(f"{signal.name} is not a finite number at {at:.9g} s")
+    return TimeSeries(signal.name, time, values, signal.unit, signal.components)
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """A line of text in a recording: experiment time [s], level (INFO, WARN, ERROR), text."""

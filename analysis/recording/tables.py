@@ -4,8 +4,11 @@ import csv
 import io
 import json
 import math
+import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from itertools import chain, islice
 from pathlib import Path
 from types import MappingProxyType
@@ -23,9 +26,11 @@ MAT_SECONDS, MAT_MEGABYTES = 20.0, 800
 MOST_COLUMNS = 512
 MOST_ROWS = 20_000_000
 LONGEST_FIELD = 256  # characters
+MISSING = frozenset({"", "na", "n/a", "#n/a", "null", "none"})  # float() reads "nan" itself
 
 BINARY = frozenset({".mat", ".parquet"})
 KINDS = frozenset({".csv", ".tsv", ".txt"}) | BINARY
+_SEPARATOR = re.compile(r"\ufeff?sep=(.)\s*$")  # first line of tables that Excel is to open
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +39,8 @@ class Table:
 
     Attributes
     ----------
-    columns : name → values (n,), NaN where a field is empty; lengths may differ (MATLAB files)
+    columns : name → values (n,), NaN where a field is empty, dates as seconds
+        from the first; lengths may differ (MATLAB files)
     source : the file's name
     unusable : name → what is wrong with a column of text or infinities
     note : what of the file was left out, in one line; "" where nothing was
@@ -88,20 +94,32 @@ def read(path: Path | str) -> Table:
 
 
 def _read_csv(path: Path) -> Table:
+    """Read text in UTF-8 or, as Excel for Windows writes it, in UTF-16 or Windows-1252."""
+    with opened(path, LARGEST_FILE) as content:
+        head = content.read(2)
+    wide = head in {b"\xff\xfe", b"\xfe\xff"}
     try:
-        with (
-            opened(path, LARGEST_FILE) as content,
-            io.TextIOWrapper(content, encoding="utf-8-sig", newline="") as file,
-        ):
-            sample = file.read(8192)
-            if "\0" in sample:
-                raise AnalysisError(f"{path}: holds zero bytes; not a text file")
-            file.seek(0)
-            return _table_of(path, file, _delimiter(sample))
+        return _read_text(path, "utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise AnalysisError(f"{path}: not UTF-8 text (byte {error.start})") from error
-    except csv.Error as error:
-        raise AnalysisError(f"{path}: not a table: {error}") from error
+        try:
+            return _read_text(path, "cp1252")
+        except UnicodeDecodeError:
+            raise AnalysisError(f"{path}: not UTF-8 text (byte {error.start})") from error
+
+
+def _read_text(path: Path, encoding: str) -> Table:
+    with (
+        opened(path, LARGEST_FILE) as content,
+        io.TextIOWrapper(content, encoding=encoding, newline="") as file,
+    ):
+        sample = file.read(8192)
+        if "\0" in sample:
+            raise AnalysisError(f"{path}: holds zero bytes; not a text file")
+        file.seek(0)
+        try:
+            return _table_of(path, file, _delimiter(sample))
+        except csv.Error as error:
+            raise AnalysisError(f"{path}: not a table: {error}") from error
 
 
 class _Lines:
@@ -119,6 +137,8 @@ class _Lines:
         line = next(self._file)
         self.ended = line.endswith(("\n", "\r"))
         text = " ".join(line.split()) if self._blanks else line  # columns aligned by blanks
+        if _SEPARATOR.match(line):
+            return "\n"
         if not line.startswith("#"):
             return text
         self.comment = text.lstrip("# ").rstrip()
@@ -129,6 +149,8 @@ def _delimiter(sample: str) -> str:
     """The separator of the first line; between semicolons or tabs, numbers may have a comma."""
     lines = (line for line in sample.splitlines() if line.strip())
     first = next((line for line in lines if not line.startswith("#")), "")
+    if stated := _SEPARATOR.match(first):
+        return stated[1]
     for candidate in (";", "\t", ",", " "):
         if candidate in first.strip(" \r\n"):
             return candidate
@@ -151,6 +173,7 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     _check_names(path, names)
     values: list[list[float]] = []
     unusable: dict[str, str] = {}
+    dates: Counter[str] = Counter()
     note = ""
     for row in islice(rows, MOST_ROWS + 1):
         if not any(f.strip() for f in row):
@@ -164,9 +187,18 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
             raise AnalysisError(
                 f"{path}: row {reader.line_num} has {len(row)} fields, the header {len(names)}"
             )
-        values.append([_number(f, decimal_comma=delimiter in ";\t") for f in row])
-        if math.inf in values[-1]:
-            for name, text, value in zip(names, row, values[-1], strict=True):
+        numbers = [_number(f, decimal_comma=delimiter in ";\t") for f in row]
+        if math.inf in numbers:
+            for k, name in enumerate(names):
+                if numbers[k] == math.inf and math.isfinite(seconds := _instant(row[k])):
+                    numbers[k] = seconds
+                    dates[name] += 1
+            if not values and not note and len(names) > 1 and set(numbers) == {math.inf}:
+                note = f"row {reader.line_num} ({', '.join(row)}) has no number and was left out"
+                continue
+        values.append(numbers)
+        if math.inf in numbers:
+            for name, text, value in zip(names, row, numbers, strict=True):
                 if value == math.inf and name not in unusable:
                     place = f"{path}: row {reader.line_num}, column '{name}'"
                     infinite = text.strip().lstrip("+-").lower() in {"inf", "infinity"}
@@ -177,6 +209,11 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     if not values:
         raise AnalysisError(f"{path}: a header but no rows")
     table = np.array(values)
+    for name, count in dates.items():
+        stamps = table[:, names.index(name)]
+        if count < len(stamps) and name not in unusable:
+            unusable[name] = f"{path}: column '{name}' holds dates and numbers"
+        stamps -= stamps[0]
     return _frozen(path, {name: table[:, i] for i, name in enumerate(names)}, unusable, note)
 
 
@@ -201,7 +238,7 @@ def _is_number(text: str) -> bool:
 def _number(text: str, *, decimal_comma: bool) -> float:
     """A field's value: NaN where it is empty, infinite where it is no number."""
     text = text.strip()
-    if not text:
+    if text.lower() in MISSING:
         return math.nan
     if len(text) > LONGEST_FIELD or "_" in text:
         return math.inf
@@ -210,6 +247,16 @@ def _number(text: str, *, decimal_comma: bool) -> float:
     except ValueError:
         return math.inf
     return math.inf if math.isinf(value) else value
+
+
+def _instant(text: str) -> float:
+    """Seconds of an ISO 8601 date and time, or of a time of day; infinite where it is neither."""
+    text = text.strip()
+    try:
+        moment = datetime.fromisoformat(text if "-" in text else f"1970-01-01T{text}")
+    except ValueError:
+        return math.inf
+    return moment.replace(tzinfo=moment.tzinfo or UTC).timestamp()
 
 
 def _read_mat(path: Path) -> Table:

@@ -4,7 +4,6 @@ Two that agree against the third name it; between both potentiometers and the gy
 command decides.
 """
 
-from collections.abc import Callable
 from math import cos, radians
 
 from hardware.faults.actuation import Actuation
@@ -12,8 +11,8 @@ from hardware.faults.axis import DRIFT, FADING, LAG, LEAK, MOSTLY, SMOOTHING
 from hardware.faults.evidence import Prediction, Reading
 from hardware.faults.gravity import Gravity
 from hardware.faults.parity import Parity
-from hardware.faults.states import GYRO, PAIR, State
-from hardware.faults.tracks import DOUBTFUL
+from hardware.faults.states import GYRO, PAIR
+from hardware.faults.tracks import DOUBTFUL, Tracks
 from hardware.frames import Pair
 
 SETTLING = 1.5  # s; the gyro's bias is not yet known before
@@ -24,30 +23,32 @@ DEPARTED = radians(0.25)  # from gravity, 10 σ of its average
 UNDECIDED = 0.2  # s of disagreement with the gyro that the servo's command does not decide
 
 
-class Drift(Parity):
-    """Judges gyro and potentiometers by how they part over many frames."""
+class Drift:
+    """Judges gyro and potentiometers by how they part over many frames.
+
+    Attributes
+    ----------
+    running : time since the first frame [s]
+    """
 
     def __init__(
-        self,
-        listener: Callable[[str, State, State, str], None] | None,
-        actuation: Actuation | None,
+        self, tracks: Tracks, parity: Parity, actuation: Actuation, gravity: Gravity
     ) -> None:
-        super().__init__(listener)
-        self.actuation = actuation or Actuation()
-        self._gravity = Gravity()
-        self._running = 0.0  # s since `begin`
+        self._tracks, self._parity = tracks, parity
+        self._actuation, self._gravity = actuation, gravity
+        self.running = 0.0
 
-    def _dead_reckon(self, r: Reading, p: Prediction, rest: list[float], use: list[bool]) -> None:
+    def dead_reckon(self, r: Reading, p: Prediction, rest: list[float], use: list[bool]) -> None:
         """Update both dead-reckoned angles and every potentiometer's distance from them."""
-        dt, first = r.dt, self._running <= r.dt
+        dt, first, out = r.dt, self.running <= r.dt, self._tracks.out
         smooth = min(1.0, dt / SMOOTHING)
-        wrong_gyro = self._out[GYRO]
+        wrong_gyro = out[GYRO]
         leak = 0.1 * LEAK if wrong_gyro else LEAK
-        for k, axis in enumerate(self._axes):
+        for k, axis in enumerate(self._tracks.axes):
             if first or wrong_gyro:
                 axis.bias = p.bias[k]
-            elif self._running < SETTLING:  # the filter's wanders by some °/s in fast motion
-                axis.bias += (p.bias[k] - axis.bias) * dt / (dt + min(self._running, LEARNING))
+            elif self.running < SETTLING:  # the filter's wanders by some °/s in fast motion
+                axis.bias += (p.bias[k] - axis.bias) * dt / (dt + min(self.running, LEARNING))
             cosine = 1.0 if k else cos(p.angle[1])
             axis.free += (r.rate[k] - axis.bias) / cosine * dt
             # Two gyros that sample 1 ms apart, and are read in turn, differ while the base turns.
@@ -60,22 +61,22 @@ class Drift(Parity):
             distance = axis.distance
             for n, i in ((0, 2 * k), (1, 2 * k + 1)):
                 # Single wrong readings are outliers; they must not look like a drift.
-                if use[i] or axis.outlying[n] >= MOSTLY or self._out[i]:
+                if use[i] or axis.outlying[n] >= MOSTLY or out[i]:
                     distance[n] += smooth * (rest[i] + offset - distance[n])
             # While they part, the angle stays with the gyro: the estimate follows their mean.
-            named = self._out[2 * k] or self._out[2 * k + 1]
+            named = out[2 * k] or out[2 * k + 1]
             if named or abs(distance[0] - distance[1]) < 0.5 * DRIFT:
                 axis.free += offset * min(1.0, dt / leak)
                 if axis.wandering <= 0.0:  # a filter that has just forgotten is off by 10 °/s
                     axis.bias += (p.bias[k] - axis.bias) * min(1.0, dt)
             axis.wandering = max(0.0, axis.wandering - dt)
 
-    def _compare(self, r: Reading, p: Prediction) -> None:
+    def compare(self, r: Reading, p: Prediction) -> None:
         """Detect potentiometers that drift apart, and both drifting from the gyro.
 
         The second only with calibrated maps: without, the gyro's bias is not known either.
         """
-        for k, axis in enumerate(self._axes):
+        for k, axis in enumerate(self._tracks.axes):
             a, b = axis.distance
             if axis.doubtful:
                 axis.doubtful = min(max(0.0, axis.doubtful - r.dt), 2 * DOUBTFUL)
@@ -84,9 +85,9 @@ class Drift(Parity):
             common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT
             common -= COMMON_LAG * axis.pace + uncertain
             if abs(a - b) > DRIFT + moving:
-                if not self._sagging(r):
+                if not self._parity.sagging(r):
                     self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
-            elif common > 0 and uncertain <= DRIFT and not self._mute(r, k):
+            elif common > 0 and uncertain <= DRIFT and not self._parity.mute(r, k):
                 self._part(k, p.angle[k], 0.5 * (a + b), r.dt)
             elif axis.common:
                 axis.common = max(0.0, axis.common - r.dt)
@@ -99,14 +100,14 @@ class Drift(Parity):
         angle : of the potentiometers [rad]
         apart : how far it is from the angle dead-reckoned by the gyro [rad]
         """
-        axis = self._axes[k]
+        axis = self._tracks.axes[k]
         axis.common += dt
-        by_gyro = abs(self.actuation.excess(k, angle - apart))
-        excess = abs(self.actuation.excess(k, angle))
-        if self._out[PAIR + k] or excess > 2 * by_gyro:
-            self._accuse(PAIR + k, 0.2, "deviating")
-        elif self._out[GYRO] or by_gyro > 2 * excess or axis.common > UNDECIDED:
-            self._accuse(GYRO, 0.2, "bias")
+        by_gyro = abs(self._actuation.excess(k, angle - apart))
+        excess = abs(self._actuation.excess(k, angle))
+        if self._tracks.out[PAIR + k] or excess > 2 * by_gyro:
+            self._tracks.accuse(PAIR + k, 0.2, "deviating")
+        elif self._tracks.out[GYRO] or by_gyro > 2 * excess or axis.common > UNDECIDED:
+            self._tracks.accuse(GYRO, 0.2, "bias")
 
     def _disagree(
         self, index: int, a: float, b: float, margin: float, dt: float, separable: bool
@@ -118,16 +119,17 @@ class Drift(Parity):
         if not separable:
             self._doubt(index, dt)
         elif abs(a) > abs(b) + 0.5 * margin:
-            self._accuse(2 * index, 0.2, "deviating")
+            self._tracks.accuse(2 * index, 0.2, "deviating")
         elif abs(b) > abs(a) + 0.5 * margin:
-            self._accuse(2 * index + 1, 0.2, "deviating")
+            self._tracks.accuse(2 * index + 1, 0.2, "deviating")
         else:
             self._doubt(index, dt)
 
     def _doubt(self, index: int, dt: float) -> None:
-        if not (self._out[2 * index] or self._out[2 * index + 1]):
-            self._axes[index].doubtful += 2 * dt
+        if not (self._tracks.out[2 * index] or self._tracks.out[2 * index + 1]):
+            self._tracks.axes[index].doubtful += 2 * dt
 
-    def _lost(self, index: int) -> Pair:
-        a, b = self._axes[index].distance
+    def lost(self, index: int) -> Pair:
+        """What the filter of an axis should forget when its gyro is named [rad], [rad/s]."""
+        a, b = self._tracks.axes[index].distance
         return abs(a + b) / 2 + DRIFT, radians(30.0)

@@ -15,19 +15,24 @@ CERTAIN = 9.0  # σ; one is enough
 GATE_2, CERTAIN_2 = GATE**2, CERTAIN**2
 
 
-class Parity(Tracks):
+class Parity:
     """Judges the potentiometers of each frame by the prediction and by each other."""
 
-    def _without_supply(self, r: Reading, p: Prediction) -> tuple[list[float], bool]:
+    def __init__(self, tracks: Tracks) -> None:
+        self._tracks = tracks
+
+    def without_supply(self, r: Reading, p: Prediction) -> tuple[list[float], bool]:
         """Return the innovations [rad] freed of a common supply error, and whether there is one."""
         (a, b, c, d), (x, y), v = r.angle, p.angle, p.variance
         rest = [a - x, b - x, c - y, d - y]
-        known = self._out[SUPPLY]
+        known = self._tracks.out[SUPPLY]
         outlying = sum([q * q > GATE_2 * w for q, w in zip(rest, v, strict=True)])
         if outlying < 2 and not known:
             return rest, False
         f = r.fraction
-        wired = [i for i in range(POTENTIOMETERS) if not self._out[i] and RAIL < f[i] < 1 - RAIL]
+        wired = [
+            i for i in range(POTENTIOMETERS) if not self._tracks.out[i] and RAIL < f[i] < 1 - RAIL
+        ]
         if len(wired) < 3:
             return rest, False
         slope = [f * g for f, g in zip(r.fraction, r.gain, strict=True)]
@@ -36,15 +41,15 @@ class Parity(Tracks):
         fitted = [rest[i] - slope[i] * error for i in range(POTENTIOMETERS)]
         fits = all(fitted[i] ** 2 < GATE_2 * v[i] for i in wired)
         if fits and error * error * weight > GATE_2:
-            self._accuse(SUPPLY, 0.3, "sag")
+            self._tracks.accuse(SUPPLY, 0.3, "sag")
             return fitted, True
         return (fitted, True) if known else (rest, False)
 
-    def _outliers(self, r: Reading, p: Prediction, rest: list[float]) -> list[bool]:
+    def outliers(self, r: Reading, p: Prediction, rest: list[float]) -> list[bool]:
         """Return which potentiometers may be used in this frame."""
-        use = [not out for out in self._out[:POTENTIOMETERS]]
+        use = [not out for out in self._tracks.out[:POTENTIOMETERS]]
         for i, fraction in enumerate(r.fraction):
-            axis, k = self._axes[i >> 1], i & 1
+            axis, k = self._tracks.axes[i >> 1], i & 1
             railed = not RAIL < fraction < 1 - RAIL
             z2 = rest[i] * rest[i] / p.variance[i]
             bad = railed or (z2 > GATE_2 and self._alone(i, p, rest))
@@ -52,7 +57,7 @@ class Parity(Tracks):
                 axis.count(k, railed, bad, r.dt)
             if bad:
                 use[i] = False
-                self._accuse(i, 1.0 if z2 > CERTAIN_2 else 0.6, "glitch")
+                self._tracks.accuse(i, 1.0 if z2 > CERTAIN_2 else 0.6, "glitch")
         return use
 
     def _alone(self, i: int, p: Prediction, rest: list[float]) -> bool:
@@ -62,22 +67,24 @@ class Parity(Tracks):
         """
         other = i ^ 1
         apart = rest[i] - rest[other]
-        return self._out[other] or not apart * apart < GATE_2 * (p.variance[i] + p.variance[other])
+        return self._tracks.out[other] or not apart * apart < GATE_2 * (
+            p.variance[i] + p.variance[other]
+        )
 
-    def _mute(self, r: Reading, axis: int) -> bool:
+    def mute(self, r: Reading, axis: int) -> bool:
         """Return whether an axis's potentiometers cannot separate a sag from a motion now."""
-        return self._out[SUPPLY] and r.gain[2 * axis] * r.gain[2 * axis + 1] > 0
+        return self._tracks.out[SUPPLY] and r.gain[2 * axis] * r.gain[2 * axis + 1] > 0
 
-    def _sagging(self, r: Reading) -> bool:
+    def sagging(self, r: Reading) -> bool:
         """Name a supply error that has grown slowly: one factor for all potentiometers."""
-        if any(self._out[:POTENTIOMETERS]):
+        if any(self._tracks.out[:POTENTIOMETERS]):
             return False
-        apart = [*self._axes[0].distance, *self._axes[1].distance]
+        apart = [*self._tracks.axes[0].distance, *self._tracks.axes[1].distance]
         slope = [f * g for f, g in zip(r.fraction, r.gain, strict=True)]
         error = sum(s * a for s, a in zip(slope, apart, strict=True)) / sum(s * s for s in slope)
         shares = [abs(s * error) for s in slope]
         left = max(abs(a - s * error) for a, s in zip(apart, slope, strict=True))
         if left > 0.5 * min(shares) or max(shares) < 0.4 * DRIFT:
             return False
-        self._accuse(SUPPLY, 0.2, "sag")
+        self._tracks.accuse(SUPPLY, 0.2, "sag")
         return True

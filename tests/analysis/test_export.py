@@ -3,7 +3,6 @@
 import json
 import math
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +10,23 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis import export, recording, schema
+import twin
+from analysis import export, limited, recording, schema
 from analysis.export import kml, scene, tables
-from analysis.recording.series import Recording, TimeSeries
+from analysis.recording import exported
+from analysis.recording.series import Event, Recording, TimeSeries
 from analysis.schema import AnalysisError
 from tests.twin import runs
 
 NAMES = ("gimbal/command", "gimbal/measured", "vehicle/thrust", "vehicle/attitude")
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
+
+
+LINES = st.tuples(
+    st.integers(0, 10**13),
+    st.sampled_from(["INFO", "WARN", "ERROR"]),
+    st.text(st.characters(codec="utf-8", exclude_categories=["C"], max_codepoint=0x2FFF)),
+)
 
 
 @st.composite
@@ -31,36 +39,42 @@ def recordings(draw):
         rows = [draw(st.lists(FINITE, min_size=width, max_size=width)) for _ in time]
         values = np.array(rows)
         if signal.kind == "sampled" and width > 1 and draw(st.booleans()):
-            values[0, 0] = math.nan
+            values[draw(st.integers(0, len(time) - 1)), 0] = math.nan
         series[name] = TimeSeries(
             name, np.array(time) / 1e9, values, signal.unit, signal.components
         )
-    return Recording({"seed": 3}, series)
+    events, health = (
+        tuple(Event(at / 1e9, *line) for at, *line in sorted(draw(st.lists(LINES, max_size=3))))
+        for _ in range(2)
+    )
+    about = {"seed": draw(st.integers(0, 2**60)), "note": draw(st.text(max_size=5))}
+    return Recording(about, series, events, health, draw(st.sampled_from(["", '{"x": [1]}'])))
 
 
 @settings(max_examples=15, deadline=None)
 @given(recordings())
-@pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_a_table_reads_again_equal_to_the_last_bit(tmp_path_factory, kind, run):
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
+def test_an_exported_file_reads_again_equal_to_the_last_bit(tmp_path_factory, kind, run):
     path = tmp_path_factory.mktemp("export") / f"run.{kind}"
-    {"csv": tables.write_csv, "parquet": tables.write_parquet}[kind](run, path)
-    # the child process that reads binary tables is as for MATLAB files; here its reader alone
-    back = export.read(path) if kind == "csv" else _parquet_in_process(path)
-    _assert_equal(back, run)
+    getattr(tables, f"write_{kind}")(run, path)
+    assert exported.is_exported(path)
+    # without the process, which is tested below
+    back = exported.unpacked(path, exported.packed(f".{kind}", path.read_bytes()))
+    _assert_equal(back.series, run.series)
+    assert back.logs == {"events": run.events, "health": run.health}
+    if kind != "csv":
+        assert json.loads(back.about["properties"]) == run.properties
+        assert back.about["estimator"] == run.estimator
 
 
-def _parquet_in_process(path: Path):
-    from analysis.recording import mat
-    from analysis.recording.tables import Table
-
-    return tables._from_table(Table(mat.columns(path.read_bytes()), path.name))
-
-
-def _assert_equal(back, run):
-    assert back.keys() == run.series.keys()
-    for name, series in run.series.items():
-        np.testing.assert_array_equal(back[name].time, series.time)
-        np.testing.assert_array_equal(back[name].values, series.values)
+def _assert_equal(back, series):
+    assert back.keys() == series.keys()
+    for name, s in series.items():
+        assert (back[name].unit, back[name].components) == (s.unit, s.components)
+        assert back[name].time.tobytes() == s.time.tobytes()
+        np.testing.assert_array_equal(back[name].time_ns, s.time_ns)
+        np.testing.assert_array_equal(back[name].values, s.values)  # NaN where NaN
+        assert (np.signbit(back[name].values) == np.signbit(s.values))[~np.isnan(s.values)].all()
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +84,19 @@ def flight(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("kind", ["csv", "mat"])  # parquet through the same child as mat
-def test_a_recording_reads_again_equal(flight, tmp_path, kind):
-    path = tmp_path / f"flight.{kind}"
-    export.write(export.FORMATS[kind], flight, path, export.Origin())
-    _assert_equal(export.read(path), recording.read(flight))
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
+def test_the_front_door_reads_what_the_verb_exported(flight, tmp_path, kind):
+    result = twin.export(flight, to=kind, out=tmp_path / f"flight.{kind}")
+    back, run = twin.read(result), recording.read(flight)
+    _assert_equal(back.series, run.series)
+    assert back.events == run.events
+    assert back.events[0].text == "ignition"
+    assert back.properties == ({} if kind == "csv" else run.properties)
+    assert [p.name for p in tmp_path.iterdir()] == [f"flight.{kind}"]
+    # a recording for every verb: its columns need no names
+    np.testing.assert_array_equal(
+        recording.load(result.file).angles.values, recording.load(flight).angles.values
+    )
 
 
 def test_units_are_in_the_metadata(flight, tmp_path):
@@ -213,15 +234,53 @@ def test_what_is_missing_is_said_in_one_line(tmp_path):
         with pytest.raises(AnalysisError, match=reason):
             export.write(export.FORMATS[kind], path, tmp_path / f"x.{kind}", export.Origin())
     assert [p.name for p in tmp_path.iterdir()] == ["bench.rrd"]
-    table = tmp_path / "other.csv"
-    table.write_text("time [s],speed\n0,1\n")
-    with pytest.raises(AnalysisError, match="no signals of a recording"):
-        export.read(table)
+
+
+COMMAND = "time [s],gimbal/command.x [rad],gimbal/command.y [rad]"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.csv", "time [s],speed\n0,1\n", "has no signals of a recording"),
+        ("a.csv", "", "has no signals of a recording"),
+        ("a.csv", f"{COMMAND}\n0,1,2\n1,2\n", "not a readable csv file"),
+        ("a.csv", f"{COMMAND}\n0,1,nan\n", "gimbal/command is not a finite number at 0 s"),
+        ("a.csv", f"{COMMAND}\n0,1,inf\n", "is not a finite number"),
+        ("a.csv", f"{COMMAND}\n1,1,1\n0,1,1\n", "time runs backwards"),
+        ("a.csv", f"{COMMAND}\n,1,1\n", "time stamp is not a finite number"),
+        ("a.csv", COMMAND.replace("rad", "deg") + "\n0,1,2\n", r"\[deg\]'; must be .*\[rad\]"),
+        ("a.csv", "time [s],gimbal/command.x [rad]\n0,1\n", r"not 'gimbal/command.y \[rad\]'"),
+        ("a.mat", "nonsense", "not a readable mat file"),
+        ("a.parquet", "PAR1 nonsense", "not a readable parquet file"),
+    ],
+)
+def test_a_table_that_is_not_an_export_is_refused_in_one_line(
+    tmp_path, monkeypatch, name, content, said
+):
+    path = tmp_path / name
+    path.write_text(content)
+
+    def here(_module, request, **_limits):  # as the process does, which takes a second to start
+        kind, _, data = request.partition(b"\n")
+        monkeypatch.setattr(limited, "refuse", _refused)
+        try:
+            return exported.packed(kind.decode(), data)
+        except Exception as error:
+            exported.refuse(kind.decode(), error)
+
+    monkeypatch.setattr(limited, "run", here)
+    with pytest.raises(AnalysisError, match=said) as caught:
+        twin.read(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def _refused(reason):
+    raise limited.LimitError(reason)
 
 
 def test_the_verb_writes_beside_the_recording_and_refuses_what_it_cannot(flight, tmp_path):
-    import twin
-
     copy = tmp_path / "run.rrd"
     copy.write_bytes(flight.read_bytes())
     result = twin.export(copy, to="kml", latitude_deg=47.0)

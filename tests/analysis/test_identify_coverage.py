@@ -10,6 +10,7 @@ from analysis.identify.uncertainty import freedom_of
 from analysis.recording import measurement
 from tests.benchmarks import check_before, coverage
 from tests.benchmarks.identification import Gimbal, moved, random_steps
+from twin.evaluation.words import estimated
 
 
 @pytest.mark.parametrize("kind", ["late", "coloured", "quantised", "single"])
@@ -66,7 +67,9 @@ def test_a_record_that_begins_in_motion_is_predicted_with_its_motion():
 
 @pytest.mark.parametrize("kind", ["exact", "single"])
 def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
-    """The linear figures against the errors of the fit; bounds of a single step are unknown."""
+    """The linear figures against the errors of the fit. A linear gimbal reaches no limit; of a
+    single step the backlash is unknown.
+    """
     r, true = coverage.one_axis(kind, 1)
     expected = {e.name: e for e in expectations([r])}
     model = identify([r])
@@ -74,21 +77,50 @@ def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
         scale = 1.0 if e.name.endswith("delay") else abs(e.value)
         error = abs(e.value - true["x/x"][e.name.removeprefix("x/x ")]) / scale
         assert error < 2.0 * expected[e.name].half
-    assert expected["x rate limit"].enough == (kind == "exact")
+    assert np.isinf(expected["x rate limit"].half)
     assert np.isinf(expected["x backlash"].half) == (kind == "single")
 
 
 @pytest.mark.parametrize(
     ("seed", "poor", "named"),
-    [(1001, "one size", {"rate limit"}), (1003, "one way", {"dead band", "backlash"}),
+    [(1001, "one size", {"dead band"}), (1003, "one way", {"rate limit", "dead band", "backlash"}),
      (1005, "few", {"rate limit", "dead band", "backlash"}), (1002, "", set())],
 )  # fmt: skip
 def test_what_steps_do_not_show_of_a_bounded_servo_is_named(seed, poor, named):
-    """Short form of `tests/benchmarks/check_before.py`, without the fits."""
+    """Short form of `tests/benchmarks/check_before.py`: what the whole fits miss, without them."""
     run, _, is_poor = check_before.record(seed)
     assert is_poor == poor
     bounds = [e for e in expectations([run]) if "/" not in e.name]
     assert {e.name.removeprefix("x ") for e in bounds if not e.enough} == named
+
+
+def test_a_limit_that_a_linear_record_does_not_reach_is_a_bound_from_below():
+    """The loop k = ω/(2ζ) asks for k times the largest jump; a limit below that shows.
+
+    10 %: how far below it a limit may lie before its effect, on few readings, leaves the noise.
+    """
+    w, z, late = 40.0, 0.7, 0.012
+    rng = np.random.default_rng(0)
+    at = 0.4 + 0.4 * np.arange(8)
+    level = np.radians(3.0) * rng.permutation(np.geomspace(0.1, 1.0, 8)) * (-1.0) ** np.arange(8)
+    time = np.arange(0.0, 3.8, 0.006)
+    damped = w * np.sqrt(1.0 - z * z)
+    since = np.maximum(time[:, None] - late - at, 0.0)
+    rest = np.cos(damped * since) + z * w / damped * np.sin(damped * since)
+    angle = (1.0 - np.exp(-z * w * since) * rest) @ np.diff(level, prepend=0.0)
+    angle += rng.normal(0.0, 3e-4, len(time))
+    model = identify(
+        [measurement(time, level, command_time=at, before=[0.0], angle=angle)], servo="speed"
+    )
+    limit = model.servo[0].rate_limit
+    asked = w / (2.0 * z) * np.abs(np.diff(level, prepend=0.0)).max()
+    assert limit.at_least
+    assert 0.9 * asked < limit.value < asked
+    assert limit.to_dict()["value"] is None
+    assert limit.to_dict()["low"] == limit.value
+    assert "x rate limit" not in model.to_transfer_function().std
+    assert any("does not reach the rate limit" in w for w in model.warnings)
+    assert estimated(limit) == f"at least {limit.value:.3g} rad/s (never reached in this record)"
 
 
 @pytest.mark.slow

@@ -35,6 +35,14 @@ def test_columns_come_by_name_and_empty_fields_are_missing(tmp_path):
     assert math.isnan(found.column("pot")[2])
 
 
+def test_missing_commands_are_held_in_one_line_and_refused_in_the_first_row(tmp_path):
+    r = chosen(table(tmp_path, "t,u,pot\n0,0,0\n0.1,5,0\n0.2,,4\n0.3,,5\n0.4,0,5\n"))
+    assert r.command.values[:, 0].tolist() == [0, 5, 5, 5, 0]
+    assert r.note == "2 missing commands are taken as the one before, first in sample 3"
+    with pytest.raises(AnalysisError, match="first row has no command in 'u'"):
+        chosen(table(tmp_path, "t,u,pot\n0,,0\n0.1,5,0\n0.2,5,4\n0.3,5,5\n"))
+
+
 def test_an_unknown_column_lists_the_valid_ones(tmp_path):
     with pytest.raises(AnalysisError, match=r"no column 'po'.*gyro, pot, t, u"):
         table(tmp_path, GOOD).column("po")
@@ -91,15 +99,45 @@ def test_backward_stamps_of_a_file_name_the_file(tmp_path):
         ("t,u\n0,1_000\n", "not a number"),
         ("t,u\n0,inf\n", "infinite"),
         (b"t,u\n\x00\x01", "zero bytes"),
-        (b"t,u\n\xff\xfe", "not UTF-8"),
+        (b"t,u\n0,\x81\n", "not UTF-8"),
+        ("t,u\n2026-05-01 10:00:00,1\n3,2\n", "column 't' holds dates and numbers"),
         ("t,u\n0," + "9" * 5000 + "\n", "not a number"),
         (",".join(f"c{i}" for i in range(600)) + "\n", "600 columns"),
     ],
 )
 def test_what_is_no_table_is_refused_in_one_line(tmp_path, text, said):
     with pytest.raises(AnalysisError, match=said) as caught:
-        table(tmp_path, text).column("u")
+        table(tmp_path, text).stack(["u", "t"])
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "sep=;\r\nt;u °\r\n0,00;1,5\r\n0,25;-2\r\n".encode("cp1252"),
+        "t\tu °\r\n0,00\t1,5\r\n0,25\t-2\r\n".encode("utf-16"),
+        "t,u °\ns,deg\n0,1.5\n0.25,-2\n".encode(),
+        "t,u °\n2026-05-01T23:59:59.75Z,1.5\n2026-05-02 00:00:00+00:00,-2\n".encode(),
+        "t,u °\n23:59:59.5,1.5\n23:59:59.75,-2\n".encode(),
+    ],
+)
+def test_encodings_separators_unit_rows_and_dates_of_other_programs(tmp_path, content):
+    found = table(tmp_path, content)
+    assert found.stack(["t", "u °"]).tolist() == [[0, 1.5], [0.25, -2]]
+    assert ("row 2 (s, deg) has no number" in found.note) is (b"s,deg" in content)
+
+
+def test_marks_of_missing_readings_are_empty_fields(tmp_path):
+    found = table(tmp_path, "t,u\n0,NA\n1,null\n2,n/a\n3,NaN\n4,\n5,7\n").column("u")
+    np.testing.assert_array_equal(found, [np.nan] * 5 + [7])
+
+
+def test_a_counter_of_32_bits_goes_on_behind_its_overflow(tmp_path):
+    start = 2**32 - 15_000
+    stamps = [(start + 10_000 * k) % 2**32 for k in range(4)]
+    text = "t,u,pot\n" + "".join(f"{t},{k},{k}\n" for k, t in enumerate(stamps))
+    run = chosen(table(tmp_path, text), time_scale=1e-6)
+    np.testing.assert_allclose(np.diff(run.angles.time), 0.01, rtol=1e-9)
 
 
 def test_a_column_of_text_troubles_only_who_asks_for_it(tmp_path):

@@ -1,22 +1,29 @@
 """Is what a record cannot determine named before the fit, and nothing else?
 
 python -m tests.benchmarks.check_before [RECORDS [FIRST SEED]]
+python -m tests.benchmarks.check_before emulator [UNITS [FIRST UNIT]]
 
 Servos with bounded speed, dead band and play (small Euler steps, not the estimator's motion); every
 other record is poor: steps of one size, one way only, few of them, or sampled slowly and noisily.
 A parameter misses where its interval is wider than the bar: poles, delay and gain of the linear
-fit, bounds of the servo's.
+fit, bounds of the servo's. With `emulator`: the interval that is promised for emulated gimbals with
+tolerances over the one that the fit states.
 """
 
 import sys
 from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
 
+import twin
 from analysis.compiled import njit
-from analysis.identify import expectations, identify
+from analysis.identify import expectations, identify, identify_gimbal
 from analysis.recording import Measurement, measurement
+from twin.config import Identify
+from twin.evaluation.inputs import given
 
 POOR = ("one size", "one way", "few", "slow")
 STEP = 1e-4  # s of the simulation
@@ -125,6 +132,29 @@ def table(records: int = 40, first: int = 0) -> Iterator[str]:
     yield f"{total[1].sum()} were named, {total[1, 0]} of them in vain"
 
 
+def promised(units: int = 10, first: int = 0) -> Iterator[str]:
+    """A line for each emulated unit, and how many promises are within a factor of two."""
+    kept = total = 0
+    for unit in range(first, first + units):
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "rig.rrd"
+            twin.step(gimbal="emulator", unit=unit, repeats=2, out=file)
+            runs = given(Identify(sources=(file,)), (file,)).runs
+        stated = {e.name: e for e in identify_gimbal(runs, servo=True).estimates}
+        ratios = {}
+        for e in (e for e in expectations(runs) if "/" not in e.name):
+            after = stated[e.name]
+            known = np.isfinite(after.std) and 1.96 * after.std < e.size
+            size, half = (e.size, 1.96 * after.std) if known else (1.0, np.inf)
+            # neither interval leaves anything out: both say that the record shows nothing
+            ratios[e.name] = 1.0 if e.half >= 1.0 and not known else e.half * size / half
+        total += len(ratios)
+        kept += sum(0.5 <= r <= 2.0 for r in ratios.values())
+        yield f"unit {unit}: " + ", ".join(f"{n} {r:.2g}" for n, r in ratios.items())
+    yield f"{kept} of {total} promised intervals are within a factor of two of the stated ones"
+
+
 if __name__ == "__main__":
-    for text in table(*map(int, sys.argv[1:3])):
+    lines = promised if sys.argv[1:2] == ["emulator"] else table
+    for text in lines(*(int(a) for a in sys.argv[1:] if a.isdecimal())):
         print(text, flush=True)

@@ -4,6 +4,7 @@ RocketPy is not a dependency: it is used where this interpreter has it, or the o
 environment variable ROCKETPY_PYTHON names.
 """
 
+import itertools
 import json
 import os
 import statistics
@@ -18,16 +19,19 @@ from typing import Any
 from tests.benchmarks.timing import Row
 from twin.config import Fly
 from twin.experiments.fly import fly
+from twin.plant import reuse
 from twin.plant.compose import MJCF
 
 PEER = Path(__file__).with_name("rocketpy_peer.py")
 VALETUDO = MJCF / "examples" / "flights" / "valetudo.toml"
 ROUNDS, FLIGHTS = 5, 3
 RATES = (250.0, 50.0)  # Hz
+KINDS = ("not recorded", "recorded", "not recorded, its model built anew")
+LEAST = (5.0, 1.5, None)
 
 
 def table() -> Iterator[Row]:
-    """Figures of the table: ratios of the medians of rounds that take turns."""
+    """Figures of the table: medians of the ratios of rounds that take turns."""
     other = peer(str(FLIGHTS))
     if other is None:
         yield Row("passive flights", None, note="skipped: rocketpy is not installed")
@@ -36,14 +40,13 @@ def table() -> Iterator[Row]:
         for rate in RATES:
             _flown(rate, None)  # compiles
         rounds = [_round(Path(folder, "flight.rrd")) for _ in range(ROUNDS)]
-    median = {k: statistics.median(r[k] for r in rounds) for k in rounds[0]}
-    theirs = median.pop("peer")
     name = f"RocketPy {other['version']}, build included"
-    for (rate, recorded), ours in median.items():
-        least = 1.5 if recorded else 5.0
-        what = f"passive flights at {rate:g} Hz, {'recorded' if recorded else 'not recorded'}"
-        limit = least if rate == RATES[-1] else None
-        yield Row(what, theirs / ours, "×", least=limit, peer=1.0, note=name)
+    for rate, kind in itertools.product(RATES, KINDS):
+        ratios = [r["peer"] / r[rate, kind] for r in rounds]
+        least = LEAST[KINDS.index(kind)] if rate == RATES[-1] else None
+        note = f"{min(ratios):.2f} to {max(ratios):.2f}; {name}"
+        what = f"passive flights at {rate:g} Hz, {kind}"
+        yield Row(what, statistics.median(ratios), "×", least=least, peer=1.0, note=note)
     flown, converged = other["flown"], other["converged"]
     yield Row("apogee, RocketPy to its converged", _percent(flown[0], converged[0]), "%")
     finest = fly(_config(250.0, dt=0.001), recorded=False).figures
@@ -58,14 +61,17 @@ def _percent(value: float, of: float) -> float:
 
 
 def _round(out: Path) -> dict[object, float]:
-    """Processor time of one flight [s], of the peer and at every rate, recorded or not."""
+    """Processor time of one flight [s], of the peer, and by rate and kind."""
     spent: dict[object, float] = {"peer": float((peer(str(FLIGHTS)) or {})["flight_s"])}
-    for rate in RATES:
-        for recorded in (False, True):
-            spent[rate, recorded] = min(
-                _flown(rate, out if recorded else None)[0] for _ in range(FLIGHTS)
-            )
+    for rate, kind in itertools.product(RATES, KINDS):
+        spent[rate, kind] = min(_spent(rate, kind, out) for _ in range(FLIGHTS))
     return spent
+
+
+def _spent(rate: float, kind: str, out: Path) -> float:
+    if kind == KINDS[2]:
+        reuse.forget()
+    return _flown(rate, out if kind == KINDS[1] else None)[0]
 
 
 def _config(rate: float, out: Path | None = None, dt: float | None = None) -> Fly:

@@ -24,7 +24,7 @@ KINDS = [Emulator] if avr.missing() else [Emulator, FirmwareRig]
 def driven(fault, kind=Emulator, before=(3.0, -1.0), after=(-4.0, 2.0)):
     """True angles [°] half a second after a command changed and a fault began."""
     device = kind(reference_rig(), injections=(parse(f"{fault}@{ONSET}"),) if fault else ())
-    rig = in_process(device, exact_calibration(reference_rig()))
+    rig = in_process(device, exact_calibration(reference_rig()), fuse=False)
     rig.connect()
     while device.time_us < END * 1e6:
         x, y = after if device.time_us > (ONSET + 0.01) * 1e6 else before
@@ -83,7 +83,7 @@ def test_the_simulated_nano_has_the_same_faults(kind):
 )
 def test_potentiometers_move_by_their_fault_after_a_second(fault, moved):
     device = Emulator(injections=(parse(f"{fault}@1"),))
-    rig = in_process(device, exact_calibration(reference_rig()))
+    rig = in_process(device, exact_calibration(reference_rig()), fuse=False)
     rig.connect()
     angles = {}
     for time in (1.0, 2.0):

@@ -96,7 +96,7 @@ class _Rig:
 
 @pytest.fixture(scope="module")
 def solved():
-    rigs = [_Rig(seed) for seed in range(150)]
+    rigs = [_Rig(seed) for seed in range(100)]
     return [(rig, solve(rig.log(), RIG, 7)) for rig in rigs]
 
 
@@ -188,16 +188,6 @@ def test_a_mirrored_potentiometer_is_calibrated_and_noted():
     assert "both potentiometers of x rise the same way: one is mounted mirrored" in got.note
 
 
-def test_an_emulated_rig_with_another_track_is_calibrated_to_its_truth():
-    unit = sample_rig(4)
-    scaled = (replace(p, scale=p.scale * 240 / 345) for p in unit.sensors.potentiometers)
-    unit = replace(unit, sensors=replace(unit.sensors, potentiometers=tuple(scaled)))
-    got = calibrate(unit, replace(QUICK, track=radians(345)), seed=4)
-    for a, b in zip(got.potentiometers, exact_calibration(unit).potentiometers, strict=True):
-        # step of the ADC 0.34° at 345°, averaged by its noise of 0.6 of it; waviness 0.05°
-        assert abs(a.angle(b.fraction(0.1)) - 0.1) < radians(0.2)
-
-
 def test_an_emulated_track_that_ends_before_its_switch_is_named():
     unit = sample_rig(4)
     a, *others = unit.sensors.potentiometers
@@ -222,7 +212,7 @@ def test_stated_intervals_cover_the_truth_as_often_as_they_say(solved):
             ]
         )
     for z in (z_zero, z_matrix, z_hysteresis, z_gain):
-        # 300 and more values: 95 % scatters by 1.3 %
+        # 200 and more values: 95 % scatters by 1.5 %
         assert 0.90 < _coverage(np.array(z)) <= 0.99
 
 
@@ -232,7 +222,7 @@ def test_gyro_scale_and_misalignment_are_found(solved):
 
 
 def test_the_tilted_gyro_sees_the_ring_turn_by_the_cosine_of_the_tilt(solved):
-    """Mean over 150 rigs: 70 µs of the other axis's servo tilt by 3°, cos² 3° is 0.9973."""
+    """Mean over 100 rigs: 70 µs of the other axis's servo tilt by 3°, cos² 3° is 0.9973."""
     off = np.mean([np.array(got.gyro.matrix) - rig.gyro for rig, got in solved], axis=0)
     assert np.abs(off).max() < 3e-4
 
@@ -293,8 +283,11 @@ def test_an_approach_from_one_side_is_set_right_by_half_the_hysteresis(way):
 
 @pytest.fixture(scope="module")
 def emulated():
-    parameters = sample_rig(4)
-    return parameters, calibrate(parameters, QUICK, seed=4)
+    """A unit whose tracks are not of the usual 240°."""
+    unit = sample_rig(4)
+    scaled = (replace(p, scale=p.scale * 240 / 345) for p in unit.sensors.potentiometers)
+    unit = replace(unit, sensors=replace(unit.sensors, potentiometers=tuple(scaled)))
+    return unit, calibrate(unit, replace(QUICK, track=radians(345)), seed=4)
 
 
 def test_emulated_rig_is_calibrated_to_the_claim(emulated):
@@ -304,7 +297,7 @@ def test_emulated_rig_is_calibrated_to_the_claim(emulated):
     assert np.abs(M @ (np.array(got.zero) - true.zero)).max() < radians(0.15)
     assert np.abs((M - true.matrix) / np.diag(true.matrix)[:, None]).max() < 0.01
     for a, b in zip(got.potentiometers, true.potentiometers, strict=True):
-        # reading noise 0.16°/√3 per event and waviness 0.05°
+        # step of the ADC 0.34° at 345°, averaged by its noise of 0.6 of it; waviness 0.05°
         assert abs(a.angle(b.fraction(0.1)) - 0.1) < radians(0.2)
     backlash = [abs(parameters.plant.linkage[i][i]) for i in (0, 1)]
     for i, servo in enumerate(parameters.plant.servos[:2]):

@@ -30,7 +30,7 @@ FILTERED = [HealthCheck.filter_too_much]  # most random maps are refused
 ANGLES = st.tuples(*[st.floats(radians(-30.0), radians(30.0))] * 2)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None, suppress_health_check=FILTERED)
 @given(rows(0.02), rows(0.02), ANGLES)
 def test_every_angle_of_an_accepted_map_comes_back_from_its_linearised_angle(x, y, angle):
     given_map = accepted(x, y)
@@ -39,7 +39,7 @@ def test_every_angle_of_an_accepted_map_comes_back_from_its_linearised_angle(x, 
     np.testing.assert_allclose(back, angle, atol=1e-11)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=FILTERED)
+@settings(max_examples=15, deadline=None, suppress_health_check=FILTERED)
 @given(rows(0.03), rows(0.03), ANGLES)
 def test_the_fixed_point_iteration_alone_gives_the_same_angle(x, y, angle):
     given_map = accepted(x, y)
@@ -52,7 +52,7 @@ def test_the_fixed_point_iteration_alone_gives_the_same_angle(x, y, angle):
     np.testing.assert_allclose(back, angle, atol=1e-10)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None, suppress_health_check=FILTERED)
 @given(rows(0.02), rows(0.02), st.tuples(*[st.floats(-1.0, 1.0)] * 2))
 def test_the_sum_is_that_of_numpys_polynomial(x, y, place):
     given_map = accepted(x, y)
@@ -66,7 +66,7 @@ def test_the_sum_is_that_of_numpys_polynomial(x, y, place):
         assert given_map.linearised(angle)[axis] == pytest.approx(expected, abs=1e-14)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None, suppress_health_check=FILTERED)
 @given(rows(0.02), rows(0.02), st.tuples(*[st.floats(-20.0, 20.0)] * 2))
 def test_the_slope_is_the_difference_quotient_inside_and_outside_of_the_square(x, y, place):
     assume(all(abs(abs(p) - 10.0) > 0.01 for p in place))  # the slope jumps at the edge
@@ -79,7 +79,7 @@ def test_the_slope_is_the_difference_quotient_inside_and_outside_of_the_square(x
     np.testing.assert_allclose(given_map.slope(tuple(angle)), np.transpose(quotient), atol=1e-7)
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=FILTERED)
+@settings(max_examples=20, deadline=None, suppress_health_check=FILTERED)
 @given(rows(0.3, (2, 3)), rows(0.3, (2, 3)))
 def test_what_is_accepted_is_diagonally_dominant_between_the_grid_places_too(x, y):
     given_map = accepted(x, y)

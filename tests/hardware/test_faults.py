@@ -106,17 +106,17 @@ def test_sag_is_named_too_where_both_potentiometers_turn_in_the_same_sense():
 
 @pytest.mark.parametrize(("dlpf", "period"), [(2, 2), (6, 2), (6, 5)])
 def test_gyro_at_rest_behind_a_slow_low_pass_is_not_frozen(dlpf, period):
-    device = Emulator(injections=(parse("gyro:frozen@6"),), seed=1)
+    device = Emulator(injections=(parse("gyro:frozen@4"),), seed=1)
     rig = in_process(device)
     rig.connect()
     rig.configure(replace(default_config(), dlpf=dlpf, telemetry_period_ms=period))
     changes = []
     rig.fusion.monitor.listener = lambda *change: changes.append((device.time_us, *change))
-    while device.time_us < 6.3e6:
+    while device.time_us < 4.3e6:
         device.advance_us(2000)
         rig.poll()
     assert {change[1] for change in changes} == {"gyro"}
-    assert min(change[0] for change in changes) > 6e6
+    assert min(change[0] for change in changes) > 4e6
     assert rig.health == "gyro frozen"
 
 
@@ -156,9 +156,9 @@ def _steps(kind, fault, seconds):
 
 @pytest.mark.parametrize("kind", _both_rigs())
 def test_unplugged_imu_is_named_until_it_is_back(kind):
-    device, rig, seen = _steps(kind, "imu:unplug:0.5@1.5", 4.8)
+    device, rig, seen = _steps(kind, "imu:unplug:0.2@1.1", 3.8)
     assert set(seen) == {"ok", "gyro frozen"}
-    assert 1.5 < seen["gyro frozen"] < 1.56  # ten frames without it
+    assert 1.1 < seen["gyro frozen"] < 1.16  # ten frames without it
     assert rig.health == "ok"
     truth, _ = device.truth()
     assert np.abs(np.subtract(rig.state.angle, truth)).max() < radians(0.3)
@@ -179,7 +179,7 @@ def test_unplugged_base_imu_loses_its_flag_and_leaves_the_gimbal_alone(kind):
 @pytest.mark.parametrize("start", [0.9995, 1.0005])  # between two frames, and in one's middle
 @pytest.mark.parametrize("kind", _both_rigs())
 def test_rig_comes_back_after_a_reset_of_the_board(kind, start):
-    device, rig, seen = _steps(kind, f"supply:reset@{start}", 3.0)
+    device, rig, seen = _steps(kind, f"supply:reset@{start}", 2.2)
     assert rig.session == 2
     assert rig.health == "ok"
     assert "rig syncing" in seen
@@ -190,11 +190,11 @@ def test_rig_comes_back_after_a_reset_of_the_board(kind, start):
 
 
 def test_a_fault_is_cleared_two_seconds_after_its_end():
-    fault = parse("potentiometer_x_a:offset:5@3-3.5")
-    trial = run(sample_rig(SEED), random_steps(SEED), 6.5, injections=(fault,), seed=SEED)
+    fault = parse("potentiometer_x_a:offset:5@2-2.3")
+    trial = run(sample_rig(SEED), random_steps(SEED), 5.2, injections=(fault,), seed=SEED)
     states = [(c.old, c.new) for c in trial.changes]
     assert states[-2:] == [("faulty", "recovering"), ("recovering", "ok")]
-    assert 5.5 < trial.changes[-1].time < 6.2
+    assert 4.3 < trial.changes[-1].time < 5.0
 
 
 def _frame(angle=(0.0, 0.0, 0.0, 0.0), gyro=(0.0, 0.0, 0.0), fraction=(0.5,) * 4):
@@ -295,8 +295,9 @@ def test_uncalibrated_rig_does_not_name_the_stuck_potentiometer():
 
 
 def test_uncalibrated_rig_still_names_an_open_wire_and_a_glitch():
-    assert "potentiometer_x_b open" in _uncalibrated(1, "potentiometer_x_b:open@4")[1]
-    assert "potentiometer_y_a glitch" in _uncalibrated(1, "potentiometer_y_a:glitch:0.1@4")[1]
+    seen = _uncalibrated(1, "potentiometer_x_b:open@4", "potentiometer_y_a:glitch:0.1@4.2")[1]
+    assert any("potentiometer_x_b open" in health for health in seen), seen
+    assert any("potentiometer_y_a glitch" in health for health in seen), seen
 
 
 @pytest.mark.parametrize(("tolerance", "healthy"), [(11.0, True), (0.3, False)])

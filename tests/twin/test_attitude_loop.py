@@ -1,16 +1,18 @@
 """The linear attitude loop handed to the margins, against the controller's code and MuJoCo."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 
+from analysis.transfer_function import Channel, TransferFunctionModel
 from twin.control import AttitudeController
-from twin.evaluation.loop import attitude_loops
 from twin.physics.motor import Depletion
 from twin.plant.authority import control_config
-from twin.plant.model import ModelConfig, load
+from twin.plant.loops import attitude_loops, wrong_gain
+from twin.plant.model import MJCF, ModelConfig, load
 
 AT = 6.0  # s; in the steady part of the burn
 
@@ -63,3 +65,29 @@ def test_the_gain_grows_with_the_authority_of_the_emptied_vehicle(loops):
     grown = np.polyval(loops[1].num, 1.0) / np.polyval(loops[0].num, 1.0)
     assert grown == pytest.approx(ratios[1] / ratios[0], rel=2e-3)
     assert grown == pytest.approx(1.39, abs=0.01)
+
+
+def test_a_gain_is_wrong_from_where_the_closed_loop_has_an_unstable_pole(loops):
+    """Poles of the whole loop, with a delay of second order by Padé (0.06 rad at the crossover)."""
+    vehicle = load(ModelConfig()).mj
+    x = TransferFunctionModel.read(MJCF / "gimbal.json").channel("x", "x")
+    unit = x.num[-1] / x.den[-1]
+
+    def wrong(gain):
+        one = replace(x, num=tuple(gain / unit * n for n in x.num))
+        return wrong_gain(TransferFunctionModel(((one,),), ("x",), ("x",)), vehicle) is not None
+
+    def unstable(gain):
+        found = False
+        for loop in loops:
+            late = x.delay + 0.5 * loop.hold
+            pade = [[late**2 / 12, -late / 2, 1.0], [late**2 / 12, late / 2, 1.0]]
+            num = np.polymul(np.polymul(loop.num, np.array(x.num) * gain / unit), pade[0])
+            den = np.polymul(np.polymul(loop.den, x.den), pade[1])
+            found |= bool((np.roots(np.polyadd(num, den)).real > 0.0).any())
+        return found
+
+    for gain in (-1.0, 0.04, 1.0, 2.1, 2.5):
+        assert wrong(gain) == unstable(gain), gain
+    slow = TransferFunctionModel(((Channel((1.0,), (0.5, 1.0), 0.2),),), ("x",), ("x",))
+    assert wrong_gain(slow, vehicle) is None  # unstable, but not for its gain

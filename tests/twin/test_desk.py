@@ -36,6 +36,7 @@ from twin.hil.teleop import Keys, Stick
 from twin.loop import loop
 from twin.loop.readings import Readings
 from twin.physics import native
+from twin.plant.authority import stroke
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
 
@@ -301,7 +302,7 @@ class TestSteering:
     def test_arrows_turn_and_space_returns(self):
         ours, theirs = pty.openpty()
         still = GimbalState(0, (0.0, 0.0))
-        with Keys(theirs) as keys:
+        with Keys(radians(4.2), theirs) as keys:
             os.write(ours, b"\x1b[Aq")  # before the run
             assert keys.update(0.0, still) == (0.0, 0.0)
             os.write(ours, b"\x1b[A\x1b[A\x1b[C\x1b")
@@ -310,20 +311,25 @@ class TestSteering:
             second = keys.update(0.0, still)
             os.write(ours, b" q")
             third = keys.update(0.0, still)
-        np.testing.assert_allclose(np.degrees([first, second, third]), [[1, 0.5], [1, 0], [0, 0]])
+            os.write(ours, b"\x1b[B" * 20)  # past the stroke of a small mechanism
+            last = keys.update(0.0, still)
+        np.testing.assert_allclose(
+            np.degrees([first, second, third, last]), [[1, 0.5], [1, 0], [0, 0], [-4.2, 0]]
+        )
         assert keys.ended
         os.close(ours)
         os.close(theirs)
 
-    def test_a_stick_reaches_eight_degrees_and_rests_at_zero(self):
+    def test_a_stick_reaches_the_stroke_of_the_mechanism_and_rests_at_zero(self):
+        model = load(ModelConfig(scene="bench", overrides={"gimbal_stroke": 0.07})).mj
         readings = Readings()
-        stick = Stick(readings)
+        stick = Stick(readings, stroke(model))
         with native.installed(), open_rig(RigOptions("emulator"), None) as seat:
             seat.rig.line.device.bench.joystick = (1.0, 0.02)
             seat.wait(20_000_000)
             readings.frames = seat.rig.poll()
         x, y = stick.update(0.0, GimbalState(0, (0.0, 0.0)))
-        assert np.degrees(x) == pytest.approx(8.0, abs=0.03)  # one ADC step
+        assert np.degrees(x) == pytest.approx(np.degrees(0.07), abs=0.03)  # one ADC step
         assert y == 0.0
 
 

@@ -15,6 +15,7 @@ from twin.recorder import Recorder, checks, plots, profile, states, together
 from twin.recorder.ghost import Ghost
 from twin.recorder.scene import bodies
 
+pytestmark = pytest.mark.looks
 TICK_NS = 4_000_000
 SIGNALS = ("gimbal/command", "gimbal/simulated", "gimbal/measured", "gimbal/sigma")
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from analysis.export.tables import write_csv
 from analysis.recording import read as read_recording
 from analysis.recording import tables
 from analysis.schema import AnalysisError
@@ -102,6 +103,12 @@ def parquet_bytes(folder):
     return file.getvalue()
 
 
+def exported_bytes(folder):
+    runs.fly(folder / "whole.rrd", 0.2)
+    write_csv(read_recording(folder / "whole.rrd"), folder / "whole.csv")
+    return (folder / "whole.csv").read_bytes()
+
+
 # suffix, content of a valid file, reader, how many are tried in the short form
 KINDS = {
     "motor": (".eng", lambda _: (guard.SHIPPED / "motors/reference.eng").read_bytes(),
@@ -126,6 +133,7 @@ KINDS = {
               lambda path: study.read(str(path)), 100),
     "mechanism": (".toml", lambda _: LARGE.encode(), dimensions.read, 100),
     "parquet": (".parquet", parquet_bytes, tables.read, 2),
+    "exported": (".csv", exported_bytes, read_recording, 2),
     "model counted": (".xml", lambda _: (EXAMPLES / "direct_drive.xml").read_bytes(),
                       lambda path: guard.examine([path]), 100),
     "model": (".xml", lambda _: (EXAMPLES / "direct_drive.xml").read_bytes(),

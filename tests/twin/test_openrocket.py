@@ -295,6 +295,19 @@ def test_stored_figures_of_zero_are_shown_without_a_share(tmp_path: Path) -> Non
     assert rows["centre of pressure"].endswith("OpenRocket 0 m")
 
 
+def test_simulations_of_an_earlier_design_are_compared_only_where_no_current_one_is(
+    tmp_path: Path,
+) -> None:
+    run = SIMULATION.split("<simulations>")[1].split("</simulations>")[0]
+    old = run.replace("<simulation>", '<simulation status="outdated">')
+    old = old.replace("3.05,0.05,0.75", "3.65,0.05,0.5")
+    for runs, found, note in ((old + run, "3 kg", False), (old, "3.2 kg", True)):
+        ork = packed(tmp_path / "r.ork", design().replace(run, runs))
+        rows = dict(vehicle(Settings("import", ork, out=tmp_path / "r.toml", force=True)).rows())
+        assert f"OpenRocket {found}: " in rows["mass, no motor"]
+        assert rows["mass, no motor"].endswith("before the design's last change") is note
+
+
 def test_an_archive_that_expands_without_end_is_read_up_to_the_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -22,7 +23,10 @@ from tests.conftest import ROOT
 from tests.twin import runs
 from twin import viewer
 from twin.recorder import DetachedRecorder, Recorder, RecorderError, ring, scene, shapes
+from twin.recorder.poses import Poses
 from twin.viewer import process
+
+pytestmark = pytest.mark.looks
 
 
 def compare(a, b):
@@ -414,6 +418,58 @@ def test_poses_are_those_of_the_model_with_quaternions_turned_for_rerun(tmp_path
         np.column_stack([zero, np.sin(tilt / 2), zero, np.cos(tilt / 2)]),
         atol=1e-6,
     )
+
+
+@pytest.mark.parametrize(
+    ("rows", "poses", "drain_ms", "pose_ms"),
+    [(4096, 1024, 32, 8), (7, 1024, 1000, 8), (4096, 3, 1000, 4), (5, 2, 8, 4)],
+    ids=["as time is due", "rows are full", "poses are full", "all at once"],
+)
+def test_many_ticks_at_once_are_written_as_one_after_the_other(
+    tmp_path, monkeypatch, rows, poses, drain_ms, pose_ms
+):
+    writes = []
+    drain = Recorder.drain
+
+    def noted(self):
+        p = self._poses
+        arrays = (self._block, self._time, self._wall)
+        of_poses = (p._time, p._position, p._attitude, p._qpos, p._jet)
+        rows = [a[: self._n].tobytes() for a in arrays]
+        writes.append(rows + [a[: p.times.size].tobytes() for a in of_poses])
+        drain(self)
+
+    monkeypatch.setattr(Recorder, "drain", noted)
+    monkeypatch.setattr("twin.recorder.stream.Poses", partial(Poses, capacity=poses))
+    model = mujoco.MjModel.from_xml_string(runs.SCENE)
+    data, names = mujoco.MjData(model), ("xpos", "xquat", "qpos", "site_xpos", "site_xmat")
+    time_ns = np.arange(20) * runs.PERIOD_NS
+    found = []
+    for chunk in (1, 8):
+        with Recorder(
+            tmp_path / f"{chunk}.rrd", signals=runs.SIGNALS, properties={}, model=model,
+            capacity=rows, drain_ns=drain_ms * 1_000_000, pose_period_ns=pose_ms * 1_000_000,
+        ) as recorder:  # fmt: skip
+            kept: dict[str, list[np.ndarray]] = {name: [] for name in ("row", *names)}
+            for k, t in enumerate(time_ns.tolist()):
+                runs.fill(recorder, t * 1e-9, data)
+                mujoco.mj_kinematics(model, data)
+                if chunk == 1:
+                    recorder.commit(t, t)
+                    recorder.commit_pose(t, data)
+                    continue
+                kept["row"].append(recorder.row.copy())
+                for name in names:
+                    kept[name].append(getattr(data, name).copy())
+                if (k + 1) % chunk == 0 or k == len(time_ns) - 1:
+                    frames = {name: np.array(values) for name, values in kept.items()}
+                    stamps = time_ns[k + 1 - len(kept["row"]) : k + 1]
+                    recorder.commit_all(stamps, stamps, frames.pop("row"), frames)
+                    kept = {name: [] for name in kept}
+        found.append(writes.copy())
+        writes.clear()
+    assert len(found[0]) > 1
+    assert found[0] == found[1]
 
 
 def test_collision_shapes_are_left_out():

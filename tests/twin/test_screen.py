@@ -40,13 +40,18 @@ def test_a_terminal_shows_what_is_done_and_is_left_clean(quick, monkeypatch):
     assert not shown[-1].strip()
 
 
-def test_a_pipe_shows_no_status(quick, monkeypatch):
-    pipe = io.StringIO()
-    monkeypatch.setattr("sys.stderr", pipe)
-    with status.shown():
-        status.say("flying")
-        time.sleep(0.1)
-    assert pipe.getvalue() == ""
+def test_a_log_has_a_line_of_long_work_only_and_ever_more_rarely(quick, monkeypatch):
+    log = io.StringIO()
+    monkeypatch.setattr("sys.stderr", log)
+    for first, expected in ((5.0, 0), (0.02, 3)):  # after 20, 40 and 80 ms; the next after 160
+        monkeypatch.setattr(status, "LONG_S", first)
+        with status.shown():
+            status.say("12 of 500 runs")
+            time.sleep(0.12)
+        lines = log.getvalue().splitlines()
+        assert lines == ["12 of 500 runs (0 s)"] * len(lines)
+        assert len(lines) <= expected
+    assert lines
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")

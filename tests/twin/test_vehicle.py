@@ -321,7 +321,7 @@ REFUSED = [
     (', tip = "80 mm"', "", r"fins\[0\]: a trapezoid needs tip"),
     ("count = 3,", 'count = 3, cant = "45°",', "must be from -30° to 30°"),
     ("count = 3,", 'count = 3, shape = "points", points = [[0, 0], [0.1, 0.1]],', "has 2 corners"),
-    ("count = 3,", 'count = 3, position = "1.4 m",', "the root reaches from 1.4 to 1.55 m"),
+    ("count = 3,", 'count = 3, position = "1.45 m",', "the root reaches from 1.45 to 1.6 m"),
     ('"0.6 m"', '"1.6 m"', r"masses\[0\] \(avionics\): reaches from 1.6 to 1.6 m behind"),
     ('"0.6 m"', '"0.6 m", diameter = "0.2 m"', r"diameter = 0.2 m; the body is 0.1 m wide"),
     ("motor = ", 'rail_buttons = ["1 m"]\nmotor = ', "must be two stations, not 1"),

@@ -185,6 +185,8 @@ def _design(given: Mapping[str, Any], vary: tuple[Varied, ...]) -> tuple[str, in
     if kind not in KINDS:
         raise TwinError(f"[design] kind {kind!r}: must be one of {', '.join(KINDS)}")
     n, seed = given.get("n", 1 if kind == "grid" else None), given.get("seed", 0)
+    if n is None:
+        raise TwinError(f"[design]: {kind} needs n, the number of samples, for example n = 100")
     for name, value, low in (("n", n, 1), ("seed", seed, 0)):
         whole = isinstance(value, int) and not isinstance(value, bool)
         if not whole or not low <= value <= MOST_RUNS:

@@ -14,6 +14,7 @@ from scipy.special import ndtri
 from analysis.files import FileError, content
 from analysis.transfer_function import ModelFileError, TransferFunctionModel, distribution
 from hardware.frames import AXES
+from twin.config.base import unknown
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
@@ -74,12 +75,11 @@ def varied(name: str, table: object, folder: Path) -> Varied:
     if not isinstance(relative, bool):
         raise TwinError(f"{where} relative {relative!r}: must be true or false")
     needed, optional, make = _KINDS[kind]
+    keys = (*needed, *optional)
+    if odd := sorted(set(given) - set(keys)):
+        raise TwinError(f"{where}: {unknown(odd[0], keys, f'key of {kind}')}")
     if missing := [k for k in needed if k not in given]:
         raise TwinError(f"{where} distribution {kind!r}: needs {', '.join(missing)}")
-    if unknown := sorted(set(given) - set(needed) - set(optional)):
-        raise TwinError(
-            f"{where}: unknown key {unknown[0]!r}; {kind} takes {', '.join((*needed, *optional))}"
-        )
     return replace(
         make(where, name, given, relative, folder),
         spec={"kind": kind, "relative": relative, **given},

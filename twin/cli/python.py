@@ -102,7 +102,8 @@ def read(path: str | os.PathLike[str]) -> Any:  # noqa: ANN401  analysis.recordi
 
     Parameters
     ----------
-    path : a .rrd file, or the result of a verb that wrote one
+    path : a .rrd file, or what `twin export` wrote as .csv, .parquet or .mat; or the result of a
+        verb that wrote one
 
     Raises
     ------

@@ -284,9 +284,9 @@ class Report(Columns, Output):
 class Export(Output):
     """Write a recording in the format of another program.
 
-    csv, parquet, mat: all signals in SI, every value equal when read with pandas or SciPy. mcap:
-    signals as messages. kml: path of a flight on a map. glb, usd: the scene with its motion, for
-    example for Blender.
+    csv, parquet, mat: all signals in SI and the texts, read again equal wherever a recording is
+    expected, and by pandas or SciPy. mcap: signals as messages. kml: path of a flight on a map.
+    glb, usd: the scene with its motion, for example for Blender.
     """
 
     group: ClassVar[str] = "export"

@@ -21,6 +21,8 @@ def configuration_of(recording: Recording) -> Run:
     TwinError : it carries none, or some that this version does not understand
     """
     command = recording.properties.get("command")
+    if command is None:
+        raise TwinError("the recording carries no settings of a run; a .csv cannot be repeated")
     if command not in KINDS:
         raise TwinError(
             f"the recording is of {command!r}; only {' and '.join(KINDS)} can be repeated"

@@ -68,7 +68,7 @@ class Fly(FaultResponse, Run):
     hand_rate_deg_s: Annotated[float, Range(0.0, 720.0, "°/s")] = 30.0
     """Standard deviation of the angular rate about each axis, by hand [°/s]."""
     any_gain: Flag = False
-    """Fly also an identified model whose gain is negative, below 0.5 or above 2."""
+    """Fly also an identified model whose gain is negative, or makes the attitude loop unstable."""
     programme: Programme = "hold"
     """Attitude programme: hold the launch direction, step, doublet, pitch-over, or steer to a
     point."""

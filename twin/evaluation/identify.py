@@ -1,5 +1,6 @@
 """`twin identify`: recordings and tables in, a model file and one screen out."""
 
+import math
 import time
 import warnings
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ import numpy as np
 
 from analysis.identify import (
     AxisEvidence,
+    Estimate,
     Expectation,
     IdentifiedModel,
     OrderScore,
@@ -27,8 +29,8 @@ from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
-from twin.evaluation.loop import attitude_loops
-from twin.evaluation.words import quantity
+from twin.evaluation.words import estimated, quantity
+from twin.plant.loops import attitude_loops
 
 if TYPE_CHECKING:
     from twin.evaluation.linkage import PhysicsResult
@@ -75,10 +77,7 @@ class IdentifyResult(Result):
             (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
             for s in self.orders
         ]
-        rows += [
-            (e.name, quantity(e.value, 1.96 * e.std, e.unit, determined=e.determined))
-            for e in self.model.estimates
-        ]
+        rows += [(e.name, estimated(e)) for e in self.model.estimates]
         for a in self.model.axes:
             fits = [
                 f"{what} {_percent(fits)}"
@@ -195,7 +194,7 @@ class InformationResult(Result):
     warnings: tuple[str, ...]
 
     def as_dict(self) -> dict[str, object]:
-        """JSON values; a half width is None where the records show nothing of a parameter."""
+        """JSON values in SI; a half width is None where the records show nothing of a parameter."""
         return {
             "parameters": [{**e.to_dict(), "enough": e.enough} for e in self.expected],
             "sources": list(self.sources),
@@ -207,7 +206,12 @@ class InformationResult(Result):
         rows = [("can determine", ", ".join(self.sources))]
         for e in self.expected:
             scale, unit = (1e3, "ms") if e.name.endswith("delay") else (100.0, "%")
-            text = f"± {scale * e.half:.2g} {unit}" if np.isfinite(e.half) else "nothing"
+            text = "nothing"
+            if e.at_least:
+                text = estimated(Estimate(e.name, e.size, math.nan, e.unit, False, True))
+            elif np.isfinite(e.half):
+                value = quantity(e.size, math.nan, e.unit).partition(",")[0]
+                text = f"± {scale * e.half:.2g} {unit} of {value}"
             if not e.enough:
                 text += f", not determined (± {scale * e.bar:.2g} {unit} is): {e.advice}"
             rows.append((e.name, text))
@@ -219,7 +223,8 @@ def _information(config: Identify) -> InformationResult:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         found = expectations(source.runs, config.poles, max_delay=longest(config))
-    return InformationResult(found, tuple(r.name for r in source.runs), source.doubts)
+    notes = tuple(f"{r.name}: {r.note}" for r in source.runs if r.note)
+    return InformationResult(found, tuple(r.name for r in source.runs), source.doubts + notes)
 
 
 def _delay(text: str) -> Literal["free"] | float:

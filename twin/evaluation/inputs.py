@@ -11,7 +11,7 @@ import numpy as np
 from analysis import recording
 from analysis.files import opened
 from analysis.identify import by_frames, by_pulses
-from analysis.recording import Measurement
+from analysis.recording import Measurement, tables
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
 from twin.config import Columns, Identify
@@ -128,6 +128,7 @@ def _columns(config: Columns, file: Path, rate: tuple[str, ...] = ()) -> recordi
         raise TwinError(
             f"{file}: name its columns: --time t --input u1,u2 --angle pot1,pot2"
             + (" --rate gyro1,gyro2" if isinstance(config, Identify) else "")
+            + f"; it has {', '.join(tables.read(file).columns)}"
         )
     if config.commands is not None and config.input_stamps is not None:
         raise TwinError(

@@ -11,7 +11,7 @@ from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
-from twin.evaluation.loop import attitude_loops
+from twin.plant.loops import attitude_loops
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,17 @@
 
 import numpy as np
 
+from analysis.identify import Estimate
+
 _READ_AS = {"s": (1e3, " ms"), "rad/rad": (1.0, ""), "1": (1.0, ""), "rad": (180.0 / np.pi, "°")}
+
+
+def estimated(e: Estimate) -> str:
+    """An estimate with its 95 % interval, as people read it."""
+    if e.at_least:
+        scale, unit = _READ_AS.get(e.unit, (1.0, f" {e.unit}"))
+        return f"at least {scale * e.value:.3g}{unit} (never reached in this record)"
+    return quantity(e.value, 1.96 * e.std, e.unit, determined=e.determined)
 
 
 def quantity(value: float, half: float, unit: str, *, determined: bool = True) -> str:

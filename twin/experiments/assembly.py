@@ -25,8 +25,13 @@ HAND_HEIGHT = 1.7  # m above the ground, of the lower lug in the hand
 STAND = 0.02  # m that a vehicle lifts off its stand before it is free
 
 
-def make_plant(config: Run, motor: Path | None = None) -> Plant:
+def make_plant(config: Run, motor: Path | None = None, *, recorded: bool = True) -> Plant:
     """The simulated side of a run; its gimbal follows where a rig has the gimbal seat.
+
+    Parameters
+    ----------
+    motor : motor file in place of the vehicle's own
+    recorded : whether the model's digest is needed
 
     Raises
     ------
@@ -51,6 +56,7 @@ def make_plant(config: Run, motor: Path | None = None) -> Plant:
             seed=config.seed,
         ),
         lambda model: _settle(config, model),
+        digested=recorded,
     )
     integrator = config.integrator or ("rk4" if _smooth(config, twin.mj) else "implicitfast")
     integrators.check_step(

@@ -6,8 +6,7 @@ committed in Python once a chunk.
 """
 
 import time
-from types import SimpleNamespace
-from typing import Any, Final
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -40,23 +39,25 @@ class _Copies:
     """
 
     def __init__(self, rows: Rows | None, sources: Integers, data: mujoco.MjData) -> None:
-        self._rows, self._width = rows, len(sources)
-        self.addresses, self._poses = sources, np.empty(0)
+        self._rows, self._arrays = rows, {name: getattr(data, name) for name in POSES}
+        self.addresses = sources
         if rows is None:
             return
-        arrays = {name: getattr(data, name) for name in POSES}
-        places = [a.ctypes.data + a.itemsize * np.arange(a.size) for a in arrays.values()]
+        arrays = self._arrays.values()
+        places = [a.ctypes.data + a.itemsize * np.arange(a.size) for a in arrays]
         self.addresses = np.concatenate([sources, *places])
-        self._poses = np.empty(sum(a.size for a in arrays.values()))
-        ends = np.cumsum([a.size for a in arrays.values()])[:-1]
-        parts = zip(arrays.items(), np.split(self._poses, ends), strict=True)
-        self._data: Any = SimpleNamespace(**{n: p.reshape(a.shape) for (n, a), p in parts})
+        self._ends = np.cumsum([len(sources), *(a.size for a in arrays)])[:-1]
 
-    def commit(self, time_ns: int, values: Array) -> None:
-        """Give the recording the values that were copied in one tick."""
-        if self._rows is not None:
-            self._poses[:] = values[self._width :]
-            self._rows.take(time_ns, values[: self._width], self._data)
+    def commit(self, times: range, values: Array) -> None:
+        """Give the recording the values (n, k) that were copied in ticks."""
+        if self._rows is None or not times:
+            return
+        row, *poses = np.split(values, self._ends, axis=1)
+        frames = {
+            name: part.reshape(-1, *array.shape)
+            for (name, array), part in zip(self._arrays.items(), poses, strict=True)
+        }
+        self._rows.take(np.array(times), row, frames)
 
 
 def compiled_ticks(
@@ -101,10 +102,12 @@ def compiled_ticks(
         plant.computing_s += time.thread_time() - began
         track.took(count)
         if rows is not None:
-            for k in range(count):
-                copies.commit(times[k], copied[k])
-                if events[k]:
-                    flight.report(times[k], events[k], kept[k, POSITION], kept[k, VELOCITY])
+            begin = 0
+            for k in np.flatnonzero(events[:count]).tolist():
+                copies.commit(times[begin : k + 1], copied[begin : k + 1])
+                flight.report(times[k], events[k], kept[k, POSITION], kept[k, VELOCITY])
+                begin = k + 1
+            copies.commit(times[begin:count], copied[begin:count])
         ticks += count
         plant.judge(code)
         if end:

@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analysis.transfer_function import TransferFunctionModel
@@ -22,9 +21,8 @@ from twin.experiments.track import Track
 from twin.loop.loop import Controller
 from twin.loop.seats import Attitude, Pilot
 from twin.plant.authority import control_config
+from twin.plant.loops import wrong_gain
 from twin.plant.plant import Plant
-
-GAINS = (0.5, 2.0)  # of a model that is flown without --any-gain
 
 if TYPE_CHECKING:
     from analysis.recording import Recording
@@ -58,14 +56,15 @@ def fly(
         config = replace(config, controller=f"{OBJECT}{type(controller).__name__}")
     elif config.controller is not None:
         controller = load(config.controller)
-    if config.gimbal == "transfer-function" and config.model is not None and not config.any_gain:
-        _judge_gain(config.model)
     with Session(
-        config, "fly", config.control_hz, motor=config.motor, playback=playback, origin=origin
-    ) as s:
+        config, "fly", config.control_hz, motor=config.motor, playback=playback, origin=origin,
+        recorded=recorded,
+    ) as s:  # fmt: skip
         plant = s.plant
         if not plant.has_vehicle:
             raise TwinError(f"--scene {config.scene}: has no joint 'vehicle' to fly")
+        if config.gimbal == "transfer-function":
+            _judge_gain(config, plant)
         programme, target = setpoint(config, plant.model)
         s.connect()
         turntable = s.turntable()
@@ -122,22 +121,21 @@ def _powered(turntable: "Turntable | None", burnout_ns: int) -> Callable[[int], 
     return count
 
 
-def _judge_gain(file: Path) -> None:
-    """Refuse a model that does not answer a command by about the angle that was asked for.
+def _judge_gain(config: Fly, plant: Plant) -> None:
+    """Refuse a model with whose gain the attitude loop of the vehicle is unstable.
 
     Raises
     ------
     TwinError : the axis and its gain
     """
-    model = TransferFunctionModel.read(file)
-    for k, (name, row) in enumerate(zip(model.outputs, model.channels, strict=True)):
-        channel = row[min(k, len(row) - 1)]
-        gain = channel.num[-1] / channel.den[-1] if channel.den[-1] else math.inf
-        if not GAINS[0] <= gain <= GAINS[1]:
-            raise TwinError(
-                f"--model {file}: a command of 1° moves axis {name} by {gain:.3g}°; check sign,"
-                " units and order of the columns it was identified from, or give --any-gain"
-            )
+    if config.any_gain or config.model is None:
+        return
+    wrong = wrong_gain(TransferFunctionModel.read(config.model), plant.model)
+    if wrong is not None:
+        raise TwinError(
+            f"--model {config.model}: {wrong}; check sign, units and order of the columns it was"
+            " identified from, or give --any-gain"
+        )
 
 
 def _pilot(

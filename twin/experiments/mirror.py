@@ -22,6 +22,7 @@ from twin.hil.playback import Playback
 from twin.hil.teleop import Keys, Stick, Watch
 from twin.loop.loop import Controller
 from twin.loop.readings import Readings
+from twin.plant.authority import stroke
 
 KEYS = "arrow keys, space: zero, q: end   "
 ENDLESS_NS = 1 << 62
@@ -141,12 +142,13 @@ def mirror(config: Mirror) -> MirrorResult:
         plant = s.plant
         if plant.twin.gimbal != "follow":
             raise TwinError(f"--scene {config.scene}: has no gimbal to follow a rig with")
-        keys = stack.enter_context(Keys()) if config.steer == "keys" else None
+        reach = stroke(plant.twin.mj)
+        keys = stack.enter_context(Keys(reach)) if config.steer == "keys" else None
         length = ENDLESS_NS
         if config.playback is None:
             s.connect(watch=not config.steer)
             assert s.rig is not None
-            controller, name = _controller(config, keys, s.rig), _name(config, s.rig)
+            controller, name = _controller(config, keys, s.rig, reach), _name(config, s.rig)
             witness = _Witness(s.rig.readings, s.rig.now_ns)
         else:
             playback = Playback(config.playback, plant)
@@ -191,12 +193,12 @@ def mirror(config: Mirror) -> MirrorResult:
     )
 
 
-def _controller(config: Mirror, keys: Keys | None, rig: RigGimbal) -> Controller:
+def _controller(config: Mirror, keys: Keys | None, rig: RigGimbal, reach: float) -> Controller:
     if keys is not None:
         return keys
-    return (
-        Stick(rig.readings) if config.steer == "joystick" else Watch(rig.readings, rig.pulse_angle)
-    )
+    if config.steer == "joystick":
+        return Stick(rig.readings, reach)
+    return Watch(rig.readings, rig.pulse_angle)
 
 
 def _name(config: Mirror, rig: RigGimbal) -> str:

@@ -26,6 +26,7 @@ class ImportResult(Result):
     motor : that the design names; it has no thrust curve
     left_out : parts and settings that a description cannot have
     with_casing : the stored mass includes the motor's casing
+    outdated : the stored figures are of a design that was changed since
     """
 
     file: str
@@ -39,6 +40,7 @@ class ImportResult(Result):
     left_out: tuple[str, ...]
     needs_motor: bool
     with_casing: bool
+    outdated: bool
 
     def as_dict(self) -> dict[str, object]:
         """JSON values in SI."""
@@ -47,14 +49,16 @@ class ImportResult(Result):
     def rows(self) -> Rows:
         """What was written, the comparison, and what was left out."""
         body, fins, masses, chutes = self.parts
-        pressure = _beside(self.centre_of_pressure, self.stored_centre_of_pressure, "m")
+        stale = ", stored before the design's last change" if self.outdated else ""
+        mass = _beside(self.mass, self.stored_mass, "kg", stale)
+        pressure = _beside(self.centre_of_pressure, self.stored_centre_of_pressure, "m", stale)
         flag = " --motor FILE.eng" if self.needs_motor else ""
         casing = ", with its motor's casing" if self.with_casing else ""
         rows = [
             ("design", self.source),
             ("description", self.file),
             ("parts", f"{body} of the body, {fins} fin sets, {masses} masses, {chutes} parachutes"),
-            ("mass, no motor", _beside(self.mass, self.stored_mass, "kg") + casing),
+            ("mass, no motor", mass + casing),
             ("centre of pressure", pressure),
             ("motor", self.motor or "none"),
         ]
@@ -62,11 +66,11 @@ class ImportResult(Result):
         return [*rows, ("", f"twin fly --vehicle {self.file}{flag}")]
 
 
-def _beside(own: float, stored: float | None, unit: str) -> str:
+def _beside(own: float, stored: float | None, unit: str, stale: str) -> str:
     if stored is None:
         return f"{own:.4g} {unit}; the design stores none to compare"
     text = f"{own:.4g} {unit}, OpenRocket {stored:.4g} {unit}"
-    return f"{text}: {100 * (own / stored - 1):+.2f} %" if stored > 0 else text
+    return (f"{text}: {100 * (own / stored - 1):+.2f} %" if stored > 0 else text) + stale
 
 
 def import_design(config: Settings) -> ImportResult:
@@ -110,5 +114,6 @@ def import_design(config: Settings) -> ImportResult:
         motor=found.motor,
         left_out=found.left_out,
         needs_motor=config.motor is None,
+        outdated=stored.outdated,
         with_casing=stored.with_casing and config.motor is None,
     )

@@ -54,6 +54,7 @@ class Session:
     playback : recording whose readings take the place of a rig
     origin : what is recorded about the files of a run that is repeated
     timed : whether the lateness of every tick is recorded in real time
+    recorded : whether the run may be recorded
 
     Attributes
     ----------
@@ -79,11 +80,12 @@ class Session:
         playback: "Recording | None" = None,
         origin: Origin | None = None,
         timed: bool = True,
+        recorded: bool = True,
     ) -> None:
         self.config, self.verb = config, verb
         self.real_time = config.real_time and playback is None
         self._control_hz, self._motor, self._playback = control_hz, motor, playback
-        self._origin = origin
+        self._origin, self._recorded = origin, recorded
         # a rig is released before its run is judged, and before the recording is complete
         self._stack, self._live = ExitStack(), ExitStack()
         self.rig: RigGimbal | None = None
@@ -96,7 +98,7 @@ class Session:
         """Build the plant and connect the gimbal."""
         try:
             self._stack.enter_context(compiled())
-            self.plant = make_plant(self.config, self._motor)
+            self.plant = make_plant(self.config, self._motor, recorded=self._recorded)
             self.steps = steps_per_tick(self._control_hz, self.plant)
             self.tick_ns = self.steps * self.plant.dt_ns
         except BaseException:

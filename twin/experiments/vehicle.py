@@ -171,7 +171,7 @@ def vehicle(config: Settings) -> VehicleResult | BuildResult | ImportResult:
 
 
 def _described(config: Settings) -> vehicles.Vehicle:
-    design = design_of(config.file, config.motor)
+    design, _ = design_of(config.file, config.motor)
     if config.mechanism is not None and design.gimbal is not None:
         held = replace(design.gimbal, mechanism=str(config.mechanism.resolve()))
         design = replace(design, gimbal=held)

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis import recording
-from analysis.recording import TimeSeries
+from analysis.recording import TimeSeries, tables
 from analysis.recording.columns import UNITS, commands_of_table
 from analysis.recording.loader import is_table
 from hardware.calibration import Calibration
 from hardware.frames import AXES
 from hardware.rig.rig import PULSES
+from twin import status
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
@@ -79,10 +80,15 @@ def read(source: Source) -> TimeSeries:
         command = recording.load(source.file).command
         return command.shifted(-float(command.time[0]))
     if not source.time or not 1 <= len(source.inputs) <= len(AXES):
-        raise TwinError(f"{source.file}: name its columns: --time t --input u, or --input ux,uy")
+        raise TwinError(
+            f"{source.file}: name its columns: --time t --input u, or --input ux,uy; it has "
+            + ", ".join(tables.read(source.file).columns)
+        )
     if source.pulses and source.ratio is not None:
         raise TwinError(f"--ratio: not with --input-unit {source.unit}, which has no shaft angle")
-    command = commands_of_table(source.file, source.time, source.inputs, source.time_scale)
+    command, note = commands_of_table(source.file, source.time, source.inputs, source.time_scale)
+    if note:
+        status.note(f"twin: {source.file}: {note}")
     command = command.shifted(-float(command.time[0]))
     return TimeSeries(
         command.name, command.time, source.scaled(command.values), "rad", command.components

@@ -9,7 +9,6 @@ from types import TracebackType
 from typing import Self
 
 from hardware.frames import GimbalState, Pair, SensorFrame
-from twin.control.attitude import LARGEST_COMMAND
 from twin.errors import TwinError
 from twin.loop.readings import Readings
 
@@ -42,23 +41,30 @@ class Watch:
 
 
 class Stick:
-    """The joystick of the rig: ±8° at its ends."""
+    """The joystick of the rig.
 
-    def __init__(self, readings: Readings) -> None:
-        self._readings = readings
+    Parameters
+    ----------
+    readings : of the seat
+    stroke : angle at its ends, either way [rad]
+    """
+
+    def __init__(self, readings: Readings, stroke: float) -> None:
+        self._readings, self._stroke = readings, stroke
         self._angle: Pair = (0.0, 0.0)
 
     def update(self, time: float, gimbal: GimbalState) -> Pair:  # noqa: ARG002  the seat's signature
         """Return the angle of the joystick [rad]."""
         if self._readings.frames:
             x, y = self._readings.frames[-1].joystick
-            self._angle = _stick(x), _stick(y)
+            self._angle = self._stroke * _part(x), self._stroke * _part(y)
         return self._angle
 
 
-def _stick(deflection: float) -> float:
+def _part(deflection: float) -> float:
+    """Part of the stroke, −1 to 1, with the dead zone taken out."""
     beyond = max(abs(deflection) - DEAD_ZONE, 0.0) / (1.0 - DEAD_ZONE)
-    return LARGEST_COMMAND * (beyond if deflection > 0 else -beyond)
+    return beyond if deflection > 0 else -beyond
 
 
 def _standard_input() -> int:
@@ -76,6 +82,7 @@ class Keys:
 
     Parameters
     ----------
+    stroke : largest angle, either way [rad]
     terminal : file descriptor; standard input if omitted
 
     Raises
@@ -83,7 +90,8 @@ class Keys:
     TwinError : not a terminal, or a system without POSIX terminals
     """
 
-    def __init__(self, terminal: int | None = None) -> None:
+    def __init__(self, stroke: float, terminal: int | None = None) -> None:
+        self._stroke = stroke
         self._fd = _standard_input() if terminal is None else terminal
         self.ended = False
         self._angle = [0.0, 0.0]
@@ -137,7 +145,7 @@ class Keys:
             if text.startswith("\x1b["):
                 axis, way = ARROWS.get(text[2], (0, 0))
                 turned = self._angle[axis] + way * KEY_STEP
-                self._angle[axis] = min(max(turned, -LARGEST_COMMAND), LARGEST_COMMAND)
+                self._angle[axis] = min(max(turned, -self._stroke), self._stroke)
                 text = text[3:]
                 continue
             if text[0] == " ":

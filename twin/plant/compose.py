@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -43,8 +43,10 @@ def is_description(vehicle: Path | None) -> bool:
     return vehicle is not None and vehicle.suffix.lower() in (".toml", OPENROCKET)
 
 
-def design_of(vehicle: Path, motor: Path | None = None) -> "Design":
-    """Design of a description or an OpenRocket file, with its motor or `motor` in its place.
+def design_of(vehicle: Path, motor: Path | None = None) -> tuple["Design", tuple[str, ...]]:
+    """Design of a description or an OpenRocket file, and what it lacks of that, one line each.
+
+    With its motor, or `motor` in its place.
 
     Raises
     ------
@@ -54,23 +56,15 @@ def design_of(vehicle: Path, motor: Path | None = None) -> "Design":
     from twin.physics import vehicle as vehicles
 
     if vehicle.suffix.lower() != OPENROCKET:
-        return vehicles.read(vehicle, motor)
+        return vehicles.read(vehicle, motor), ()
     found = openrocket.described(vehicle)
     if motor is None:
         raise TwinError(
             f"{vehicle}: its motor ({found.motor or 'none'}) comes without a thrust curve; give its"
             " file with --motor FILE.eng to twin fly, or import the design (twin vehicle import)"
         )
-    return vehicles.with_motor(found.design, motor)
-
-
-def left_out(vehicle: Path | None) -> tuple[str, ...]:
-    """What a vehicle built from its file lacks of it, one line each."""
-    if vehicle is None or vehicle.suffix.lower() != OPENROCKET:
-        return ()
-    from twin.physics import openrocket
-
-    return tuple(f"left out: {item}" for item in openrocket.described(vehicle).left_out)
+    left_out = tuple(f"left out: {item}" for item in found.left_out)
+    return vehicles.with_motor(found.design, motor), left_out
 
 
 def described_files(vehicle: Path) -> dict[str, Path]:
@@ -92,12 +86,27 @@ def described_files(vehicle: Path) -> dict[str, Path]:
     return found
 
 
+@dataclass(frozen=True)
+class Composed:
+    """An uncompiled model.
+
+    Attributes
+    ----------
+    left_out : what a vehicle built from its file lacks of it, one line each
+    traced : whether every file it is made of is shipped, or was read by `analysis.files.content`
+    """
+
+    spec: mujoco.MjSpec
+    left_out: tuple[str, ...] = ()
+    traced: bool = False
+
+
 def compose(
     scene: str,
     vehicle: Path | None = None,
     mechanism: Path | None = None,
     motor: Path | None = None,
-) -> mujoco.MjSpec:
+) -> Composed:
     """Uncompiled model of `scene`, with vehicle and mechanism replaced where files are given.
 
     A vehicle that is a description or an OpenRocket design is built here, with `motor` in place of
@@ -112,8 +121,14 @@ def compose(
     """
     path = scene_path(scene)
     if vehicle is None and mechanism is None and guard.is_shipped(path):
-        return _parsed(path, lambda: mujoco.MjSpec.from_file(str(path)))
-    part = _built(vehicle, mechanism, motor) if is_description(vehicle) else None
+        spec = _parsed(path, lambda: mujoco.MjSpec.from_file(str(path)))
+        return Composed(spec, traced=scene in SCENES)
+    part, traced = None, mechanism is None
+    left_out: tuple[str, ...] = ()
+    if vehicle is not None and is_description(vehicle):
+        design, left_out = design_of(vehicle, motor)
+        traced = traced and (design.gimbal is None or not design.gimbal.mechanism)
+        part = _built(design, mechanism)
     if mechanism is not None:
         from twin.physics.vehicle.carrier import check_is_model
 
@@ -132,8 +147,10 @@ def compose(
         raise TwinError(f"{vehicle or mechanism} nests its elements too deeply") from None
     name = vehicle or mechanism or path
     named = [Path(model.get("file", "")) for model in root.iter("model")]
-    guard.approve(guard.examine(f for f in (*given, *named) if f is not None), name, text=text)
-    return _parsed(name, lambda: mujoco.MjSpec.from_string(text))
+    foreign = guard.examine(f for f in (*given, *named) if f is not None)
+    guard.approve(foreign, name, text=text)
+    spec = _parsed(name, lambda: mujoco.MjSpec.from_string(text))
+    return Composed(spec, left_out, traced and not foreign)
 
 
 def _refuse_scene(flag: str, file: Path | None) -> None:
@@ -204,12 +221,10 @@ def _tree(
     return root
 
 
-def _built(vehicle: Path | None, mechanism: Path | None, motor: Path | None) -> ET.Element:
+def _built(design: "Design", mechanism: Path | None) -> ET.Element:
     """Root element of a vehicle that is described."""
     from twin.physics import vehicle as vehicles
 
-    assert vehicle is not None
-    design = design_of(vehicle, motor)
     if mechanism is not None and design.gimbal is not None:
         held = replace(design.gimbal, mechanism=str(mechanism.resolve()))
         design = replace(design, gimbal=held)

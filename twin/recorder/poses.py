@@ -104,6 +104,34 @@ class Poses:
         self._n = n + 1
         self.full = self._n == len(self._time)
 
+    def add_all(self, time: Stamps, frames: Mapping[str, Floats]) -> None:
+        """Keep those poses of ascending times (n,), at most `room`, that are due.
+
+        Parameters
+        ----------
+        frames : arrays of `MjData` at these times, by name
+        """
+        period = time // self._period
+        due = np.flatnonzero(np.diff(period, prepend=self._due // self._period - 1) > 0)
+        if not due.size:
+            return
+        self._due = int(period[due[-1]] + 1) * self._period
+        place = slice(self._n, self._n + due.size)
+        self._time[place] = time[due]
+        self._position[place] = frames["xpos"][due][:, self._index]
+        self._attitude[place] = frames["xquat"][due][:, self._index]
+        self._qpos[place] = frames["qpos"][due]
+        if self._nozzle >= 0:
+            self._jet[place, 0] = frames["site_xpos"][due, self._nozzle]
+            self._jet[place, 1] = frames["site_xmat"][due, self._nozzle, 2::3]
+        self._n = place.stop
+        self.full = self._n == len(self._time)
+
+    @property
+    def room(self) -> int:
+        """Number of poses until `full`."""
+        return len(self._time) - self._n
+
     def start(self, stream: rr.RecordingStream) -> None:
         """Write static data: meshes, colours, poses of fixed bodies."""
         stream.log(schema.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

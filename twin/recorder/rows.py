@@ -2,9 +2,8 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +14,9 @@ from twin.physics.native.layout import number
 from twin.plant.plant import Plant
 from twin.recorder.rig_rows import RigRows
 from twin.recorder.sink import Sink
+
+if TYPE_CHECKING:
+    from twin.recorder.stream import Recorder
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -106,13 +108,15 @@ class Rows:
         """
         return None if self._rig or self._eventful else self._addresses
 
-    def take(self, time_ns: int, values: Array, data: mujoco.MjData) -> None:
-        """Commit a row of values copied from `sources`, and the poses of that instant."""
-        recorder = self._recorder
-        assert recorder is not None
-        recorder.row[self._places] = values
-        recorder.commit(time_ns, self._wall_ns + time_ns)
-        recorder.commit_pose(time_ns, data)
+    def take(self, time: Integers, values: Array, frames: Mapping[str, Array]) -> None:
+        """Commit rows of values (n, k) copied from `sources`, and the poses of their times [ns].
+
+        In lockstep only.
+        """
+        recorder = cast("Recorder", self._recorder)
+        rows = np.tile(recorder.row, (len(time), 1))
+        rows[:, self._places] = values
+        recorder.commit_all(time, self._wall_ns + time, rows, frames)
 
     def derive(self, time_ns: int) -> None:
         """Compute the signals that are derived rather than read."""

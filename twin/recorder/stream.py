@@ -31,6 +31,7 @@ THRUST = "vehicle/thrust"
 FLUSH_SECONDS = 60.0  # a slow disk needs a few; without it Rerun waits for ever
 
 
+Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 
@@ -141,11 +142,48 @@ class Recorder(Sink):
         self._block[n] = self.row
         self._time[n] = time_ns
         self._wall[n] = wall_ns
-        n += 1
-        self._n = n
-        if n == self._capacity or time_ns >= self._due:
+        self._n = n + 1
+        self._drain_if_due(time_ns)
+
+    def _drain_if_due(self, time_ns: int) -> None:
+        if self._n == self._capacity or time_ns >= self._due:
             self._due = time_ns - time_ns % self._drain_every + self._drain_every
             self.drain()
+
+    def commit_all(
+        self, time: Stamps, wall: Stamps, rows: Floats, frames: Mapping[str, Floats]
+    ) -> None:
+        """What `commit` and `commit_pose` do with many ticks, one after the other.
+
+        Parameters
+        ----------
+        time, wall : ascending times (n,) [ns]
+        rows : what `row` would hold at them (n, k)
+        frames : arrays of `MjData` at them, by name
+        """
+        begin = 0
+        while begin < len(time):
+            fit = min(len(time) - begin, self._capacity - self._n)
+            if self._poses is not None:
+                fit = min(fit, max(1, self._poses.room))
+            before = int(np.searchsorted(time[begin : begin + fit], self._due))
+            end = begin + min(before + 1, fit)  # the last one may be due
+            place = slice(self._n, self._n + end - begin)
+            self._block[place] = rows[begin:end]
+            self._time[place], self._wall[place] = time[begin:end], wall[begin:end]
+            self._n = place.stop
+            self._take_poses(time, frames, begin, end - 1)
+            self._drain_if_due(int(time[end - 1]))
+            self._take_poses(time, frames, end - 1, end)
+            begin = end
+
+    def _take_poses(self, time: Stamps, frames: Mapping[str, Floats], begin: int, end: int) -> None:
+        if self._poses is None or begin == end:
+            return
+        if self._poses.full:
+            self.drain()
+        ticks = slice(begin, end)
+        self._poses.add_all(time[ticks], {name: f[ticks] for name, f in frames.items()})
 
     def commit_pose(self, time_ns: int, data: mujoco.MjData) -> None:
         """Take the body poses of `data` at `time_ns` [ns] if due."""

@@ -62,6 +62,7 @@ TOGETHER: Final = {
 }
 IMPULSE_TOLERANCE: Final = 0.01  # rounding of motor files
 
+_ALWAYS: Final = {numeric.name for numeric in NUMERICS}
 _UNIT: Final = {numeric.name: numeric.unit for numeric in ALL}
 
 
@@ -75,7 +76,7 @@ def check(model: mujoco.MjModel) -> None:
     TwinError : the first invalid numeric, its value and the valid range
     """
     values: dict[str, Array] = {
-        n.name: model.numeric(n.name).data for n in ALL if n in NUMERICS or _carries(model, n)
+        n.name: model.numeric(n.name).data for n in ALL if n.name in _ALWAYS or _carries(model, n)
     }
     for name, data in values.items():
         _demand(name, data, np.isfinite(data), "must be finite")

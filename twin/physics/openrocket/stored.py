@@ -10,6 +10,7 @@ import numpy as np
 
 SLOW: Final = (0.02, 0.3)  # Mach numbers at which the centre of pressure is compared
 LEVEL: Final = math.radians(2.0)  # largest angle of attack; above it OpenRocket adds body lift
+STALE: Final = ("outdated", "cantrun", "notsimulated")  # marks of OpenRocket: not of this design
 
 
 @dataclass(frozen=True)
@@ -21,18 +22,22 @@ class Stored:
     mass : without the motor; without the propellant only where `with_casing` [kg]
     with_casing : a file of OpenRocket 15.03 and before, which stored the propellant's mass alone
     centre_of_pressure : at the smallest angle of attack of the slow ascent [m]
+    outdated : the design was changed after the last of its simulations
     """
 
     mass: float | None = None
     with_casing: bool = False
     centre_of_pressure: float | None = None
+    outdated: bool = False
 
 
 def stored(root: Element) -> Stored:
-    """Mass and centre of pressure of the stored simulations."""
+    """Mass and centre of pressure of the stored simulations, of the current ones if there are."""
     masses: dict[str, list[float]] = {}
     best = (LEVEL, math.nan)
-    for branch in root.iter("databranch"):
+    every = list(root.iter("simulation"))
+    current = [run for run in every if run.get("status") not in STALE and _flown(run)]
+    for branch in (b for run in current or every for b in run.iter("databranch")):
         for row in _rows(branch):
             for name in ("Motor mass", "Propellant mass"):
                 masses.setdefault(name, []).append(
@@ -50,7 +55,12 @@ def stored(root: Element) -> Stored:
         mass=means.get("Motor mass", means.get("Propellant mass")),
         with_casing=casing and bool(means),
         centre_of_pressure=None if math.isnan(best[1]) else best[1],
+        outdated=not current,
     )
+
+
+def _flown(simulation: Element) -> bool:
+    return next(simulation.iter("datapoint"), None) is not None
 
 
 def _rows(branch: Element) -> Iterator[Mapping[str, float]]:

@@ -141,10 +141,13 @@ def _check_wall(segment: Segment, k: int) -> None:
 def _check_fins(placed: PlacedFins, outline: Outline, k: int) -> None:
     shoulder, tail = outline.segments[0].end, outline.tail
     low, high = placed.start, placed.start + placed.plan.root
-    if low < shoulder - SLACK or high > tail + SLACK:
+    # swept fins stand out behind the tail of many designs; what carries them is the other half
+    if low < shoulder - SLACK or (low + high) / 2 > tail + SLACK:
+        name = f" {placed.fins.name!r}" if placed.fins.name else ""
         raise VehicleError(
-            f"fins[{k}]: the root reaches from {low:.4g} to {high:.4g} m behind the tip; must lie"
-            f" on the body behind the nose, {shoulder:.4g} to {tail:.4g} m"
+            f"fins[{k}]{name}: the root reaches from {low:.4g} to {high:.4g} m behind the tip; must"
+            f" lie on the body behind the nose, {shoulder:.4g} to {tail:.4g} m, at least its front"
+            " half"
         )
     if placed.plan.y.max() > tail:
         raise VehicleError(

@@ -1,0 +1,68 @@
+"""The attitude loop of a vehicle, without the gimbal that closes it."""
+
+import copy
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from analysis.transfer_function import Loop, TransferFunctionModel, margins
+from twin.config import Fly
+from twin.control.attitude import ControlConfig
+from twin.physics.motor import Depletion
+from twin.plant.authority import control_config, lever_and_inertia
+from twin.plant.model import ModelConfig, load
+
+_USUAL = 1.5  # gains up to this factor from 1 need no look at the loop, which imports for a second
+
+
+def attitude_loops(model: mujoco.MjModel | None = None) -> tuple[Loop, ...]:
+    """Loops of a vehicle at ignition and burnout, in still air, with the default control rate.
+
+    The controller divides by the authority of the loaded vehicle, thrust·lever/inertia; as the
+    propellant burns the true one grows beyond it, and the loop gain with it.
+
+    Parameters
+    ----------
+    model : loaded; the reference vehicle if omitted
+    """
+    model = load(ModelConfig()).mj if model is None else copy.copy(model)
+    config = control_config(model)
+    loaded = np.divide(*lever_and_inertia(model))
+    Depletion(model).update(np.inf)
+    ratio = float(np.divide(*lever_and_inertia(model)) / loaded)
+    return _loop("ignition", config, 1.0), _loop("burnout", config, ratio)
+
+
+def _loop(name: str, c: ControlConfig, gain: float) -> Loop:
+    """PID with a low-pass on the rate, on a vehicle that is a pure inertia: 1/s² per unit."""
+    if c.cutoff > 0.0:  # (kp + ki/s + kd·s·ωc/(s + ωc))/s²
+        num = np.polyadd(np.convolve([c.kp, c.ki], [1.0, c.cutoff]), [c.kd * c.cutoff, 0.0, 0.0])
+        den = [1.0, c.cutoff, 0.0, 0.0, 0.0]
+    else:
+        num, den = np.array([c.kd, c.kp, c.ki]), [1.0, 0.0, 0.0, 0.0]
+    return Loop(name, tuple((gain * num).tolist()), tuple(den), 1.0 / Fly().control_hz)
+
+
+def wrong_gain(gimbal: TransferFunctionModel, model: mujoco.MjModel) -> str | None:
+    """What is wrong with the gain of an identified model, by the attitude loop of a vehicle.
+
+    The loop is stable from its lower to its upper gain margin with a gimbal of gain 1; a model of
+    an axis outside of that is named. One whose loop is unstable for its delay or slowness alone is
+    not, unless it is mirrored.
+    """
+    for name in gimbal.outputs:
+        if name not in gimbal.inputs or (channel := gimbal.channel(name, name)).zero:
+            continue
+        gain = channel.num[-1] / channel.den[-1] if channel.den[-1] else np.inf
+        if 1.0 / _USUAL < gain < _USUAL:
+            continue
+        text = f"a command of 1° moves axis {name} by {gain:.3g}°"
+        if not 0.0 < gain < np.inf:
+            return text
+        one = replace(channel, num=tuple(n / gain for n in channel.num))
+        found = margins(attitude_loops(model), TransferFunctionModel(((one,),), (name,), (name,)))
+        low, high = max(m.lower_gain for m in found), min(m.gain for m in found)
+        if all(m.stable for m in found) and not low < gain < high:
+            return f"{text}; the attitude loop is stable for {low:.2g}° to {high:.2g}°"
+    return None
