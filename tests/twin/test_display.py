@@ -1,18 +1,22 @@
 """What a recording holds for the viewer: residual, bands, gaps, states, axes, plots that scale."""
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pyarrow as pa
 import pytest
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from analysis import recording
 from tests.twin import runs
-from twin.recorder import Recorder, checks, plots, profile, states, together
+from twin.recorder import Recorder, blueprint, checks, plots, profile, states, together
 from twin.recorder.ghost import Ghost
+from twin.recorder.look import Look
+from twin.recorder.poses import Poses
 from twin.recorder.scene import bodies
 
 pytestmark = pytest.mark.looks
@@ -134,6 +138,23 @@ def test_a_signal_without_a_row_has_no_plot(tmp_path):
 def test_a_mechanism_without_gimbal_joints_has_no_ghost():
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
     assert not Ghost(model, bodies(model)).active
+
+
+def test_a_fixed_motor_has_no_views_of_a_gimbal():
+    found = []
+    for joint in ("gimbal_x", "motor_x"):
+        model = mujoco.MjModel.from_xml_string(runs.SCENE.replace("gimbal_x", joint))
+        look = Look(runs.SIGNALS, Poses(model, 20_000_000), model, live=False)
+        names = _names(blueprint.build(look.content).root_container)
+        assert {"Vehicle", "Position [m]", "Thrust [N]"} <= set(names)
+        found.append({n for n in names if "Gimbal" in n or "Control error" in n})
+    assert {"Gimbal", "Gimbal x [deg]", "Gimbal rate y [deg/s]"} < found[0]
+    assert not found[1]
+
+
+def _names(part: Any) -> list[str]:
+    inner = part.contents if isinstance(part, rrb.Container) else ()
+    return [str(part.name), *(name for one in inner for name in _names(one))]
 
 
 @pytest.mark.parametrize(("extent", "step"), [(654.0, 200.0), (12.0, 5.0), (1339.0, 500.0)])

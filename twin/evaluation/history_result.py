@@ -16,6 +16,7 @@ from twin.evaluation.drift import RunDrift
 OF_CALIBRATION = ("gain", "zero")
 LIMIT = 3.0  # standard deviations, as of a control chart (Shewhart, 1931)
 DAY = 86400.0  # s
+FEWEST = "twin compare FILE --explain names the fewest of more effects that explain the difference"
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,8 @@ class HistoryResult(Result):
             fits = ", ".join(f"{a} {v:.1f} %" for a, v in e.fit.items())
             rows.append((e.day, f"fit {fits}; {e.file.name}"))
             rows += [("", text) for text in outside(e)]
+        names = ", ".join(p.name for p in self.entries[0].drift.properties)
+        rows.append(("", f"estimated together: {names}; {FEWEST}"))
         rows += [("left out", text) for text in self.left_out]
         rows += [("CALIBRATION DUE", text) for text in self.due]
         if not self.due:
