@@ -112,7 +112,8 @@ def residual(entity: str, axis: int, known: Known) -> rrb.TimeSeriesView:
     low, high = _range(known, [entity], axis) or (0.0, 0.0)
     most = max(-low, high)
     shown = style.one_axis("gimbal/difference", axis)
-    line = replace(shown, names=[f"residual {'xy'[axis]}, at most {most:.2g}°"] * 2)
+    largest = f", at most {most:.2g}°" if most > 0.0 else " [deg]"  # not known during a run
+    line = replace(shown, names=[f"residual {'xy'[axis]}{largest}"] * 2)
     limits = readable(-most, most) if most > 0.0 else None
     name = f"Residual {'xy'[axis]} [deg]"
     bands = {band("residual", axis): band_style()}
