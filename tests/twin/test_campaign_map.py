@@ -55,7 +55,8 @@ def test_the_page_draws_the_boundary_between_the_two_smallest_margins(tmp_path):
     few = table.slice(0, 17)
     made = replace(made, answers=answers(s, runs, few))
     missing = next(part for part in sections(s, made, few) if part.name == "map")
-    assert "needs 18 runs" in missing.text[0]  # three for each of 1, x, y, x², y², xy
+    # three for each of 1, x, y, x², y², xy
+    assert "needs 18 runs over 2 parameters" in missing.text[0]
 
 
 def test_a_threshold_that_part_of_the_resamples_lack_has_an_open_end():

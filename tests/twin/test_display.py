@@ -208,6 +208,17 @@ def test_plots_begin_with_room_for_their_legends_after_the_end_of_the_run(beside
     assert shown == {"start": 0, "end": pytest.approx(1.25 * 999 * TICK_NS, rel=1e-6)}
 
 
+@pytest.mark.parametrize(
+    ("ranges", "legend"),
+    [({}, "residual x [deg]"), ({plots.RESIDUAL: [(-0.42, 0.1)] * 2}, "residual x, at most 0.42°")],
+)
+def test_the_legend_of_a_residual_has_its_largest_value_once_it_is_known(ranges, legend):
+    look = plots.residual(plots.RESIDUAL, 0, plots.Known(ranges))
+    lines = look.visualizer_overrides[plots.RESIDUAL].overrides
+    texts = [b.as_arrow_array().to_pylist() for b in lines]
+    assert [legend] * 2 in texts
+
+
 def test_a_plot_leaves_out_what_the_run_does_not_have():
     ranges = {"/sensors/pulse": [(1400.0, 1600.0)] * 2 + [(1500.0, 1500.0)], "/link/lost": [(0, 0)]}
     known = plots.Known(ranges)

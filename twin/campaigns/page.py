@@ -100,10 +100,12 @@ def _why_none(study: Study, kept: Any) -> str:  # noqa: ANN401
     numbers = [c for v in study.vary for c in v.columns if kept.schema.field(c).type == "double"]
     if not numbers:
         return "No map: no number varies."
+    together = 1 if study.kind == "star" else len(numbers)
+    each = " for each parameter" if study.kind == "star" else f" over {together} parameters"
     return (
         f"No map: {np.nansum(hits):.0f} of the {len(hits)} runs that it would be about meet {name}."
-        f" Over {len(numbers)} parameters it needs {fewest(len(numbers))} runs, at least {FEWEST}"
-        f" that meet {name} and {FEWEST} that do not."
+        f" It needs {fewest(together)} runs{each}, at least {FEWEST} that meet {name} and {FEWEST}"
+        " that do not."
     )
 
 

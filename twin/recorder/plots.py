@@ -109,11 +109,13 @@ def several(
 
 def residual(entity: str, axis: int, known: Known) -> rrb.TimeSeriesView:
     """Measured minus simulated angle of one axis with its band, under the angles."""
-    low, high = _range(known, [entity], axis) or (0.0, 0.0)
+    low, high = known.ranges[entity][axis] if entity in known.ranges else (0.0, 0.0)
     most = max(-low, high)
     shown = style.one_axis("gimbal/difference", axis)
-    line = replace(shown, names=[f"residual {'xy'[axis]}, at most {most:.2g}°"] * 2)
-    limits = readable(-most, most) if most > 0.0 else None
+    largest = f", at most {most:.2g}°" if most > 0.0 else " [deg]"  # not known during a run
+    line = replace(shown, names=[f"residual {'xy'[axis]}{largest}"] * 2)
+    edge = (1.0 + MARGIN) * most
+    limits = readable(-edge, edge) if most > 0.0 else None
     name = f"Residual {'xy'[axis]} [deg]"
     bands = {band("residual", axis): band_style()}
     return _view(name, {entity: line}, limits, bands, titled=False)

@@ -35,7 +35,8 @@ _TABS: tuple[tuple[str, tuple[tuple[str, tuple[str, ...], int], ...]], ...] = (
 _RUNS: tuple[style.Color, ...] = (
     style.SIMULATED, style.MEASURED, style.BAND, style.RESIDUAL, (200, 180, 60), (180, 120, 220)
 )  # fmt: skip
-_PALE = ("command", "setpoint")  # thin, since what follows them matters
+# Colour of what a run has besides its main line: share of the run's colour, the rest of another.
+_PALE, _DARK = (0.4, style.COMMAND), (0.55, (20, 20, 20))
 
 
 def write(paths: Sequence[Path], out: Path) -> None:
@@ -98,6 +99,22 @@ def _layout(runs: dict[str, Recording], span: tuple[int, int] | None) -> rrb.Blu
     )
 
 
+def _line(label: str, color: style.Color, name: str, run: Recording, component: int) -> style.Lines:
+    """One component in its run's colour, paler for a command, darker for a model beside a rig."""
+    what, count, width = style.last(name), len(schema.SIGNALS[name].components), 2.0
+    if what in ("command", "setpoint"):
+        color, width = _mixed(color, *_PALE), 1.0
+    elif what == "simulated" and name.replace("simulated", "measured") in _shown(run):
+        color = _mixed(color, *_DARK)
+    widths = [width * (c == component) for c in range(count)]
+    return style.Lines([f"{label}: {what}"] * count, [color] * count, widths)
+
+
+def _mixed(color: style.Color, share: float, other: style.Color) -> style.Color:
+    r, g, b = (round(share * c + (1.0 - share) * o) for c, o in zip(color, other, strict=True))
+    return r, g, b
+
+
 def _plot(
     runs: dict[str, Recording], title: str, names: Sequence[str], component: int
 ) -> rrb.TimeSeriesView | None:
@@ -107,13 +124,7 @@ def _plot(
             if name not in names:
                 continue
             entity, signal = _entity(label, name), schema.SIGNALS[name]
-            count = len(signal.components)
-            width = 1.0 if style.last(name) in _PALE else 2.0
-            styles[entity] = style.Lines(
-                [f"{label}: {style.last(name)}"] * count,
-                [_RUNS[k % len(_RUNS)]] * count,
-                [width * (c == component) for c in range(count)],
-            )
+            styles[entity] = _line(label, _RUNS[k % len(_RUNS)], name, run, component)
             values = signal.to_stored(run[name].values)
             ranges[entity] = list(zip(np.nanmin(values, 0), np.nanmax(values, 0), strict=True))
     if not styles:
