@@ -5,6 +5,7 @@ from analysis.transfer_function.discrete import (
     Discrete,
     DiscreteChannel,
     discretise_channel,
+    realise,
     whole_steps,
 )
 from analysis.transfer_function.file import SCHEMA, ModelFileError
@@ -27,6 +28,7 @@ __all__ = [
     "discretise_channel",
     "distribution",
     "margins",
+    "realise",
     "speed_loop",
     "whole_steps",
     "with_figures",

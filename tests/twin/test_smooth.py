@@ -93,11 +93,9 @@ def test_steps_that_are_not_divided_miss_these_limits(
         (replace(PASSIVE, dt=0.001), mujoco.mjtIntegrator.mjINT_RK4, 1.0),
         (replace(PASSIVE, integrator="euler"), mujoco.mjtIntegrator.mjINT_EULER, 1.0),
         (replace(PASSIVE, set=ELASTIC), mujoco.mjtIntegrator.mjINT_IMPLICITFAST, 1.0),
-        (Fly(), mujoco.mjtIntegrator.mjINT_IMPLICITFAST, 1.0),
-        (Fly(gimbal="transfer-function"), mujoco.mjtIntegrator.mjINT_IMPLICITFAST, 1.0),
     ],
 )  # fmt: skip
-def test_each_seat_has_its_method_and_step(
+def test_a_vehicle_without_moving_parts_has_its_method_and_step(
     config: Fly, method: mujoco.mjtIntegrator, step_ms: float
 ) -> None:
     with compiled():

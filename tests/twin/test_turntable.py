@@ -122,7 +122,7 @@ def flown(path, gimbal, **more):
     ("programme", "asked"),
     [
         *(pytest.param(p, {}, marks=pytest.mark.slow) for p in ("hold", "step", "doublet")),
-        ("doublet", {"at_s": 1.0, "duration_s": 9.0}),
+        ("doublet", {"at_s": 1.0, "duration_s": 7.0}),
     ],
 )
 def test_the_attitude_seen_is_the_vehicles_within_a_degree_and_the_loop_is_stable(
@@ -152,8 +152,8 @@ def test_the_controller_sees_the_base_and_not_the_vehicle(tmp_path, monkeypatch)
     """Told that the base leans by 3° where it stands upright, the loop holds the vehicle askew."""
     leaning = BaseMap(tilt=-radians(3.0))
     monkeypatch.setattr("twin.hil.connect.measure_base", lambda seat: leaning)
-    _, run = flown(tmp_path / "a.rrd", "emulator", duration_s=5.0)
-    late = run["turntable/simulated"].time > 3.5
+    _, run = flown(tmp_path / "a.rrd", "emulator", duration_s=3.6)
+    late = run["turntable/simulated"].time > 2.4
     vehicle = np.degrees(run["turntable/simulated"].values[late, 0]).mean()
     base = np.degrees(run["turntable/measured"].values[late, 0]).mean()
     # gravity's turn and the integral leave a degree, as they do without the lean
@@ -224,7 +224,7 @@ def test_a_base_that_lies_or_stands_still_is_named_and_all_servos_go_neutral(
 ):
     result, run = flown(
         tmp_path / "a.rrd", "emulator", programme="step", at_s=begin - 0.3, amplitude_deg=20.0,
-        fault=(f"{fault}@{begin}",), on_fault="neutral", duration_s=begin + 2.2,
+        fault=(f"{fault}@{begin}",), on_fault="neutral", duration_s=begin + 1.4,
     )  # fmt: skip
     assert told in result.fault
     at = next(e.time for e in run.events if e.level == "ERROR")

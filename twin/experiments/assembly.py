@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import mujoco
 
@@ -14,7 +15,7 @@ from twin.plant import integrators
 from twin.plant.model import ModelConfig, Seat, load
 from twin.plant.plant import Plant
 from twin.plant.release import Release
-from twin.plant.smooth import LONGEST, applies, on_elastic_rail
+from twin.plant.smooth import MOVING, applies, longest_step, on_elastic_rail
 
 if TYPE_CHECKING:
     from hardware.calibration import Calibration
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from twin.hil.shadow import ShadowOptions
 
 HAND_HEIGHT = 1.7  # m above the ground, of the lower lug in the hand
+FINEST = 0.001  # s; where Runge-Kutta needs shorter steps, implicit ones of this length are cheaper
 STAND = 0.02  # m that a vehicle lifts off its stand before it is free
 
 
@@ -43,38 +45,54 @@ def make_plant(config: Run, motor: Path | None = None, *, recorded: bool = True)
         kind = "linkage" if config.gimbal == "linkage" else "transfer-function"
     if kind == "transfer-function":
         _refuse_servos(overrides)
-    twin = load(
-        ModelConfig(
-            scene=config.plant_scene,
-            gimbal=kind,
-            transfer_function=config.model,
-            vehicle=config.vehicle,
-            mechanism=config.mechanism,
-            motor=motor,
-            overrides=overrides,
-            dt=config.dt,
-            seed=config.seed,
-        ),
-        lambda model: _settle(config, model),
-        digested=recorded,
+    model = ModelConfig(
+        scene=config.plant_scene,
+        gimbal=kind,
+        transfer_function=config.model,
+        vehicle=config.vehicle,
+        mechanism=config.mechanism,
+        motor=motor,
+        overrides=overrides,
+        dt=config.dt,
+        seed=config.seed,
     )
-    integrator = config.integrator or ("rk4" if _smooth(config, twin.mj) else "implicitfast")
+    first = model
+    if kind == "transfer-function" and _chooses(config) and config.dt is None:
+        first = replace(model, dt=_whole(config, MOVING))  # its matrices belong to one step
+    twin = load(first, lambda mj: _settle(config, mj), digested=recorded)
+    integrator = config.integrator or ("rk4" if _divided(config, twin.mj) else "implicitfast")
+    if first is not model and integrator != "rk4":
+        twin = load(model, digested=recorded)
     integrators.check_step(
         integrator, twin.mj.opt.timestep, ramp=on_elastic_rail(twin.mj), rods=twin.mj.neq > 0
     )
     return Plant(twin, integrator, _release(config))
 
 
-def _smooth(config: Run, model: mujoco.MjModel) -> bool:
-    """Whether Runge-Kutta steps of a whole control period are accurate, `twin.plant.smooth`."""
-    return isinstance(config, Fly) and config.integrator in (None, "rk4") and applies(model)
+def _chooses(config: Run) -> TypeGuard[Fly]:
+    """Whether a run may take Runge-Kutta steps of its own choice; those beside a rig are fixed."""
+    return (
+        isinstance(config, Fly) and config.gimbal in MODELS and config.integrator in (None, "rk4")
+    )
+
+
+def _divided(config: Run, model: mujoco.MjModel) -> TypeGuard[Fly]:
+    """Whether a run takes Runge-Kutta steps if nothing else is asked for, `twin.plant.smooth`."""
+    if applies(model):
+        return isinstance(config, Fly)
+    return _chooses(config) and longest_step(model) >= FINEST
+
+
+def _whole(config: Fly, longest: float) -> float:
+    """Longest step of a whole fraction of the control period [s]."""
+    tick = 1.0 / config.control_hz
+    return round(1e9 * tick / math.ceil(tick / longest - 1e-9)) * 1e-9
 
 
 def _settle(config: Run, model: mujoco.MjModel) -> None:
     """Give a model the step that belongs to its method; docs/convergence.md has the errors."""
-    if isinstance(config, Fly) and config.dt is None and _smooth(config, model):
-        tick = 1.0 / config.control_hz
-        model.opt.timestep = round(1e9 * tick / math.ceil(tick / LONGEST - 1e-9)) * 1e-9
+    if config.dt is None and config.integrator in (None, "rk4") and _divided(config, model):
+        model.opt.timestep = _whole(config, longest_step(model))
 
 
 def _of_the_launch(config: Run) -> dict[str, float]:

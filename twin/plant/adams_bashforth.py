@@ -112,7 +112,7 @@ class AdamsBashforth:
     """Adams–Bashforth of order 1 to 4 with one `mj_forward` per step.
 
     Quaternions are integrated in their four components and normalised, which keeps the order. The
-    model's integrator is set to RK4, by which compiled callbacks recognise continuous time. The
+    model's integrator is set to `MULTISTEP`, by which compiled callbacks recognise the method. The
     history restarts when `data.time` was changed from outside; call `fresh` after a jump in the
     forces.
 
@@ -167,10 +167,11 @@ class AdamsBashforth:
 
     def _bind(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         from twin.physics.native.actuator import phases
+        from twin.physics.native.layout import MULTISTEP
 
         if model.nhistory or model.nplugin:
             raise TwinError("Adams–Bashforth cannot advance delay buffers or plugins of a model")
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        model.opt.integrator = MULTISTEP
         self._owner, self._known = (model, data), 0
         self._joints = np.stack(
             [model.jnt_type, model.jnt_qposadr, model.jnt_dofadr], axis=1

@@ -164,6 +164,8 @@ def _exchange_actuation(spec: mujoco.MjSpec, motion: TransferFunctionModel) -> N
         if joint.name.startswith(("gimbal_servo_", "gimbal_rod_")):
             spec.delete(joint)
     for axis in AXES:
+        # part of the identified motion: on top of it, it would hold the joint behind the output
+        spec.joint(f"gimbal_{axis}").frictionloss = 0.0
         rod = spec.body(f"gimbal_rod_{axis}")
         for geom in () if rod is None else rod.geoms:
             geom.group = HIDDEN

@@ -19,7 +19,7 @@ from twin.plant.flow import Flow
 from twin.plant.model import TwinModel
 from twin.plant.release import Release
 from twin.plant.rods import Rods
-from twin.plant.smooth import SAME, applies, division, part, undivided
+from twin.plant.smooth import SAME, division, part, undivided
 
 Array = NDArray[np.float64]
 
@@ -63,8 +63,8 @@ class Plant:
     ----------
     integrator : its name
     renewal_ns : longest time between two updates of the propellant mass [ns]
-    divides : whether Runge-Kutta steps of a vehicle without moving parts are divided where its
-        forces change, and the propellant mass is that of the middle of each
+    divides : whether Runge-Kutta steps of a vehicle are divided where its forces change, and the
+        propellant mass is that of the middle of each
     position, velocity, attitude, rate : views of the vehicle's state, as `VehicleState`
     gimbal_angle, gimbal_rate : (2,) views of the gimbal joints; zeros of a fixed motor [rad, rad/s]
     closure : (2,) gap of the two rod loops at the last `derive` [m]; zeros without rods
@@ -98,8 +98,13 @@ class Plant:
         self._measured: tuple[Pair, Pair] | None = None
         self._holds_ns = 0
         self._division = undivided()
-        if self.divides and integrator == "rk4" and self.has_vehicle and applies(self.model):
-            self._division = division(self.model, self.position, self.velocity, self.rate)
+        if self.divides and integrator == "rk4" and self.has_vehicle:
+            identified = twin.gimbal == "transfer-function"
+            drive = self._actuation.native
+            self._division = division(
+                self.model, self.position, self.velocity, self.rate, self._qvel, drive.ctrl,
+                drive.places if identified else drive.places[:0], self.gimbal_angle,
+            )  # fmt: skip
         self._compiled: stepping.Steps | None = None
         self.reset()
 
@@ -259,7 +264,7 @@ class Plant:
             self._stepper.step(self.model, self.data, n)
         # mj_step leaves poses at its beginning; those recorded belong to its end
         mujoco.mj_kinematics(self.model, self.data)
-        if self._division.rates.size:
+        if self._division.bare:
             mujoco.mj_collision(self.model, self.data)
         self.computing_s += time.thread_time() - began
         self.steps += n

@@ -1,8 +1,9 @@
-"""Runge–Kutta steps of a vehicle without moving parts: whole ones, parts where its forces change.
+"""Runge–Kutta steps of a vehicle: whole ones, and parts of them where its forces change.
 
-Nothing in such a vehicle moves fast, so that a step may be as long as a control tick. Four things
-end that: a corner of the thrust curve, a lug that leaves the rail within centimetres, air that
-turns or slows the vehicle within a step, and a vehicle that spins.
+Nothing in a vehicle without moving parts moves fast, so that a step may be as long as a control
+tick; a gimbal asks for shorter ones. Four things divide a step: a corner of the thrust curve, a lug
+that leaves the rail within centimetres, air that turns or slows the vehicle within a step, and a
+vehicle that spins.
 """
 
 import math
@@ -15,9 +16,11 @@ from numpy.typing import NDArray
 from analysis.compiled import njit
 from twin.physics.aerodynamics.atmosphere import SEA_LEVEL_DENSITY
 from twin.physics.native.ramp import RELEASE
+from twin.physics.native.servo import CONSTANT, DAMPING, RESISTANCE
 from twin.plant.authority import balance, launch_of, numeric, thrust_curve
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 # Radians or e-foldings of the fastest motion that one step may take: Runge–Kutta of order 4 errs by
@@ -26,8 +29,17 @@ REACH: Final = 0.5
 # Radians that one step may turn by: the forces turn with the vehicle. 0.5 misses the limits of
 # docs/convergence.md by twenty times at 120 rad/s.
 TURN: Final = 0.2
-# s of a step; docs/convergence.md: longer ones miss its limits and save nothing
+# s of a step, without and with moving parts; docs/convergence.md: longer ones miss its limits
 LONGEST: Final = 0.02
+MOVING: Final = 0.004
+# s of a step while an identified gimbal is more than AWAY [rad] from its command: with 4 ms swings
+# of 7 degrees change the angular momentum of a free vehicle by 6e-6 N m s
+SWINGING: Final = 0.004 / 3.0
+AWAY: Final = math.radians(0.3)
+DAMPED: Final = 2.0  # e-foldings of the fastest damped part in a step; Runge-Kutta bears 2.8
+# of the width of a gear's backlash that the horn may cross in a step: it bounces between two stops
+CROSSED: Final = 0.02
+BOUNCES: Final = 1e4  # steps in a second for that, at most
 SAME: Final = 1e-9  # s, between two instants that count as one
 PARTS: Final = 4  # of the stretch over which the rail releases a lug, one step at most each
 
@@ -36,6 +48,40 @@ def applies(model: mujoco.MjModel) -> bool:
     """Whether a model is one rigid vehicle without springs, loops or an elastic rail."""
     alone = model.nv == 6 and model.neq == 0 and model.nu == 0
     return alone and not model.dof_frictionloss.any() and not on_elastic_rail(model)
+
+
+def longest_step(model: mujoco.MjModel) -> float:
+    """Longest Runge-Kutta step that keeps the limits of docs/convergence.md [s].
+
+    Shorter than those of the shipped models where a part is damped faster than a step, and where
+    MuJoCo would soften a constraint: it has none act within two steps. The elastic rail has none.
+    """
+    if applies(model):
+        return LONGEST
+    if on_elastic_rail(model):
+        return 0.0
+    soft = [model.eq_solref[:, 0], model.jnt_solref[model.jnt_limited > 0, 0]]
+    soft += [model.dof_solref[model.dof_frictionloss > 0.0, 0]]
+    times = np.concatenate(soft) if model.neq else np.empty(0)  # stops are met in half steps
+    damping = model.dof_damping + _servo_damping(model)
+    return min(
+        MOVING,
+        0.5 * float(times[times > 0.0].min(initial=np.inf)),
+        DAMPED / float((damping / model.dof_M0).max(initial=1e-3)),
+    )
+
+
+def _servo_damping(model: mujoco.MjModel) -> Array:
+    """What velocity feedback and back-EMF of the actuators damp each dof with [N m s/rad]."""
+    damping = np.zeros(model.nv)
+    for k in range(model.nu):
+        if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT:
+            dof = model.jnt_dofadr[model.actuator_trnid[k, 0]]
+            gain, bias = model.actuator_gainprm[k], -model.actuator_biasprm[k, 2]
+            if model.actuator_gaintype[k] == mujoco.mjtGain.mjGAIN_DCMOTOR:
+                bias = gain[CONSTANT] ** 2 / gain[RESISTANCE] + gain[DAMPING]
+            damping[dof] += max(0.0, bias) * model.actuator_gear[k, 0] ** 2
+    return damping
 
 
 def on_elastic_rail(model: mujoco.MjModel) -> bool:
@@ -49,6 +95,7 @@ class Division(NamedTuple):
 
     Attributes
     ----------
+    bare : whether the vehicle has no constraint but contacts
     rates : fastest motion in the air, per speed [1/m]; empty where nothing is divided
     corners : of the thrust curve [s]
     start : launch point (3,) [m]
@@ -56,8 +103,12 @@ class Division(NamedTuple):
     fine : longest way of a step while the rail releases a lug [m]
     on_rail : (1,) whether a lug may still be on it, written
     position, velocity, rate : (3,) views of the vehicle's state
+    speeds, plays : all velocities; of each backlash joint its place in them, and `CROSSED` [rad]
+    ctrl, places, angle : controls, places of the commanded angles of an identified gimbal in them,
+        and its angles [rad]
     """
 
+    bare: bool
     rates: Array
     corners: Array
     start: Array
@@ -67,23 +118,48 @@ class Division(NamedTuple):
     position: Array
     velocity: Array
     rate: Array
+    speeds: Array
+    plays: Array
+    ctrl: Array
+    places: Integers
+    angle: Array
 
 
 def undivided() -> Division:
     """Division of a model whose steps are all alike."""
     nothing = np.empty(0)
     flags = np.empty(0, np.bool_)
-    return Division(nothing, nothing, nothing, nothing, RELEASE, flags, nothing, nothing, nothing)
+    return Division(
+        False,
+        nothing,
+        nothing,
+        nothing,
+        nothing,
+        RELEASE,
+        flags,
+        nothing,
+        nothing,
+        nothing,
+        nothing,
+        np.empty((0, 2)),
+        nothing,
+        np.empty(0, np.int64),
+        nothing,
+    )
 
 
-def division(model: mujoco.MjModel, position: Array, velocity: Array, rate: Array) -> Division:
+def division(
+    model: mujoco.MjModel, position: Array, velocity: Array, rate: Array,
+    speeds: Array, ctrl: Array, places: Integers, angle: Array,
+) -> Division:  # fmt: skip
     """Division of the vehicle whose state (3,) each is."""
     curve = thrust_curve(model)
     corners = np.empty(0) if curve is None else np.unique(curve[0])
     ends = _rail(model)
     return Division(
-        np.array([_rate(model)]), corners, np.array(launch_of(model)[1]), ends,
+        applies(model), np.array([_rate(model)]), corners, np.array(launch_of(model)[1]), ends,
         RELEASE / PARTS, np.array([ends.size > 0]), position, velocity, rate,
+        speeds, _plays(model), ctrl, places, angle,
     )  # fmt: skip
 
 
@@ -107,13 +183,29 @@ def part(d: Division, t: float, end: float) -> float:
     speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     spin = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     often = max(d.rates[0] * speed / REACH, spin / TURN)  # steps in a second
+    for k in range(len(d.plays)):
+        often = max(often, min(BOUNCES, abs(d.speeds[int(d.plays[k, 0])]) / d.plays[k, 1]))
+    for k in range(d.places.size):
+        if abs(d.ctrl[d.places[k]] - d.angle[k]) > AWAY:
+            often = max(often, 1.0 / SWINGING)
     if d.on_rail[0]:
         often = max(often, _release(d, speed))
-    k = np.searchsorted(d.corners, t + SAME, side="right")
-    if k < d.corners.size and d.corners[k] < end - SAME:
-        end = d.corners[k]
+    after = np.searchsorted(d.corners, t + SAME, side="right")
+    if after < d.corners.size and d.corners[after] < end - SAME:
+        end = d.corners[after]
     length: float = (end - t) / max(1.0, math.ceil(often * (end - t) - 1e-6))
     return length
+
+
+def _plays(model: mujoco.MjModel) -> Array:
+    """Of each backlash joint, its place in `qvel`, and how far it may move in a step [rad]."""
+    rows = []
+    for axis in ("x", "y"):
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"gimbal_play_{axis}")
+        if joint >= 0:
+            low, high = model.jnt_range[joint]
+            rows.append((float(model.jnt_dofadr[joint]), CROSSED * (high - low)))
+    return np.array(rows).reshape(-1, 2)
 
 
 def _rail(model: mujoco.MjModel) -> Array:

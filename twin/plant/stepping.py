@@ -187,12 +187,13 @@ call: Callable[[int, int, int], None] = intrinsic(_call)
 def step_divided(p: Steps, fuel: Fuel, begun: int, n: int) -> None:
     """Take `n` steps after `begun` ones in parts, each with the propellant of its middle.
 
-    A vehicle without moving parts has no constraint but contacts, which end its flight: they are
-    looked for at the end only.
+    Where a vehicle has no constraint but contacts, which end its flight, they are looked for at the
+    end only.
     """
     step, time = p.clock
     enabled = p.flags[0]
-    p.flags[0] = enabled | _NO_CONSTRAINT
+    if p.division.bare:
+        p.flags[0] = enabled | _NO_CONSTRAINT
     for k in range(begun, begun + n):
         t, end = k * p.dt_ns * 1e-9, (k + 1) * p.dt_ns * 1e-9
         while t < end - SAME:
@@ -217,7 +218,7 @@ def advance(p: Steps, fuel: Fuel, begun: int, n: int) -> tuple[int, int]:
             for _ in range(now):
                 call(p.step, p.model, p.data)
         call(p.kinematics, p.model, p.data)
-        if p.division.rates.size:
+        if p.division.bare:
             call(p.collision, p.model, p.data)
         begun += now
         n -= now

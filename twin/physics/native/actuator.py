@@ -9,14 +9,14 @@ its reaction acts on the vehicle.
 
 RK4 evaluates four stages per step. The first activation counts them: its rates are chosen so that
 stages see 0, 1, 2, 3, and the step leaves 0. Stages 1 to 3 return the rates of stage 0, which makes
-RK4's weighted mean of them exact too. docs/control.md has the derivation.
+RK4's weighted mean of them exact too. A step of the actuator may be taken in parts, the last of
+which moves the activations. docs/control.md has the derivation.
 """
 
 from typing import Final
 
 import mujoco
 import numpy as np
-from mujoco.introspect import structs
 from numba import types
 from numpy.typing import NDArray
 
@@ -25,13 +25,24 @@ from analysis.transfer_function import TransferFunctionModel
 from hardware.frames import AXES
 from twin.errors import TwinError
 from twin.physics.native.cache import jit
-from twin.physics.native.hold import BEFORE, MARK, OUTPUT, PHASE, REGISTERS, advance, packed
+from twin.physics.native.hold import (
+    BEFORE,
+    MARK,
+    OUTPUT,
+    PHASE,
+    RATE,
+    REGISTERS,
+    advance,
+    packed,
+)
 from twin.physics.native.inverse import torques
 from twin.physics.native.layout import (
     DATA,
+    INTEGRATOR,
     MODEL,
+    MULTISTEP,
+    RK4,
     TIMESTEP,
-    _place,
     address,
     characters,
     floats,
@@ -47,12 +58,15 @@ Array = NDArray[np.float64]
 # −0.2/dt lies inside the stability region of every integrator here, Adams–Bashforth 4 (−0.3)
 # being the narrowest (E. Hairer et al., Solving Ordinary Differential Equations II, fig. V.1.1).
 FEEDBACK: Final = 0.2
+# s; longer steps of RK4 keep the corner of this one, which they bear: friction holds the joint back
+# by the square of it
+COARSEST: Final = 1e-3
 
-_KEPT: Final = 3  # y[k−1], y[k], y[k+1] for the stages of RK4
+# y[k], y[k+1], and the rates there, or y[k−1] where a step is evaluated once
+_KEPT: Final = 4
+_FITS: Final = 1e-6  # of a step, to which the times of its parts are exact
 
 _NDYN: Final = int(mujoco.mjNDYN)
-_RK4: Final = int(mujoco.mjtIntegrator.mjINT_RK4)
-_INTEGRATOR: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["integrator"]
 _NACTUATOR, _NU, _NA, _NV = (MODEL[n] for n in ("nactuator", "nu", "na", "nv"))
 _NQ, _NJNT, _NNUMERIC, _NNUMERICDATA = (
     MODEL[n] for n in ("nq", "njnt", "nnumeric", "nnumericdata")
@@ -63,7 +77,9 @@ _DYNPRM, _TRNID, _CTRLADR, _ACTADR, _ACTNUM = (
 _LIMITED, _RANGE = MODEL["actuator_ctrllimited"], MODEL["actuator_ctrlrange"]
 _QPOSADR, _DOFADR = MODEL["jnt_qposadr"], MODEL["jnt_dofadr"]
 _NUMERIC_ADR, _NUMERIC_DATA = MODEL["numeric_adr"], MODEL["numeric_data"]
-_CTRL, _ACT, _ACT_DOT, _QPOS, _QVEL = (DATA[n] for n in ("ctrl", "act", "act_dot", "qpos", "qvel"))
+_CTRL, _ACT, _ACT_DOT, _QPOS, _QVEL, _TIME = (
+    DATA[n] for n in ("ctrl", "act", "act_dot", "qpos", "qvel", "time")
+)
 
 
 def attach(spec: mujoco.MjSpec, model: TransferFunctionModel, dt: float) -> None:
@@ -123,22 +139,25 @@ def phases(model: mujoco.MjModel) -> NDArray[np.intp]:
 
 @jit
 def _acceleration(
-    y: Array, share: float, smooth: bool, dt: float, feedback: float, q: float, v: float
+    kept: Array, share: float, method: int, dt: float, w: float, q: float, v: float
 ) -> float:
-    """Joint acceleration that keeps the joint on the output y[k−1], y[k], y[k+1] (3,).
+    """Joint acceleration that keeps the joint on the output, of what is `kept` of it.
 
     Euler and the implicit integrators move by v⁺ = v + dt·a, q⁺ = q + dt·v⁺, where backward
-    differences are the exact velocity. RK4 and Adams–Bashforth follow a smooth motion: the
-    parabola through the three points, at `share` of the step.
+    differences are the exact velocity. Adams–Bashforth takes that of the parabola through three
+    outputs, which spreads the jumps at commands over a step, and RK4 at `share` of the step the
+    cubic with both outputs and both rates.
     """
-    change = (y[2] - 2.0 * y[1] + y[0]) / (dt * dt)
-    position, speed = y[1], (y[1] - y[0]) / dt
-    if smooth:
-        t = share * dt
-        speed = (y[2] - y[0]) / (2.0 * dt)
-        position += t * (speed + 0.5 * t * change)
-        speed += t * change
-    w = feedback / dt
+    rise, speed = (kept[1] - kept[0]) / dt, (kept[0] - kept[2]) / dt
+    position, change = kept[0], (rise - speed) / dt
+    if method == MULTISTEP:
+        speed = 0.5 * (rise + speed)
+    if method == RK4:
+        a, b = kept[2], kept[3]
+        second, third = 3.0 * rise - 2.0 * a - b, a + b - 2.0 * rise
+        position += dt * share * (a + share * (second + share * third))
+        speed = a + share * (2.0 * second + 3.0 * share * third)
+        change = (2.0 * second + 6.0 * share * third) / dt
     return change + 2.0 * w * (speed - v) + w * w * (position - q)
 
 
@@ -156,6 +175,20 @@ def _commands(m: int, d: int, first: int, out: Array) -> None:
 
 
 @jit
+def _within(time: float, h: float, dt: float, staged: bool) -> tuple[float, float]:
+    """Where a step of `h` from `time` on begins in a step of the actuator, and its length there.
+
+    Both are shares of `dt`. Whole steps may begin at any time.
+    """
+    if abs(h - dt) <= 1e-12:
+        return 0.0, 1.0
+    if not staged:
+        return np.nan, np.nan
+    begun = time / dt
+    return begun - np.floor(begun + _FITS), h / dt
+
+
+@jit
 def _act(m: int, d: int, index: int) -> None:
     n = size(m, _NACTUATOR)
     parameters = floats(m, _DYNPRM, n * _NDYN)[index * _NDYN : (index + 1) * _NDYN]
@@ -168,43 +201,49 @@ def _act(m: int, d: int, index: int) -> None:
     everything = floats(d, _ACT, size(m, _NA))
     act = everything[adr : adr + num]
     rates = floats(d, _ACT_DOT, size(m, _NA))[adr : adr + num]
-    dt = p[1]
-    if p[0] != MARK or abs(number(m, TIMESTEP) - dt) > 1e-12:
+    dt, h = p[1], number(m, TIMESTEP)
+    method = integer(m, INTEGRATOR)
+    staged = method == RK4
+    stage = round(act[PHASE]) if staged else 0
+    part = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+    begun, length = _within(number(d, _TIME) - part * h, h, dt, staged)
+    if p[0] != MARK or not begun + length <= 1.0 + _FITS:
         rates[:] = np.nan  # matrices for another step: the result would be wrong
         act[num - 1] = np.nan
         return
     moving = (num - _KEPT) // 2
-    stored, kept = moving, num - 1 - _KEPT  # rates of all but the counter, then y three times
-    smooth = integer(m, _INTEGRATOR) == _RK4
-    stage = round(act[PHASE]) if smooth else 0
+    stored, kept = moving, num - 1 - _KEPT  # rates of all but the counter, then of the output
     if stage == 0:
         commands = np.empty(len(AXES))
         _commands(m, d, index - axis, commands)
         following = rates  # scratch until the differences are taken
         advance(p, act, following, commands)
-        act[kept], act[kept + 1], act[kept + 2] = act[BEFORE], act[OUTPUT], following[OUTPUT]
+        act[kept], act[kept + 1] = act[OUTPUT], following[OUTPUT]
+        act[kept + 2], act[kept + 3] = act[RATE] if staged else act[BEFORE], following[RATE]
+        last = begun + length >= 1.0 - _FITS
         for k in range(1, moving):
-            act[stored + k - 1] = (following[k] - act[k]) / dt
+            act[stored + k - 1] = (following[k] - act[k]) / h if last else 0.0
     for k in range(1, moving):
         rates[k] = act[stored + k - 1]
     for k in range(moving, num):
         rates[k] = 0.0
     # with RK4's weights 1, 2, 2, 1: rates 2, 4, 3 count the stages, the last one resets the count
-    if not smooth:
-        rates[PHASE] = -act[PHASE] / dt
+    if not staged:
+        rates[PHASE] = -act[PHASE] / h
     elif stage == 0:
-        rates[PHASE] = 2.0 / dt
+        rates[PHASE] = 2.0 / h
     elif stage == 1:
-        rates[PHASE] = 4.0 / dt
+        rates[PHASE] = 4.0 / h
     elif stage == 2:
-        rates[PHASE] = 3.0 / dt
+        rates[PHASE] = 3.0 / h
     else:
-        rates[PHASE] = -(16.0 + 6.0 * (act[PHASE] - 3.0)) / dt
-    share = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+        rates[PHASE] = -(16.0 + 6.0 * (act[PHASE] - 3.0)) / h
+    share = begun + part * length
+    w = p[2] / (min(dt, COARSEST) if staged else dt)
     joint = integers(m, _TRNID, 2 * n)[2 * index]
     q = floats(d, _QPOS, size(m, _NQ))[integers(m, _QPOSADR, size(m, _NJNT))[joint]]
     v = floats(d, _QVEL, size(m, _NV))[integers(m, _DOFADR, size(m, _NJNT))[joint]]
-    act[num - 1] = _acceleration(act[kept : kept + 3], share, smooth, dt, p[2], q, v)
+    act[num - 1] = _acceleration(act[kept : kept + 4], share, method, dt, w, q, v)
     if axis == len(AXES) - 1:
         x, y = index - 1, index
         joints, dofs = integers(m, _TRNID, 2 * n), integers(m, _DOFADR, size(m, _NJNT))

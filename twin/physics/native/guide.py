@@ -16,10 +16,13 @@ from twin.physics.native.cache import jit
 from twin.physics.native.index import VEHICLE, slot, value, values
 from twin.physics.native.layout import (
     DATA,
+    INTEGRATOR,
     MODEL,
+    RK4,
     TIMESTEP,
     _place,
     floats,
+    integer,
     integers,
     number,
     size,
@@ -156,7 +159,8 @@ def _rigid(m: int, d: int, data: Array, index: Array, body: int) -> None:
     u = ramp.rail(value(data, index, _ELEVATION), azimuth)
     com = vector(floats(d, _COM, 3 * nbody), body)
     inertia = floats(d, _CRB, 10 * nbody)[10 * body : 10 * body + 10]
-    mass, w = inertia[9], min(ramp.FEEDBACK / number(m, TIMESTEP), ramp.CORNER)
+    share = ramp.FEEDBACK_RK4 if integer(m, INTEGRATOR) == RK4 else ramp.FEEDBACK
+    mass, w = inertia[9], min(share / number(m, TIMESTEP), ramp.CORNER)
 
     low, offset_low = _lug(d, nbody, body, lugs[0], foot)
     high, offset_high = _lug(d, nbody, body, lugs[1], foot)

@@ -2,9 +2,10 @@
 
 Parameters of an axis, one numeric of the model: mark, dt, feedback, rate limit, dead band,
 backlash; then per input: number of states, whole steps of delay, whether a rest is left, length of
-the register, feedthrough, and the matrices A, now, before, C. Minus one state marks a servo whose
-own speed is bounded, followed by gain, k, w, limit, dead band and the rest of the delay; minus two
-one behind a set point of bounded speed, followed by those, the limit downward and the slew.
+the register, feedthrough, and the matrices A, now, before, C, then what the output's rate is of the
+states and of the command. Minus one state marks a servo whose own speed is bounded, followed by
+gain, k, w, limit, dead band and the rest of the delay; minus two one behind a set point of bounded
+speed, followed by those, the limit downward and the slew.
 """
 
 from typing import Final
@@ -17,6 +18,7 @@ from analysis.transfer_function import (
     Servo,
     TransferFunctionModel,
     discretise_channel,
+    realise,
     speed_loop,
     whole_steps,
 )
@@ -28,8 +30,8 @@ from twin.physics.native.cache import jit
 Array = NDArray[np.float64]
 
 MARK: Final = 20260402.0  # in dynprm and numeric: an actuator of this layout
-# activations: stage counter, y[k−1], y[k], two per input of the shaped command; then registers
-PHASE, BEFORE, OUTPUT, _SHAPED = 0, 1, 2, 3
+# activations: stage counter, y[k−1], y[k], its rate, two per input of the shaped command; registers
+PHASE, BEFORE, OUTPUT, RATE, _SHAPED = 0, 1, 2, 3, 4
 REGISTERS: Final = _SHAPED + 2 * len(AXES)
 _HEAD: Final = 6
 _PER_INPUT: Final = 5
@@ -70,7 +72,10 @@ def _packed_linear(channel: Channel, dt: float) -> tuple[list[float], int]:
     c = discretise_channel(channel.num, channel.den, channel.delay, dt)
     if c.zero:
         return [0.0] * _PER_INPUT, 0
-    data = [len(c.now), c.shift, c.late, c.memory, c.D, *c.A.ravel(), *c.now, *c.before, *c.C]
+    A, B, C, _ = realise(channel.num, channel.den)
+    rate = [*(C @ A), float(C @ B)]
+    data = [len(c.now), c.shift, c.late, c.memory, c.D]
+    data += [*c.A.ravel(), *c.now, *c.before, *c.C, *rate]
     return [float(v) for v in data], len(c.now) + c.memory
 
 
@@ -148,7 +153,7 @@ def _shape(
 def advance(p: Array, act: Array, following: Array, commands: Array) -> None:
     """One exact step of one axis: `following` from `act`, under the commands (2,) [rad]."""
     dt, rate, dead_band, backlash = p[1], p[3], p[4], p[5]
-    at, place, y = _HEAD, REGISTERS, 0.0
+    at, place, y, speed = _HEAD, REGISTERS, 0.0, 0.0
     for j in range(len(AXES)):
         n, shift, late, memory = int(p[at]), int(p[at + 1]), int(p[at + 2]), int(p[at + 3])
         D = p[at + 4]
@@ -166,12 +171,16 @@ def advance(p: Array, act: Array, following: Array, commands: Array) -> None:
             continue
         before = act[register + shift] if late else 0.0
         if n == _SPEED:
-            y += _advance_speed(p[at : at + _LOOP], dt, act, following, place, now, before)
+            loop = p[at : at + _LOOP]
+            y += _advance_speed(loop, dt, act, following, place, now, before)
+            moved = (following[place] - act[place]) / dt  # of first order, whose speed is no state
+            speed += loop[0] * (following[place + 1] if loop[2] > 0.0 else moved)
             at, place = at + _LOOP, place + 2
             continue
         if n == _SET_POINT:
             loop = p[at : at + _LOOP_BEHIND_SET_POINT]
             y += _advance_set_point(loop, dt, act, following, place, now, before)
+            speed += loop[0] * following[place + 1]
             at, place = at + _LOOP_BEHIND_SET_POINT, place + 3
             continue
         A, gain_now = at, at + n * n
@@ -182,10 +191,14 @@ def advance(p: Array, act: Array, following: Array, commands: Array) -> None:
                 x += p[A + r * n + c] * act[place + c]
             following[place + r] = x
             y += p[C + r] * x
+            speed += p[C + n + r] * x
+        speed += p[C + 2 * n] * now
         age = max(shift + late - 1, 0)
         y += D * (u if age == 0 else act[register + age - 1])
         place += n
-        at = C + n
+        at = C + 2 * n + 1
     z = act[OUTPUT]
     following[BEFORE] = z
     following[OUTPUT] = min(max(z, y - 0.5 * backlash), y + 0.5 * backlash)
+    # within the play the output rests
+    following[RATE] = speed if backlash == 0.0 or following[OUTPUT] != z else 0.0

@@ -102,6 +102,9 @@ def _offsets(struct: str) -> dict[str, int]:
 MODEL: Final = _offsets("mjModel")
 DATA: Final = _offsets("mjData")
 TIMESTEP: Final = MODEL["opt"]  # the first field of mjOption; checked by a test
+INTEGRATOR: Final = MODEL["opt"] + _place(structs.STRUCTS["mjOption"].fields)[0]["integrator"]
+RK4: Final = int(mujoco.mjtIntegrator.mjINT_RK4)
+MULTISTEP: Final = int(mujoco.mjtIntegrator.mjINT_IMPLICIT)  # stands for Adams–Bashforth
 
 
 def _address(typing_context: Any, pointer: Any) -> Any:

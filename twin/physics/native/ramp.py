@@ -12,8 +12,9 @@ ASIDE = 0.04  # m; distance from the line of the rail at which the force begins 
 BELOW = 0.25  # m; the same below the foot; a heavy vehicle on its stop is above it
 REST = 1e-3  # m; travel over which the foot of a rigid rail ceases to carry the vehicle
 # corner of a rigid rail's feedback, in radians per step: a double pole at -0.2/dt lies inside the
-# stability region of every integrator here, Adams-Bashforth 4 (-0.3) being the narrowest
-FEEDBACK = 0.2
+# stability region of every integrator here, Adams-Bashforth 4 (-0.3) being the narrowest; one at
+# -0.8/dt lies in that of Runge-Kutta (-2.8), which keeps the corner of 1 ms in steps of 4 ms
+FEEDBACK, FEEDBACK_RK4 = 0.2, 0.8
 # rad/s; that of a step of 1 ms also for finer ones: with a corner that grows without end, a fading
 # rail would hold ever longer, and flights would not converge as their steps become finer
 CORNER = 200.0
