@@ -115,9 +115,8 @@ class Drift:
     ) -> None:
         """Name the one further off; if the maps are too uncertain, doubt the axis."""
         u, v = (abs(self._gravity.departed(2 * index + n)) for n in (0, 1))
-        if separable and max(u, v) > DEPARTED + self._gravity.uncertain(
-            index
-        ):  # slow, and the estimate has followed half of it
+        left = max(u, v) - self._gravity.uncertain(index)
+        if separable and left > DEPARTED:  # slow, and the estimate has followed half of it
             a, b = u, v
         if not separable:
             self._doubt(index, dt)
