@@ -51,6 +51,7 @@ FOREIGN = {
     "--check",
     "--bind",
     "--key-file",
+    "--first",
     "--only",
     "--quick",
 }

@@ -23,6 +23,7 @@ GYRO_DELAY_S = (0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3)  # by
 # Between two samples of the gyro, by DLPF setting: register map 4.2, register 25; MPU6500 alike.
 GYRO_SAMPLE_S = (0.125e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
 MPU_CLOCK = 0.01  # tolerance of its rate, product specification 6.6
+GYRO_SCALE_ERROR = ACCELEROMETER_SCALE_ERROR = 0.03  # tolerance of the sensitivity
 ACCELEROMETER_NOISE = 400e-6 * STANDARD_GRAVITY  # m/s²/√Hz
 
 

@@ -12,9 +12,9 @@ from tests.twin.test_mutations import KINDS as FILES
 from twin.errors import TwinError
 
 SAMPLE = {
-    "frames": (texts.codec, 300),
-    "settings": (texts.settings, 200),
-    **{kind: (texts.files(kind), 15) for kind in FILES if KINDS[kind][1] > 300},
+    "frames": (texts.codec, 100),
+    "settings": (texts.settings, 60),
+    **{kind: (texts.files(kind), 5) for kind in FILES if KINDS[kind][1] > 300},
 }
 
 

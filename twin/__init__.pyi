@@ -12,7 +12,7 @@ from twin.cli.doctor import DoctorResult
 from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.export import ExportResult
-from twin.evaluation.history import HistoryResult
+from twin.evaluation.history_result import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
 from twin.evaluation.linkage import PhysicsResult

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike
 
 from analysis.array import Array
 from analysis.comparison.motion import FEWEST, bridged, in_gap, unbroken
+from analysis.identify.noise import clipped_rms, resolution
 from analysis.plain import Plain, plain
 from analysis.recording.series import TimeSeries
 from analysis.schema import AnalysisError
 
 _LONGEST = 0.25  # s of delay searched
+_LEAST = 100.0 * (1.0 - math.sqrt(0.5))  # %; of a perfect model whose motion equals its noise
 _SEGMENTS = 6  # of the record, averaged for coherence
 
 
@@ -73,6 +75,9 @@ class AxisComparison(Plain):
         compared, 0 … 1
     commanded : whether its command changed; the fit of an axis that was to stand still is that of
         its noise, and counts for nothing
+    noise : of the reference's readings [rad]
+    moved : root mean square of the larger of both motions around its mean [rad]
+    limit : fit that is asked for [%]
     """
 
     axis: str
@@ -84,6 +89,14 @@ class AxisComparison(Plain):
     samples: int
     left_out: float = 0.0
     commanded: bool = True
+    noise: float = 0.0
+    moved: float = math.inf
+    limit: float = _LEAST
+
+    @property
+    def reachable(self) -> float:
+        """Fit of a perfect model [%]: what the noise of the readings leaves."""
+        return 100.0 * (1.0 - self.noise / self.moved) if self.moved > 0.0 else -math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,19 +109,24 @@ class Comparison(Plain):
 
     @property
     def fit(self) -> float:
-        """Smallest NRMSE fit [%], as it is, of the axes that count: what a limit is held against.
-
-        NaN if none counts.
-        """
-        return min((a.as_is.fit for a in self.axes if a.axis not in self.uncounted),
-                   default=math.nan)  # fmt: skip
+        """Smallest NRMSE fit [%], as it is, of the axes that count; NaN if none does."""
+        out = self.uncounted
+        return min((a.as_is.fit for a in self.axes if a.axis not in out), default=math.nan)
 
     @property
     def uncounted(self) -> dict[str, str]:
         """Axes that no limit is held against, and why."""
         found = {a.axis: "not commanded" for a in self.axes if not a.commanded}
-        still = (a.axis for a in self.axes if a.commanded and math.isnan(a.as_is.fit))
-        return found | dict.fromkeys(still, "the reference stood still")
+        for a in (a for a in self.axes if a.commanded):
+            if math.isnan(a.as_is.fit):
+                found[a.axis] = "the reference stood still"
+            elif a.reachable < a.limit:
+                moved, noise = (f"{math.degrees(v):.2g}°" for v in (a.moved, a.noise))
+                found[a.axis] = (
+                    f"not moved enough to be judged: {moved} rms, with {noise} of noise"
+                    f" (a perfect model reaches {a.reachable:.0f} %)"
+                )
+        return found
 
     def to_dict(self) -> dict[str, object]:
         """Plain numbers for JSON; NaN becomes None."""
@@ -122,6 +140,8 @@ def compare(
     repeats: Mapping[str, Sequence[float]] = MappingProxyType({}),
     longest_delay: float = _LONGEST,
     still: Collection[str] = (),
+    noise: Mapping[str, float] = MappingProxyType({}),
+    limit: float | None = None,
 ) -> Comparison:
     """Compare two motions over the time and the axes they share.
 
@@ -134,6 +154,10 @@ def compare(
     repeats : of an axis, the times [s] at which its repeats begin, and at which the last one ends
     longest_delay : of either motion behind the other [s]
     still : axes that were not commanded
+    noise : of the reference's readings where it is known [rad]; by their second differences, or
+        their step over √12 where that is more, without
+    limit : fit that is asked for [%]; an axis counts if its noise lets a perfect model reach that,
+        and if its motion is larger than its noise
 
     Raises
     ------
@@ -146,7 +170,11 @@ def compare(
             f"{other.name} has {', '.join(other.components)}"
         )
     axes = tuple(
-        _axis(reference, other, c, repeats.get(c, ()), longest_delay, c in still) for c in shared
+        replace(
+            _axis(reference, other, c, repeats.get(c, ()), longest_delay, c in still, noise.get(c)),
+            limit=max(_LEAST, limit or _LEAST),
+        )
+        for c in shared
     )
     return Comparison(reference.name, other.name, axes)
 
@@ -158,6 +186,7 @@ def _axis(
     repeats: Sequence[float],
     longest: float,
     still: bool,
+    noise: float | None,
 ) -> AxisComparison:
     (t, y), (s, x) = _column(reference, axis), _column(other, axis)
     shared = (t >= s[0]) & (t <= s[-1])
@@ -186,7 +215,14 @@ def _axis(
         len(t),
         1.0 - float(both.sum()) / float(shared.sum()),
         not still,
+        _noise(y) if noise is None else noise,
+        float(max(np.std(y), np.std(there))),
     )
+
+
+def _noise(y: Array) -> float:
+    rounded = resolution(y) / math.sqrt(12.0)
+    return max(clipped_rms(np.diff(y, 2) / math.sqrt(6.0)) if len(y) > 2 else 0.0, rounded)
 
 
 def errors(reference: ArrayLike, other: ArrayLike) -> Errors:

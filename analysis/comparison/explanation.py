@@ -1,5 +1,6 @@
 """Which effects explain a difference of two motions, and how much of it each."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -25,11 +26,16 @@ class Share(Plain):
     effect : its name
     share : of what is explained, 0 … 1; negative where it counteracts the others
     text : its values in the model and by the measurement
+    half : half width of the 95 % interval of its share of the whole, over parts of the run; NaN if
+        unknown
+    alike : effects that, in its place, leave no more of the difference
     """
 
     effect: str
     share: float
     text: str
+    half: float = math.nan
+    alike: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +84,26 @@ def shapley(worth: Mapping[frozenset[str], float], players: Sequence[str]) -> di
             for s in subsets(others)
         )
     return found
+
+
+def jackknife(left: Mapping[frozenset[str], Array], players: Sequence[str]) -> dict[str, float]:
+    """Half widths of the 95 % intervals of shares of the whole, leaving out one block at a time.
+
+    Parameters
+    ----------
+    left : by set of players, what is left in each block (blocks,)
+    """
+    from scipy.stats import t
+
+    count = len(left[frozenset()])
+    without = {s: (b.sum() - b) / (count - 1) for s, b in left.items()}
+    found = []
+    for k in range(count):
+        worth = {s: -float(b[k]) for s, b in without.items()}
+        whole = max(-worth[frozenset()], 1e-300)
+        found.append([v / whole for v in shapley(worth, players).values()])
+    spread = np.std(found, axis=0) * math.sqrt(count - 1)
+    return dict(zip(players, (t.ppf(0.975, count - 1) * spread).tolist(), strict=True))
 
 
 def candidates(

@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.identify.layout import Layout
+from analysis.identify.noise import Mask
 from analysis.identify.problem import Problem
 from analysis.identify.states import Part, Rows
 from analysis.recording.measurements import Measurement
@@ -36,8 +37,17 @@ def assemble(
         owner,
         np.concatenate(stamps),
         np.ones(len(measured)),
-        shared_offset,
+        _offsets(is_rate, owner, shared_offset),
     )
+
+
+def _offsets(is_rate: Mask, owner: Rows, shared: bool) -> Array:
+    """Columns of the angle offset, or those of each record, then of each record's gyro bias."""
+    groups = [~is_rate & (owner == i) for i in np.unique(owner[~is_rate])]
+    if shared and groups:
+        groups = [~is_rate]
+    groups += [is_rate & (owner == i) for i in np.unique(owner[is_rate])]
+    return np.stack(groups, axis=1).astype(float)
 
 
 def _readings(r: Measurement, series: TimeSeries | None, axis: int) -> tuple[Rows, Array]:

@@ -67,7 +67,7 @@ def from_differences(problem: Problem, kept: Mask, floor: Pair) -> Pair:
         for index in range(len(problem.parts)):
             rows = kept & (problem.is_rate == is_rate) & (problem.owner == index)
             if rows.sum() > 4:
-                found.append(_clipped_rms(np.diff(problem.measured[rows], 2) / np.sqrt(6.0)))
+                found.append(clipped_rms(np.diff(problem.measured[rows], 2) / np.sqrt(6.0)))
         values = problem.measured[kept & (problem.is_rate == is_rate)]
         least = 1e-6 * float(np.ptp(values)) if len(values) else 0.0
         both.append(max(float(np.median(found)), floor[int(is_rate)], least) if found else np.nan)
@@ -88,6 +88,7 @@ def from_residual(problem: Problem, solution: Solution, counted: Mask, floor: Pa
     return both[0], both[1]
 
 
-def _clipped_rms(bend: Array) -> float:
+def clipped_rms(bend: Array) -> float:
+    """Root mean square of second differences over √6 (n,), the few of fast motion cut off."""
     cap = 5.0 * max(_NORMAL * float(np.median(np.abs(bend))), 0.2 * float(np.std(bend)))
     return float(np.sqrt(np.mean(np.clip(bend**2, 0.0, cap**2))))

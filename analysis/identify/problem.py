@@ -9,6 +9,7 @@ parameters is that of the whole problem).
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class Solution:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Weighted least squares of one axis over all records."""
+    """Weighted least squares of one axis over all records; offsets as `assemble` has them."""
 
     layout: Layout
     parts: tuple[Part, ...]
@@ -55,7 +56,7 @@ class Problem:
     owner: NDArray[np.intp]  # record of each row (rows,)
     time: Array  # (rows,)
     weight: Array  # 1/sigma of each row, 0 where it does not count (rows,)
-    shared_offset: bool = True
+    offsets: Array  # columns of angle offset(s) and of the gyro bias of each record (rows, …)
     cache: dict[bytes, Solution] = field(default_factory=dict, compare=False, repr=False)
 
     def weighed(self, weight: Array) -> "Problem":
@@ -129,7 +130,7 @@ class Problem:
     # each record, then the initial motion of each record that has one.
     def _columns(self, values: Sequence["_Values"]) -> Array:
         blocks = [np.concatenate([v.angle for v in values] + [v.rate for v in values])]
-        blocks.append(self.offsets())
+        blocks.append(self.offsets)
         for index, value in enumerate(values):
             if value.free_angle is not None and value.free_rate is not None:
                 columns = np.zeros((len(self.measured), value.free_angle.shape[1]))
@@ -139,28 +140,16 @@ class Problem:
                 blocks.append(columns)
         return np.hstack(blocks)
 
-    def offsets(self) -> Array:
-        """Columns of the angle offset(s) and of the gyro bias of each record (rows, …)."""
-        blocks = []
-        if not self.is_rate.all():
-            shared = (~self.is_rate).astype(float)[:, None]
-            blocks.append(shared if self.shared_offset else self._per_record(~self.is_rate))
-        if self.is_rate.any():
-            blocks.append(self._per_record(self.is_rate))
-        return np.hstack(blocks)
-
-    def _per_record(self, rows: NDArray[np.bool_]) -> Array:
-        with_rows = [i for i in range(len(self.parts)) if (rows & (self.owner == i)).any()]
-        return np.stack([rows & (self.owner == i) for i in with_rows], axis=1).astype(float)
-
     def _signals(self, theta: Array, part: Part) -> "_Signals":
         layout = self.layout
-        dens = [denominator(theta[layout.group(j)]) for j in range(layout.groups)]
+        dens: list[Denominator] = []
         states, angle, rate = [], [], []
         for j in range(layout.inputs):
-            den = dens[j if layout.own else 0]
+            section = theta[layout.group(j)].tobytes()
+            den, weights_a, weights_r = _channel(section, layout, layout.zeros_of(j))
+            if len(dens) < layout.groups:
+                dens.append(den)
             state = part_states(part, den, j, layout.delay(theta, j))
-            weights_a, weights_r = channel_weights(den, layout, layout.zeros_of(j))
             columns = state[part.angle_rows] @ weights_a
             columns[:, 0] += part.input[0, j]
             angle.append(columns)
@@ -221,6 +210,13 @@ class _Signals:
     dens: list[Denominator]
     states: list[Array]
     motions: list[Array]
+
+
+@lru_cache(maxsize=64)
+def _channel(section: bytes, layout: Layout, zeros: int) -> tuple[Denominator, Array, Array]:
+    """Denominator of some parameters, and the numerator's weights; delays are searched without."""
+    den = denominator(np.frombuffer(section))
+    return den, *channel_weights(den, layout, zeros)
 
 
 def _orthonormal(basis: Array) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ from analysis.identify.segments import step_folds
 from analysis.identify.servo_descent import descend, in_units, loss_of, prepared, project, settled
 from analysis.identify.servo_fit import ServoFit
 from analysis.identify.servo_starts import grid_of_starts, reverses, scales, with_values
+from analysis.identify.starts import ROWS, thinned
 from analysis.transfer_function.servo import Structure
 
 _FOLLOWED = 3
@@ -76,15 +77,27 @@ def _fit(
     starts = grid_of_starts(problem, max_delay, structure)
     if not reverses(problem, axis):
         starts = [with_values(s, [poles + 3], np.zeros(1)) for s in starts]
-    ranked = sorted(range(len(starts)), key=lambda i: loss_of(problem, axis, structure, starts[i]))
+    few = thinned(problem, ROWS)
     tight = _always(problem, axis, structure)
-    ended = [
-        descend(problem, axis, structure, starts[i], max_delay, tight) for i in ranked[:_FOLLOWED]
-    ]
-    theta, _ = min(ended, key=lambda e: loss_of(problem, axis, structure, e[0]))
-    free, theta, held_out = _worth_having(problem, axis, structure, theta, starts, max_delay, kept)
+    theta = _best(few, axis, structure, starts, max_delay, tight)
+    static = static_dead_band(problem, axis)
+    free, theta, held_out = _worth_having(few, axis, structure, theta, starts, max_delay, static)
     fit = settled(problem, axis, structure, theta, free, max_delay, kept, floor)
     return fit, held_out
+
+
+def _best(
+    problem: Problem,
+    axis: int,
+    structure: Structure,
+    starts: list[Array],
+    max_delay: float,
+    free: NDArray[np.intp],
+) -> Array:
+    """Where the best few of the starts lead, the lowest of them."""
+    ranked = sorted(starts, key=lambda t: loss_of(problem, axis, structure, t))[:_FOLLOWED]
+    ended = [descend(problem, axis, structure, t, max_delay, free)[0] for t in ranked]
+    return min(ended, key=lambda t: loss_of(problem, axis, structure, t))
 
 
 def _always(problem: Problem, axis: int, structure: Structure) -> NDArray[np.intp]:
@@ -103,7 +116,7 @@ def _worth_having(
     theta: Array,
     starts: list[Array],
     max_delay: float,
-    kept: Mask,
+    static: float,
 ) -> tuple[NDArray[np.intp], Array, float]:
     """Which parameters to free, and where to start: dead band and backlash if they predict steps.
 
@@ -114,7 +127,6 @@ def _worth_having(
     poles = problem.layout.poles
     tight = _always(problem, axis, structure)
     band, play_ = poles + 2, poles + 3
-    static = static_dead_band(problem, axis)
     if structure == "speed":
         theta = with_values(theta, [band], np.array([static]))
     choices = [(tight, theta)]
@@ -130,17 +142,15 @@ def _worth_having(
         begins = [
             with_values(with_values(t, [band], np.zeros(1)), more, values) for t in (theta, *starts)
         ]
-        begins = sorted(begins, key=lambda t: loss_of(problem, axis, structure, t))[:_FOLLOWED]
-        ended = [descend(problem, axis, structure, b, max_delay, free)[0] for b in begins]
-        choices.append((free, min(ended, key=lambda t: loss_of(problem, axis, structure, t))))
+        choices.append((free, _best(problem, axis, structure, begins, max_delay, free)))
     folds = step_folds(problem, axis, _FOLDS)
     losses = []
     for free, start in choices:
         loss = 0.0
         for fold in folds:
-            training = problem.weighed(np.where(fold | ~kept, 0.0, problem.weight))
+            training = problem.weighed(np.where(fold, 0.0, problem.weight))
             found, _ = descend(training, axis, structure, start, max_delay, free)
-            loss += _held_out(problem, project(training, axis, structure, found)[2], fold & kept)
+            loss += _held_out(problem, project(training, axis, structure, found)[2], fold)
         losses.append(loss)
     best = int(np.argmin(losses))
     if losses[best] >= _WORTH * losses[0]:
@@ -154,6 +164,7 @@ def _held_out(problem: Problem, residual: Array, fold: Mask) -> float:
     for index in range(len(problem.parts)):
         for is_rate in (False, True):
             rows = fold & (problem.owner == index) & (problem.is_rate == is_rate)
+            rows &= problem.weight > 0.0
             if rows.any():
                 centred = residual[rows] - residual[rows].mean()
                 total += float(np.sum((centred * problem.weight[rows]) ** 2))

@@ -90,7 +90,7 @@ def _columns(problem: Problem, axis: int, structure: Structure, theta: Array) ->
     both = [servo_response(p, axis, structure, problem.layout.poles, theta) for p in problem.parts]
     angle = [y[p.angle_rows] for p, (y, _) in zip(problem.parts, both, strict=True)]
     rate = [v[p.rate_rows] for p, (_, v) in zip(problem.parts, both, strict=True)]
-    return np.hstack([np.concatenate(angle + rate)[:, None], problem.offsets()])
+    return np.hstack([np.concatenate(angle + rate)[:, None], problem.offsets])
 
 
 def project(

@@ -70,8 +70,9 @@ def grid_of_starts(problem: Problem, max_delay: float, structure: Structure) -> 
     if structure == "set-point":  # the set point moves about as fast as the servo ever does
         band = scales(problem, structure)[problem.layout.poles + 2]
         for start in starts:
-            start[-2:] = 0.3 * band, 2.0 * band
-        starts = [np.append(s, [np.log(quick), 0.0]) for s in starts]
+            start[-2:] = 2.0 * band, 0.3 * band
+        slews = quick * np.array([0.8, 1.2, 2.0])
+        starts = [np.append(s, [np.log(slew), 0.0]) for s in starts for slew in slews]
     return starts
 
 

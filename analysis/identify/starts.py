@@ -39,7 +39,9 @@ def by_channel(problem: Problem, max_delay: float) -> tuple[list[Array], dict[in
     while len(thetas) < problem.layout.inputs:
         waiting = [j for j in range(problem.layout.inputs) if j not in thetas]
         left = {j: alone(problem, j, driven, problem.layout.zeros_of(j)) for j in waiting}
-        j = min(left, key=lambda k: _least_guess(left[k], max_delay))
+        j = waiting[0]
+        if len(waiting) > 1:
+            j = min(left, key=lambda k: _least_guess(left[k], max_delay))
         thetas[j] = one_channel(left[j], max_delay)
         driven[j] = response(left[j], thetas[j])
     return [thetas[j] for j in range(problem.layout.inputs)], driven
@@ -150,6 +152,7 @@ def thinned(problem: Problem, rows: int) -> Problem:
         owner=problem.owner[kept],
         time=problem.time[kept],
         weight=problem.weight[kept],
+        offsets=problem.offsets[kept],
         cache={},
     )
 

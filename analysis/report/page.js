@@ -4,7 +4,9 @@
 (() => {
   const specs = JSON.parse(document.getElementById("plots").textContent);
   const PRINTED_WIDTH = 680; // CSS pixels between the margins of A4
-  const PRINTED_HEIGHT = 0.72; // of the height on the screen
+  const PRINTED_HEIGHT = 0.66; // of the height on the screen
+  const TITLE = 24, LABEL = 66; // pixels between rows: for a title; for the axis' ticks and label too
+  const LONG = 80; // letters of a legend that reaches the buttons beside it
   const NARROW = 640; // CSS pixels; below, panels stand one below the other
   const dark = matchMedia("(prefers-color-scheme: dark)");
 
@@ -85,17 +87,21 @@
     const ink = colour("ink"), rule = colour("rule"), quiet = colour("quiet");
     const rows = 1 + Math.max(...spec.panels.map((p) => p.row));
     const columns = 1 + Math.max(...spec.panels.map((p) => p.column));
-    const gapX = columns > 1 ? 84 / ((width || place.clientWidth) - 80) : 0, gapY = rows > 1 ? (spec.panels.some((p) => p.x_label) ? 0.26 : 0.1) / rows : 0;
-    const scale = width ? PRINTED_HEIGHT : 1;
-    place.style.height = Math.round(scale * (rows * spec.panel_height + 110)) + "px";
+    const scale = width ? PRINTED_HEIGHT : 1, drawn = scale * rows * spec.panel_height;
+    const gapX = columns > 1 ? 84 / ((width || place.clientWidth) - 80) : 0;
+    const gapY = rows > 1 ? (spec.panels.some((p) => p.x_label) ? LABEL : TITLE) / drawn : 0;
+    const letters = [...new Set(spec.lines.map((l) => l.name))].reduce((n, s) => n + s.length + 8, 0);
+    const lower = !width && place.clientWidth >= NARROW && letters > LONG ? 24 : 0;
+    const height = Math.round(drawn + scale * 110 + lower);
+    place.style.height = height + "px";
     const w = (1 - gapX * (columns - 1)) / columns, h = (1 - gapY * (rows - 1)) / rows;
     const out = {
-      height: Math.round(scale * (rows * spec.panel_height + 110)), autosize: true,
-      margin: { l: 66, r: 12, t: 46, b: 52 },
+      height, autosize: true,
+      margin: { l: 66, r: 12, t: 46 + lower, b: 52 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { family: "system-ui, sans-serif", size: 12.5, color: ink },
       hovermode: spec.lines.some((l) => l.labels) ? "closest" : "x", hoverlabel: { bgcolor: colour("shade"), font: { color: ink } },
-      legend: { orientation: "h", x: 0, y: 1, yref: "container", yanchor: "top", xanchor: "left" },
+      legend: { orientation: "h", x: 0, y: 1 - lower / height, yref: "container", yanchor: "top", xanchor: "left" },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: quiet, activecolor: ink },
       annotations: [],
     };

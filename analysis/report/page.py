@@ -111,9 +111,9 @@ def _table(table: Table) -> str:
 
 def _cell(cell: Cell | str) -> str:
     if isinstance(cell, str):
-        return f"<td>{escape(cell)}</td>"
+        cell = Cell(cell)
     kind = f" class={cell.mark}" if cell.mark else ""
-    return f"<td{kind}>{escape(cell.text)}</td>"
+    return f"<td{kind}>{escape(cell.text).replace('_', '_<wbr>')}</td>"
 
 
 def _json(value: object) -> str:

@@ -6,8 +6,8 @@ count in full over one more dead band, as behind a servo's pulse stretcher. Comp
 the simulation here and the actuator in flight.
 
 `track` is the servo that aims at a set point which follows its command at a bounded speed, with
-another fastest speed each way (a load helps one of them), and an error that counts in full outside
-of the dead band.
+another fastest speed each way (a load helps one of them). Of its error only what is beyond the dead
+band counts.
 """
 
 from analysis.compiled import njit
@@ -59,9 +59,8 @@ def move(
 @njit(nogil=True)
 def tracking_speed(error: float, k: float, up: float, down: float, dead_band: float) -> float:
     """Speed aimed at [rad/s] for an error [rad], within −down to up."""
-    if abs(error) <= dead_band:
-        return 0.0
-    return min(max(k * error, -down), up)
+    beyond = error - min(max(error, -dead_band), dead_band)
+    return min(max(k * beyond, -down), up)
 
 
 @njit(nogil=True)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hardware.calibration.linearisation import Linearisation, Matrix
 from hardware.frames import AXES, Pair, Triple
-from hardware.parts import POTENTIOMETER_TRAVEL, SERVO_TRAVEL
+from hardware.parts import GYRO_SCALE_ERROR, POTENTIOMETER_TRAVEL, SERVO_TRAVEL
 from hardware.protocol import constants
 
 Covariance = tuple[tuple[float, ...], ...]
@@ -58,8 +58,8 @@ class GyroMap:
 
     bias: Triple = (0.0, 0.0, 0.0)
     matrix: Matrix = ((1.0, 0.0), (0.0, 1.0))
-    sigma: float = 0.03  # scale tolerance, MPU-6050 product specification 6.1
-    bias_sigma: float = radians(20.0)  # zero-rate output, same table
+    sigma: float = GYRO_SCALE_ERROR
+    bias_sigma: float = radians(20.0)  # zero-rate output, MPU-6050 product specification 6.1
 
     def rates(self, gyro: Triple) -> Pair:
         """Return (x rate · cos y, y rate) from a reading [rad/s]."""

@@ -63,7 +63,14 @@ class Actuation:
         self.driven = False
         self.kinds[:] = "", ""
 
-    def advance(self, command: Pair | None, angle: Pair, dt: float) -> None:
+    def advance(
+        self,
+        command: Pair | None,
+        angle: Pair,
+        dt: float,
+        carried: Pair = (0.0, 0.0),
+        turn: float = 0.0,
+    ) -> None:
         """Move the limits of both servos by a frame.
 
         Parameters
@@ -71,6 +78,7 @@ class Actuation:
         command : angles of the pulse widths in force; None while the servos are not driven [rad]
         angle : measured [rad]
         dt : time since the previous frame [s]
+        carried, turn : rates of the base about both axes [rad/s], and its turn about x [rad]
         """
         if command is None:
             self.begin()
@@ -83,6 +91,8 @@ class Actuation:
         else:
             for k, servo in enumerate(self.axes):
                 servo.advance(command[k], dt, self.limits)
+                if any(carried):
+                    servo.carry(carried[k], 0.0 if k else turn, dt, self.limits)
 
     def excess(self, k: int, angle: float) -> float:
         """Return how far an angle of axis `k` is beyond what its servo may do, 0 within [rad]."""
@@ -223,7 +233,9 @@ class Actuation:
         ------
         KeyError, TypeError, ValueError : it is not a snapshot
         """
-        x, y = (filled(ServoAxis, values) for values in memory["servos"])
+        # Recordings of earlier versions hold no loads.
+        loads = {"load": 0.0, "carried": 0.0}
+        x, y = (filled(ServoAxis, {**loads, **values}) for values in memory["servos"])
         u, v = (filled(Motion, values) for values in memory["before"])
         s, t = (filled(Motion, values) for values in memory["after"])
         a, b = memory["kinds"]

@@ -8,10 +8,9 @@ from hardware.faults.gravity import Gravity
 from hardware.faults.states import GYRO, PAIR, SERVO, UNNAMED
 from hardware.faults.tracks import Tracks
 
-# By which both potentiometers have left gravity where they drift, and of an axis's offset: servos
-# that jam or slip, and healthy ones in slews, leave at most 0.09° and 0.03; drifts at least 0.22°
-# and 0.14 (up to 2 °/s; units 100 to 104, 120 and 121).
-SHIFTED, AVERAGED = radians(0.15), 0.08
+# By which potentiometers that drift have left gravity, beyond what motion does: two waves of 0.05°
+# of their tracks, and 3.5 σ of the accelerometer's average.
+SHIFTED = radians(0.15)
 
 
 class Attribution:
@@ -50,4 +49,4 @@ class Attribution:
             return False
         shift = 0.5 * (self._gravity.departed(2 * k) + self._gravity.departed(2 * k + 1))
         offset = p.angle[k] - self._actuation.axes[k].model
-        return shift * offset > 0 and abs(shift) > max(SHIFTED, AVERAGED * abs(offset))
+        return shift * offset > 0 and abs(shift) > SHIFTED + self._gravity.uncertain(k)

@@ -31,6 +31,7 @@ class Axis:
     doubtful : time for which the potentiometers disagree and neither can be named [s]
     common : time for which both disagree with the gyro and neither side can be named [s]
     pace : largest rate of gimbal and base of late [rad/s], fading with `FADING`
+    carried : largest rate of the base of late [rad/s], fading with `LEAK`
     wandering : time for which the filter's bias is not believed, after it was made to forget [s]
     """
 
@@ -43,12 +44,14 @@ class Axis:
     doubtful: float = 0.0
     common: float = 0.0
     pace: float = 0.0
+    carried: float = 0.0
     wandering: float = 0.0
 
     def begin(self) -> None:
         """Start again on a first frame, or after a gap."""
         self.distance = [0.0, 0.0]
-        self.innovation = self.doubtful = self.common = self.pace = self.wandering = 0.0
+        self.innovation = self.doubtful = self.common = 0.0
+        self.pace = self.carried = self.wandering = 0.0
 
     def count(self, k: int, railed: bool, bad: bool, dt: float) -> None:
         """Update the shares of bad readings of potentiometer `k`; `bad` includes `railed`."""

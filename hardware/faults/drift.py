@@ -54,6 +54,7 @@ class Drift:
             # Two gyros that sample 1 ms apart, and are read in turn, differ while the base turns.
             pace = abs(p.rate[k]) + abs(r.carried[k])
             axis.pace = max(pace, axis.pace * (1.0 - min(1.0, dt / FADING)))
+            axis.carried = max(abs(r.carried[k]), axis.carried * (1.0 - min(1.0, dt / LEAK)))
             offset = p.angle[k] - (axis.free + p.rate[k] * p.gyro_delay)
             if first:
                 axis.free += offset
@@ -83,7 +84,7 @@ class Drift:
             uncertain = max(p.tolerance[2 * k], p.tolerance[2 * k + 1])
             moving = LAG * abs(p.rate[k]) + uncertain
             common = (min(abs(a), abs(b)) if a * b > 0 else 0.0) - COMMON_DRIFT
-            common -= COMMON_LAG * axis.pace + uncertain
+            common -= COMMON_LAG * axis.pace + LEAK * p.scale * axis.carried + uncertain
             if abs(a - b) > DRIFT + moving:
                 if not self._parity.sagging(r):
                     self._disagree(k, a, b, DRIFT + moving, r.dt, uncertain <= DRIFT)
@@ -114,7 +115,9 @@ class Drift:
     ) -> None:
         """Name the one further off; if the maps are too uncertain, doubt the axis."""
         u, v = (abs(self._gravity.departed(2 * index + n)) for n in (0, 1))
-        if separable and max(u, v) > DEPARTED:  # slow, and the estimate has followed half of it
+        if separable and max(u, v) > DEPARTED + self._gravity.uncertain(
+            index
+        ):  # slow, and the estimate has followed half of it
             a, b = u, v
         if not separable:
             self._doubt(index, dt)

@@ -23,6 +23,7 @@ class Reading(NamedTuple):
     command : gimbal angles of the pulse widths in force; None while the servos are not driven [rad]
     switches : closed limit switches +x, −x, +y, −y
     carried : rates of the base about the same axes, which were subtracted from it [rad/s]
+    turn : of the base about x by its accelerometer, since neutral [rad]
     force, base_force : readings of the accelerometers on holder and base [m/s²]
     """
 
@@ -38,6 +39,7 @@ class Reading(NamedTuple):
     force: Triple = (0.0, 0.0, 0.0)
     base_force: Triple = (0.0, 0.0, 0.0)
     carried: Pair = (0.0, 0.0)
+    turn: float = 0.0
 
 
 class Prediction(NamedTuple):
@@ -49,6 +51,7 @@ class Prediction(NamedTuple):
     variance : of each potentiometer's innovation [rad²]
     tolerance : uncertainty of each potentiometer's map, 3 σ [rad]
     gyro_delay : of the gyro's reading [s]
+    scale : uncertainty of the difference of both gyros per rate of the base, 3 σ [1]
     """
 
     angle: Pair
@@ -57,6 +60,7 @@ class Prediction(NamedTuple):
     variance: Quad
     tolerance: Quad = (0.0, 0.0, 0.0, 0.0)
     gyro_delay: float = 0.0
+    scale: float = 0.0
 
 
 class Remedy(NamedTuple):

@@ -122,11 +122,12 @@ class Monitor:
         KeyError, TypeError, ValueError : it is not a snapshot
         """
         tracks = tuple(filled(Track, values) for values in memory["tracks"])
-        # Recordings of earlier versions hold no `wandering`.
-        x, y = (filled(Axis, {"wandering": 0.0, **values}) for values in memory["axes"])
+        # Recordings of earlier versions hold neither these two nor all averages of gravity.
+        later = {"wandering": 0.0, "carried": 0.0}
+        x, y = (filled(Axis, {**later, **values}) for values in memory["axes"])
         if [track.index for track in tracks] != list(range(len(SENSORS))):
             raise ValueError("tracks of other sensors")
-        gravity = filled(Gravity, memory["gravity"])
+        gravity = filled(Gravity, memory["gravity"]) if "rate" in memory["gravity"] else Gravity()
         self.actuation.restore(memory["actuation"])
         self._assemble(gravity)
         self._tracks.tracks, self._tracks.axes = tracks, (x, y)
@@ -162,9 +163,9 @@ class Monitor:
         rest, supply = self._parity.without_supply(reading, prediction)
         use = self._parity.outliers(reading, prediction, rest)
         self._frozen(reading, prediction)
-        self.actuation.advance(reading.command, prediction.angle, dt)
+        self.actuation.advance(reading.command, prediction.angle, dt, reading.carried, reading.turn)
         if reading.fresh:
-            self._gravity.update(reading.angle, reading.force, reading.base_force, dt)
+            self._gravity.update(reading, prediction.rate)
         self._drift.dead_reckon(reading, prediction, rest, use)
         if self._drift.running > SETTLING:
             self._drift.compare(reading, prediction)

@@ -7,7 +7,7 @@ explains is evidence against the servo.
 """
 
 from dataclasses import dataclass, field
-from math import exp, radians
+from math import exp, radians, sin
 
 from hardware.parts import GIMBAL_STOP
 
@@ -34,6 +34,10 @@ class ServoLimits:
     speed, lag : lowest speed [rad/s], and longest time constant close to the command [s]
     play : full width of backlash and dead band [rad]
     overshoot : of a change of the command [1]
+    compliance, weight : of the shipped motor on a base that turns: gimbal angle per angular
+        acceleration of the base [s²], and by the motor's weight on its side [rad]. Inertia about
+        the pivot 1.8e-3 kg·m², weight 0.14 N·m; a servo's 1.8 N·m/rad are 9.1 at the gimbal, half
+        of that with all tolerances
     """
 
     delay: float = 0.055
@@ -41,6 +45,8 @@ class ServoLimits:
     lag: float = 0.05
     play: float = radians(1.1)
     overshoot: float = 0.15
+    compliance: float = 4e-4
+    weight: float = radians(1.8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +74,8 @@ class ServoAxis:
     command, model, lagging : commanded angle, expected angle and its first lag [rad]
     low, high : angles a healthy servo is between, offset and tolerance aside [rad]
     swing : overshoot that may still be under way [rad]
+    load : deflection by the load of a base that turns, which may still be under way [rad]
+    carried : rate of the base about this axis [rad/s]
     stood, first : command at rest, before the present motion, and when first driven [rad]
     age : time since then [s]
     least, greatest, window : commands of the latest time windows [rad], and the age of the last [s]
@@ -84,6 +92,8 @@ class ServoAxis:
     low: float = 0.0
     high: float = 0.0
     swing: float = 0.0
+    load: float = 0.0
+    carried: float = 0.0
     stood: float = 0.0
     first: float = 0.0
     age: float = 0.0
@@ -125,7 +135,7 @@ class ServoAxis:
         self.least[:] = [self.low] * WINDOWS
         self.greatest[:] = [self.high] * WINDOWS
         self.lowest, self.highest = -given.offset, given.offset
-        self.swing = self.window = self.outside = self.age = 0.0
+        self.swing = self.load = self.carried = self.window = self.outside = self.age = 0.0
         self.agreed = self.displaced = self.moving = 0.0
 
     def advance(self, command: float, dt: float, limits: ServoLimits) -> None:
@@ -157,6 +167,11 @@ class ServoAxis:
         self.lagging += share * (command - self.lagging)
         self.model += share * (self.lagging - self.model)
 
+    def carry(self, rate: float, turn: float, dt: float, limits: ServoLimits) -> None:
+        """Take into account that the base turns at a rate [rad/s] and stands at a turn [rad]."""
+        load = limits.compliance * abs(rate - self.carried) / dt + limits.weight * abs(sin(turn))
+        self.load, self.carried = max(load, self.load * exp(-dt / SWING)), rate
+
     def tolerance(self, given: Tolerance, reach: float) -> float:
         """Return by how much the angle may be beyond limits and offset [rad].
 
@@ -165,7 +180,7 @@ class ServoAxis:
         given : of the calibration
         reach : largest angle of both axes now [rad]
         """
-        return 0.5 * given.play + given.gain * reach + self.swing
+        return 0.5 * given.play + given.gain * reach + self.swing + self.load
 
     def excess(self, angle: float, tolerance: float) -> float:
         """Return how far the angle is beyond its limits, signed; 0 within [rad]."""

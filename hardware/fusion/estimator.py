@@ -1,7 +1,7 @@
 """Sensor frames to gimbal states; leaves out sensors that the fault monitor has named."""
 
 from collections.abc import Mapping
-from math import cos, radians, sin, sqrt
+from math import cos, hypot, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from hardware.fusion.kalman import (
     GimbalFilter,
     Noise,
 )
-from hardware.parts import tilts
+from hardware.parts import GYRO_SCALE_ERROR, tilts
 from hardware.protocol import Flags
 
 LARGEST, SLACK = 1e6, 1e-9  # of a restored state, and of a covariance's negative eigenvalue
@@ -38,6 +38,8 @@ _HOLDER_IMU = int(Flags.HOLDER_IMU)  # an enum's `&` takes 1 µs
 # because the low-pass correlates readings; in motion the holder accelerates as well
 RESTING, TRAVELLING = radians(0.5), radians(20.0)
 MOVING, SETTLED, GATE = radians(4.0), 0.06, 3.0  # rad/s, s, σ
+# Of the base's gyro: the mean of two scales, each uniform within its tolerance, see `measure_base`.
+BASE_SCALE = GYRO_SCALE_ERROR / sqrt(6.0)
 _MAP_ANGLE = radians(5.0)  # at which a calibration's uncertainty is evaluated
 
 
@@ -75,6 +77,7 @@ class Fusion:
         self._last_us: int | None = None
         sigmas = [calibration.potentiometer_sigma(i, _MAP_ANGLE) for i in range(POTENTIOMETERS)]
         self._tolerance = (3 * sigmas[0], 3 * sigmas[1], 3 * sigmas[2], 3 * sigmas[3])
+        self._gyro_scale = 3 * hypot(calibration.gyro.sigma, BASE_SCALE) if base else 0.0
         self._own_variance = [s * s for s in sigmas]
         self._map_variance = (sigmas[0] * sigmas[1], sigmas[2] * sigmas[3])
         gains = [m.gain for m in calibration.potentiometers]
@@ -166,6 +169,7 @@ class Fusion:
             frame.accelerometer,
             frame.base_accelerometer,
             carried,
+            self.base.turn(frame.base_accelerometer) if self.base else 0.0,
         )
 
     def _rates(self, frame: SensorFrame) -> tuple[Pair, Pair]:
@@ -208,6 +212,7 @@ class Fusion:
             (v[0] + px, v[1] + px, v[2] + py, v[3] + py),
             self._tolerance,
             n.gyro_delay,
+            self._gyro_scale,
         )
 
     def _absorb(self, reading: Reading, remedy: Remedy) -> None:
@@ -223,11 +228,13 @@ class Fusion:
             a = b = c = d = 0.0
             va = vc = self._tilt(reading)
         scale, walk = self.calibration.gyro.sigma, n.gyro**2 / max(reading.dt, 1e-3)
-        u, v = scale * x[RATE], scale * x[STATES + RATE]
+        p, q = reading.carried  # the holder's gyro turns with the base as well
+        vx = walk + (scale * (x[RATE] + p)) ** 2 + (BASE_SCALE * p) ** 2
+        vy = walk + (scale * (x[STATES + RATE] + q)) ** 2 + (BASE_SCALE * q) ** 2
         angle, rate, use, gyro = reading.angle, reading.rate, remedy.use, remedy.use_gyro
         self.filter.update(
             z=(angle[0], angle[1], rate[0], angle[2], angle[3], rate[1]),
-            variance=(va + a * a, vb + b * b, walk + u * u, vc + c * c, vd + d * d, walk + v * v),
+            variance=(va + a * a, vb + b * b, vx, vc + c * c, vd + d * d, vy),
             covariance=(a * b, c * d),
             gyro_gain=cos(x[STATES + ANGLE]),
             use=(use[0], use[1], gyro[0], use[2], use[3], gyro[1]),

@@ -14,7 +14,6 @@ from functools import cache as remember
 from functools import reduce
 from operator import xor
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from hardware.firmware.build import build_elf, cache, compile_with, missing_tools
@@ -148,12 +147,7 @@ class SimulatedNano:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -83,7 +83,5 @@ def settings(chance: Random, _: Path) -> Iterator[Attempt]:
         for (name, kind, field), number in pairs:
             yield Attempt(
                 f"{name} {str(number)[:9]}",
-                lambda k=kind, f=field, n=number: of_settings.test_no_setting_takes_nonsense(
-                    k, f, n
-                ),
+                lambda k=kind, f=field, n=number: of_settings.refused_or_meaningful(k, f, n),
             )

@@ -5,7 +5,14 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from analysis.comparison.explanation import Explanation, Share, candidates, shapley, subsets
+from analysis.comparison.explanation import (
+    Explanation,
+    Share,
+    candidates,
+    jackknife,
+    shapley,
+    subsets,
+)
 from analysis.estimate import information
 
 
@@ -43,3 +50,23 @@ def test_what_is_explained_is_the_part_of_the_mean_square():
     e = Explanation("x", 0.05, 0.03, 0.01, (Share("delay", 1.0, "0 → 1"),))
     assert e.explained == pytest.approx(1.0 - 0.36)
     assert e.to_dict()["shares"][0]["effect"] == "delay"
+
+
+def test_intervals_of_shares_are_those_of_a_ratio_over_blocks():
+    """W. G. Cochran, Sampling Techniques, 3rd ed., (6.13), of the first order; 5 %: the next."""
+    rng = np.random.default_rng(3)
+    own, other = rng.uniform(1.0, 2.0, 10), rng.uniform(0.5, 1.0, 10)
+    left = {
+        frozenset(): own + other + 1.0,
+        frozenset("a"): other + 1.0,
+        frozenset("b"): own + 1.0,
+        frozenset("ab"): np.ones(10),
+    }
+    whole = left[frozenset()]
+
+    def half(part):
+        rest = part - part.sum() / whole.sum() * whole
+        return 2.262 * np.sqrt(np.sum(rest**2) / 90.0) / whole.mean()
+
+    assert jackknife(left, "ab") == pytest.approx({"a": half(own), "b": half(other)}, rel=0.05)
+    assert jackknife({frozenset(): own}, "") == {}

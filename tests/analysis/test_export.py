@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import twin
 from analysis import export, limited, recording, schema
 from analysis.export import kml, scene, tables
-from analysis.recording import exported
+from analysis.recording import exported, unpacking
 from analysis.recording.series import Event, Recording, TimeSeries
 from analysis.schema import AnalysisError
 from tests.twin import runs
@@ -59,7 +59,7 @@ def test_an_exported_file_reads_again_equal_to_the_last_bit(tmp_path_factory, ki
     getattr(tables, f"write_{kind}")(run, path)
     assert exported.is_exported(path)
     # without the process, which is tested below
-    back = exported.unpacked(path, exported.packed(f".{kind}", path.read_bytes()))
+    back = exported.unpacked(path, unpacking.packed(f".{kind}", path.read_bytes()))
     _assert_equal(back.series, run.series)
     assert back.logs == {"events": run.events, "health": run.health}
     if kind != "csv":
@@ -265,9 +265,9 @@ def test_a_table_that_is_not_an_export_is_refused_in_one_line(
         kind, _, data = request.partition(b"\n")
         monkeypatch.setattr(limited, "refuse", _refused)
         try:
-            return exported.packed(kind.decode(), data)
+            return unpacking.packed(kind.decode(), data)
         except Exception as error:
-            exported.refuse(kind.decode(), error)
+            unpacking.refuse(kind.decode(), error)
 
     monkeypatch.setattr(limited, "run", here)
     with pytest.raises(AnalysisError, match=said) as caught:

@@ -145,7 +145,7 @@ def test_a_chunk_that_claims_to_be_huge_is_refused_before_memory_is_taken(flight
 
 
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
 def test_flipped_bytes_never_end_in_anything_but_a_recording_error(flight, tmp_path, data):

@@ -211,7 +211,7 @@ def test_a_newer_matlab_file_is_named_as_such(tmp_path):
         read(path)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.binary(max_size=300))
 def test_hostile_bytes_are_refused_or_read_but_never_crash(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("hostile") / "x.csv"
@@ -244,7 +244,7 @@ def test_what_is_not_a_regular_file_is_not_opened(tmp_path, name):
         read(tmp_path / name)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30))
 def test_numbers_survive_a_csv(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("round") / "x.csv"

@@ -9,6 +9,7 @@ python -m tests.benchmarks.rig_studies servos [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies table [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies quiet [SECONDS PER RUN] [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies plant [RIGS] [FIRST SEED]
+python -m tests.benchmarks.rig_studies plant_drift [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies plant_quiet [SECONDS PER RUN] [RIGS] [FIRST SEED]
 python -m tests.benchmarks.rig_studies cost
 """
@@ -23,7 +24,7 @@ from scipy import stats
 
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
-from tests.benchmarks.rig_studies_plant import plant, plant_quiet
+from tests.benchmarks.rig_studies_plant import plant, plant_drift, plant_quiet
 from tests.benchmarks.rig_studies_servos import quiet, servos, table
 from tests.hardware.trial import calibrate, random_steps, run
 
@@ -188,7 +189,7 @@ STUDIES = {
     f.__name__: f
     for f in (
         *(calibration, fusion, nees, faults, alarms),
-        *(servos, table, quiet, plant, plant_quiet, cost),
+        *(servos, table, quiet, plant, plant_drift, plant_quiet, cost),
     )
 }
 

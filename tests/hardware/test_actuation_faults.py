@@ -11,6 +11,7 @@ from hardware.emulator import Emulator, FirmwareRig, parse, reference_rig, sampl
 from hardware.emulator.plant import AnalyticPlant, PlantParameters
 from hardware.emulator.servo import Wear
 from hardware.emulator.truth import exact_calibration
+from hardware.faults import Actuation
 from hardware.frames import GimbalCommand
 from hardware.fusion import Fusion
 from hardware.rig import in_process
@@ -243,3 +244,45 @@ def test_a_drift_is_named_by_gravity_and_command(fault, name, within):
     named = watched(f"{fault}@3.8", 3.8 + within)  # gravity is known after 2 s
     assert named[0][1] == name
     assert {what for _, what in named} == {name}
+
+
+def _loaded(rate, pushed, reversed_from=9.0):
+    """Time after which the servo of a base that turns is at fault, or None.
+
+    Parameters
+    ----------
+    rate, pushed : of the base [rad/s], and deflection of the gimbal [rad], at a time [s]
+    reversed_from : time from which the gimbal mirrors its command [s]
+    """
+    monitor, turn, dt = Actuation(), 0.0, 2e-3
+    for time in np.arange(0.0, 1.7, dt).tolist():
+        turn += rate(time) * dt
+        begun = min(max(time - 0.2, 0.0), np.pi / 12)  # at 4° from 0.46 s to 1.2 s
+        command = radians(4.0) * np.sin(6.0 * (begun + max(0.0, time - 1.2)))
+        mirrored = radians(8.0) - command
+        seen = (command if time < reversed_from else mirrored) + pushed(time)
+        monitor.advance((command, 0.0), (seen, 0.0), dt, (rate(time), 0.0), turn)
+        monitor.inspect((seen, 0.0), (0.0, 0.0), (0.0, 0.0), dt, (False,) * 4)
+        if any(monitor.kinds):
+            return time
+    return None
+
+
+def test_the_load_of_a_base_that_turns_is_no_fault_of_a_servo_and_hides_none():
+    """Deflection of a motor on the spring of its servo: I α / k, with those of the shipped one.
+
+    I = 0.203 kg (0.0707² + 0.2134²/12) m², k = 1.8 N·m/rad / 0.444²; 0.55° of play are used up.
+    """
+    inertia, stiffness = 0.203 * (0.0707**2 + 0.2134**2 / 12), 1.8 / 0.444**2
+    stop = 42.5  # rad/s², from 4.25 rad/s to rest within 0.1 s
+
+    def rate(time):
+        return 4.25 * min(time / 0.5, 1.0) if time < 0.8 else max(0.0, 4.25 - stop * (time - 0.8))
+
+    def pushed(time):
+        return (radians(0.55) + inertia * stop / stiffness) * (0.8 < time < 0.9)
+
+    assert _loaded(rate, pushed) is None
+    assert 0.8 < _loaded(lambda _: 0.0, pushed) < 0.9
+    # the claim is 0.3 s from the first degree, which is commanded 0.12 s after the fault
+    assert 1.2 < _loaded(rate, pushed, reversed_from=1.2) < 1.62

@@ -105,7 +105,7 @@ def calibrations():
     )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(calibrations(), numbers(-0.15, 0.15, 2))
 def test_a_calibration_comes_back_from_its_text_to_the_last_digits(calibration, angle):
     back = parsed(json.dumps(to_dict(calibration)), "text")
@@ -243,7 +243,7 @@ CONTENTS = to_dict(CURVED), version_1()
 PLACES = [(k, path) for k, content in enumerate(CONTENTS) for path in places(content) if path]
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.sampled_from(PLACES), _json | st.floats(-1e3, 1e3))
 def test_any_value_in_any_place_gives_a_usable_calibration_or_one_line(place, value):
     which, path = place
@@ -255,7 +255,7 @@ def test_any_value_in_any_place_gives_a_usable_calibration_or_one_line(place, va
     check(lambda: from_dict(content))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_any_damage_to_the_text_gives_a_usable_calibration_or_one_line(data):
     text = bytearray(json.dumps(CONTENTS[0]).encode())

@@ -274,7 +274,7 @@ def test_scales_are_those_of_the_datasheets():
 
 
 @given(_messages(Config))
-@settings(max_examples=50)
+@settings(max_examples=25)
 def test_plausible_settings_keep_neutral_within_the_limits(config):
     if plausible(config):
         for low, middle, high in zip(config.minimum, config.neutral, config.maximum, strict=True):

@@ -93,7 +93,7 @@ def test_a_missing_mesh_is_named(tmp_path):
         check(tmp_path / "none.stl")
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(content=st.binary(max_size=400))
 def test_bytes_that_are_no_mesh_are_refused_in_one_line(content, tmp_path_factory):
     path = tmp_path_factory.mktemp("hostile") / "m.stl"

@@ -20,6 +20,7 @@ COMPARED = {
     ast.Eq: ("==", "!="), ast.NotEq: ("!=", "=="),
 }  # fmt: skip
 CALLED = {"min": "max", "max": "min", "sin": "cos", "cos": "sin", "any": "all", "all": "any"}
+VIEWS = ("floats", "integers", "characters")  # of twin/physics/native/layout.py
 C_OPERATORS = re.compile(r" (\+|-|<|>|<=|>=|==|!=|&&|\|\||\*|&|\|) (?=[\w(!])")
 C_OTHER = {
     "+": "-", "-": "+", "<": ">=", ">": "<=", "<=": ">", ">=": "<", "==": "!=", "!=": "==",
@@ -92,8 +93,14 @@ def _other(value: float) -> str:
 
 
 def _meant(tree: ast.AST) -> Iterator[ast.AST]:
-    """Nodes that compute: no annotations, no messages of errors, no sizes of dataclasses' slots."""
-    for node in ast.iter_child_nodes(tree):
+    """Nodes that compute: no annotations, no messages of errors, no sizes of dataclasses' slots.
+
+    Nor the length of a view of MuJoCo's arrays: a longer one holds the same values.
+    """
+    children = list(ast.iter_child_nodes(tree))
+    if isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name) and tree.func.id in VIEWS:
+        children.pop()
+    for node in children:
         if isinstance(node, (ast.Raise, ast.JoinedStr, ast.Assert)):
             continue
         if isinstance(node, ast.AnnAssign):

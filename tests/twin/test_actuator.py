@@ -298,7 +298,7 @@ def test_a_division_by_zero_is_seen_in_the_state():
 
 
 def test_a_servo_behind_a_slewed_set_point_flies_as_the_small_steps_of_its_equations():
-    """Euler steps of 1 µs, and a hard edge of the dead band within a step of the actuator."""
+    """Euler steps of 1 µs, and edges of the dead band within a step of the actuator."""
     servo = Servo(2.0, 0.003, 0.0, "set-point", rate_limit_back=1.5, slew=3.0)
     system = TransferFunctionModel.second_order(45.0, 0.8, 0.0123)
     system = TransferFunctionModel(system.channels, servo=servo)
@@ -312,7 +312,8 @@ def test_a_servo_behind_a_slewed_set_point_flies_as_the_small_steps_of_its_equat
             late = int(np.floor(((n - 1) * DT + i * h - 0.0123) / DT + 1e-9))
             u = commands[late, 0] if late >= 0 else 0.0
             r += min(max(u - r, -3.0 * h), 3.0 * h)
-            aim = min(max(k * (r - y), -1.5), 2.0) if abs(r - y) > 0.003 else 0.0
+            e = r - y
+            aim = min(max(k * (e - min(max(e, -0.003), 0.003)), -1.5), 2.0)
             y, v = y + h * v, v + h * w * (aim - v)
         truth[n] = y
     assert np.abs(outputs[:, 0] - truth).max() < 5e-5

@@ -116,20 +116,33 @@ def test_a_coarse_mesh_of_a_round_body_has_the_outline_of_that_body() -> None:
     assert np.abs(fine(z) - true).max() < 1e-4 * 0.06  # polygons of 512, chords of a millimetre
 
 
+def test_strips_of_a_half_ellipse_have_its_area_and_first_moment() -> None:
+    z, area = strips(lambda x: 0.06 * np.sqrt(np.maximum(1 - (x / 0.2) ** 2, 0)), [0.0, 0.2], [8])
+    assert area.sum() == pytest.approx(np.pi / 4 * 0.06 * 0.2, rel=1e-6)
+    assert area @ z == pytest.approx(0.06 * 0.2**2 / 3, rel=1e-6)
+
+
 def test_bodies_with_edges_keep_them() -> None:
-    """A box askew, a stepped shaft, a hexagonal bar: none is the round body of its vertices."""
+    """A box askew, stepped shafts, a hexagonal bar: none is the round body of its vertices."""
     import trimesh
 
     askew = trimesh.creation.box(extents=(0.1, 0.06, 0.03))
     askew.apply_transform(trimesh.transformations.rotation_matrix(0.4, [1, 2, 0.5]))
-    shaft = trimesh.util.concatenate(
-        [
-            trimesh.creation.cylinder(radius=r, segment=[[0, 0, z], [0, 0, z + 0.01]], sections=64)
-            for r, z in ((0.01, 0.0), (0.02, 0.01), (0.01, 0.02), (0.03, 0.03), (0.02, 0.04))
-        ]
+    shaft, long_shaft = (
+        trimesh.util.concatenate(
+            [
+                trimesh.creation.cylinder(
+                    radius=r / 100, segment=[[0, 0, k / 100], [0, 0, (k + 1) / 100]], sections=64
+                )
+                for k, r in enumerate(radii)
+            ]
+        )
+        for radii in ((1, 2, 1, 3, 2), (1, 2, 1, 3, 2, 1, 2, 1, 3, 2))
     )
+    oval = trimesh.creation.uv_sphere(radius=0.05, count=(12, 12))
+    oval.apply_scale([1.0, 0.8, 1.0])
     bar = trimesh.creation.cylinder(radius=0.01, height=0.1, sections=6)
-    for mesh in (askew, shaft, bar):
+    for mesh in (askew, shaft, long_shaft, oval, bar):
         points, faces = np.array(mesh.vertices), np.array(mesh.faces)
         assert refined(points, faces, silhouette(points, faces))[0] is points
 

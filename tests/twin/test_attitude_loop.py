@@ -1,6 +1,7 @@
 """The linear attitude loop handed to the margins, against the controller's code and MuJoCo."""
 
 import math
+import re
 from dataclasses import replace
 
 import mujoco
@@ -11,8 +12,10 @@ from analysis.transfer_function import Channel, TransferFunctionModel
 from twin.control import AttitudeController
 from twin.physics.motor import Depletion
 from twin.plant.authority import control_config
+from twin.plant.build import REFERENCE_GIMBAL
 from twin.plant.loops import attitude_loops, wrong_gain
-from twin.plant.model import MJCF, ModelConfig, load
+from twin.plant.loops import unstable as cause_of_divergence
+from twin.plant.model import ModelConfig, load
 
 AT = 6.0  # s; in the steady part of the burn
 
@@ -70,7 +73,7 @@ def test_the_gain_grows_with_the_authority_of_the_emptied_vehicle(loops):
 def test_a_gain_is_wrong_from_where_the_closed_loop_has_an_unstable_pole(loops):
     """Poles of the whole loop, with a delay of second order by Padé (0.06 rad at the crossover)."""
     vehicle = load(ModelConfig()).mj
-    x = TransferFunctionModel.read(MJCF / "gimbal.json").channel("x", "x")
+    x = TransferFunctionModel.read(REFERENCE_GIMBAL).channel("x", "x")
     unit = x.num[-1] / x.den[-1]
 
     def wrong(gain):
@@ -89,5 +92,10 @@ def test_a_gain_is_wrong_from_where_the_closed_loop_has_an_unstable_pole(loops):
 
     for gain in (-1.0, 0.04, 1.0, 2.1, 2.5):
         assert wrong(gain) == unstable(gain), gain
+    high = replace(x, num=tuple(53.0 / unit * n for n in x.num))
+    text = cause_of_divergence(TransferFunctionModel(((high,),), ("x",), ("x",)), vehicle)
+    margin = 53.0 / float(re.search(r"its gain ([\d.]+) times beyond", text)[1])
+    assert unstable(1.02 * margin)
+    assert not unstable(0.98 * margin)
     slow = TransferFunctionModel(((Channel((1.0,), (0.5, 1.0), 0.2),),), ("x",), ("x",))
     assert wrong_gain(slow, vehicle) is None  # unstable, but not for its gain

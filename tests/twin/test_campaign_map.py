@@ -1,6 +1,7 @@
 """The map against regions whose boundary is known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -49,6 +50,12 @@ def test_the_page_draws_the_boundary_between_the_two_smallest_margins(tmp_path):
     made = CampaignResult(a, "out", "", "", 300, 300, 300, (), 1.0)
     plots = [part for section in sections(s, made, table) for part in section.parts]
     assert [p.name for p in plots if getattr(p, "name", "") == "frontier"]
+    influences = next(t for t in plots if "partial rank correlation" in getattr(t, "head", ()))
+    assert len(influences.head) == 2  # no columns of Sobol indices, which this design does not give
+    few = table.slice(0, 17)
+    made = replace(made, answers=answers(s, runs, few))
+    missing = next(part for part in sections(s, made, few) if part.name == "map")
+    assert "needs 18 runs" in missing.text[0]  # three for each of 1, x, y, x², y², xy
 
 
 def test_a_threshold_that_part_of_the_resamples_lack_has_an_open_end():

@@ -1,18 +1,22 @@
 """What a recording holds for the viewer: residual, bands, gaps, states, axes, plots that scale."""
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pyarrow as pa
 import pytest
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
 from analysis import recording
 from tests.twin import runs
-from twin.recorder import Recorder, plots, profile, states, together
+from twin.recorder import Recorder, blueprint, checks, plots, profile, states, together
 from twin.recorder.ghost import Ghost
+from twin.recorder.look import Look
+from twin.recorder.poses import Poses
 from twin.recorder.scene import bodies
 
 pytestmark = pytest.mark.looks
@@ -136,6 +140,23 @@ def test_a_mechanism_without_gimbal_joints_has_no_ghost():
     assert not Ghost(model, bodies(model)).active
 
 
+def test_a_fixed_motor_has_no_views_of_a_gimbal():
+    found = []
+    for joint in ("gimbal_x", "motor_x"):
+        model = mujoco.MjModel.from_xml_string(runs.SCENE.replace("gimbal_x", joint))
+        look = Look(runs.SIGNALS, Poses(model, 20_000_000), model, live=False)
+        names = _names(blueprint.build(look.content).root_container)
+        assert {"Vehicle", "Position [m]", "Thrust [N]"} <= set(names)
+        found.append({n for n in names if "Gimbal" in n or "Control error" in n})
+    assert {"Gimbal", "Gimbal x [deg]", "Gimbal rate y [deg/s]"} < found[0]
+    assert not found[1]
+
+
+def _names(part: Any) -> list[str]:
+    inner = part.contents if isinstance(part, rrb.Container) else ()
+    return [str(part.name), *(name for one in inner for name in _names(one))]
+
+
 @pytest.mark.parametrize(("extent", "step"), [(654.0, 200.0), (12.0, 5.0), (1339.0, 500.0)])
 def test_the_grid_has_a_round_step(extent, step):
     assert profile.grid_step(extent) == step
@@ -147,6 +168,57 @@ def test_a_plot_shows_the_stops_where_the_motion_comes_near_them():
     small, large = (plots.overlay("Gimbal", ["gimbal/command"], k, far) for k in (0, 1))
     assert plots.STOPS not in small.contents
     assert plots.STOPS in large.contents
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [(-0.9, 0.9), (-3.0, 88.0), (-80.0, 64.0), (8.2, 8.9), (-5.0, 1400.0), (0.46, 0.54)],
+)
+def test_an_axis_shows_its_values_in_most_of_its_height_with_two_labels_where_that_allows_it(
+    low, high
+):
+    least, most = plots.readable(low, high)
+    assert least <= low < high <= most
+    assert high - low > 0.6 * (most - least)
+    decade = 10.0 ** np.floor(np.log10(high - low))
+    labels = [np.floor(most / s) - np.ceil(least / s) + 1 for s in (decade, 10.0 * decade)]
+    assert max(labels) >= 2 or (least, most) == (low, high)
+
+
+def test_a_recording_has_a_name_in_the_viewer(beside, tmp_path):
+    fly = {"command": "fly", "configuration": {"gimbal": "emulator"}, "seed": 3}
+    assert checks.title(fly) == "fly, emulator, seed 3"
+    names = [
+        row["RecordingInfo:name"]
+        for chunk in RrdReader(beside).stream().filter(content="/__properties/**")
+        for row in chunk.to_record_batch().to_pylist()
+        if "RecordingInfo:name" in row
+    ]
+    assert names == [["recording"]]
+
+
+def test_plots_begin_with_room_for_their_legends_after_the_end_of_the_run(beside):
+    reader = RrdReader(beside)
+    (shown,) = (
+        row["TimeAxis:view_range"][0]
+        for store in reader.blueprints()
+        for chunk in reader.stream(store=store).filter(content=f"/{plots.SHARED}")
+        for row in chunk.to_record_batch().to_pylist()
+    )
+    assert shown == {"start": 0, "end": pytest.approx(1.25 * 999 * TICK_NS, rel=1e-6)}
+
+
+def test_a_plot_leaves_out_what_the_run_does_not_have():
+    ranges = {"/sensors/pulse": [(1400.0, 1600.0)] * 2 + [(1500.0, 1500.0)], "/link/lost": [(0, 0)]}
+    known = plots.Known(ranges)
+    assert not known.moved("/link/lost")
+    assert known.moved("/sensors/pulse")
+    view = plots.all_components("Pulse", ["sensors/pulse"], known)
+    look = view.visualizer_overrides["/sensors/pulse"]
+    shown = {b.component_descriptor().component: b.as_arrow_array().to_pylist()
+             for b in look.overrides}  # fmt: skip
+    assert shown["SeriesLines:widths"][2] == 0.0
+    assert "pulse turntable" not in shown["SeriesLines:names"]
 
 
 def test_recordings_in_one_view_keep_their_values_and_their_time_from_zero(beside, tmp_path):

@@ -16,7 +16,8 @@ from tests.benchmarks.explain import EFFECTS, explained
 from twin.errors import TwinError
 from twin.evaluation.compare import CompareResult, _before_fault, _Pair, _percent
 from twin.evaluation.drift import RunDrift, run_drift
-from twin.evaluation.explain import COLUMNS, RunExplanation, _Motions
+from twin.evaluation.effects import COLUMNS, Motions
+from twin.evaluation.explain import RunExplanation
 from twin.hil.resimulation import Resimulation, Variant
 from twin.plant.compiled import compiled
 
@@ -66,7 +67,7 @@ def test_a_weaker_servo_gain_is_an_effect_of_the_explanation(moved):
     angles, (new, _, weak) = moved
     assert np.abs(weak - new).max() > np.radians(0.2)
     with compiled():
-        motions = _Motions(Resimulation(made(angles)))
+        motions = Motions(Resimulation(made(angles)))
         level = motions.level.copy()
         level[[c.effect for c in COLUMNS].index("servo gain")] = 1.08 / 1.8  # mjcf/mechanism.xml
         (motion,) = motions([level])

@@ -186,7 +186,7 @@ def test_a_rate_limit_holds_for_every_signal(signal):
     assert np.abs(speed).max() <= limit * (1 + 1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     signal=st.sampled_from(SIGNALS),
     amplitude=st.floats(1e-4, math.radians(10.0)),

@@ -140,7 +140,7 @@ def test_a_flight_with_a_fault_ends_safely_and_its_recording_is_whole(
     capsys, tmp_path, more, told, code, ends
 ):
     out = tmp_path / "a.rrd"
-    line = f"{FLY} --duration-s 4 {more} --json --out {out}"
+    line = f"{FLY} --duration-s 2.6 {more} --json --out {out}"
     status, _, _ = command(capsys, *line.split())
     assert status == code
     run = read(out)
@@ -149,7 +149,7 @@ def test_a_flight_with_a_fault_ends_safely_and_its_recording_is_whole(
     time = run["gimbal/command"].time
     after = run["gimbal/command"].values[time >= fault.time]
     assert (after == 0.0).all() == (code == 1)  # only an ignored fault goes on steering
-    assert (time[-1] < 3.9) == ends
+    assert (time[-1] < 2.5) == ends
     if ends:  # up to the tick of the fault, which is the last
         assert time[-1] == pytest.approx(fault.time)
 

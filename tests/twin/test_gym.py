@@ -236,14 +236,14 @@ def test_a_setting_that_cannot_be_is_refused(settings, says):
         GimbalEnv(**settings)
 
 
-@pytest.mark.parametrize("action", [(0.0,), (0.0, np.nan), "left", None, ((0, 0), (0, 0))])
-def test_an_action_that_is_not_two_numbers_is_refused(action):
+def test_an_action_that_is_not_two_numbers_is_refused():
     env = GimbalEnv()
     with pytest.raises(TwinError, match=r"call reset\(\)"):
         env.step((0.0, 0.0))
     env.reset()
-    with pytest.raises(TwinError, match="two numbers from -1 to 1"):
-        env.step(action)
+    for action in ((0.0,), (0.0, np.nan), "left", None, ((0, 0), (0, 0))):
+        with pytest.raises(TwinError, match="two numbers from -1 to 1"):
+            env.step(action)
     env.close()
 
 

@@ -14,16 +14,9 @@ from twin.config import History
 from twin.errors import TwinError
 from twin.evaluation import history as verb
 from twin.evaluation.drift import RunDrift
-from twin.evaluation.history import (
-    LINKAGE,
-    OTHER,
-    Entry,
-    _of_one_board,
-    board_of,
-    due,
-    outside,
-    sections,
-)
+from twin.evaluation.history import LINKAGE, OTHER, _of_one_board, board_of, title_of
+from twin.evaluation.history_page import sections
+from twin.evaluation.history_result import Entry, HistoryResult, due, outside
 
 GAIN = Property("gain", "", 1.0, 1.0, 0.01)
 BACKLASH = Property("backlash", "°", 180.0 / np.pi, 0.0087, 0.0017)
@@ -49,6 +42,8 @@ def test_a_board_is_its_calibrations_serial_number():
     assert board_of(run(configuration={"unit": 7, "gimbal": "emulator"})) == "unit-7"
     hostile = run(files={"calibration": {"text": "[" * 9000}}, configuration={"gimbal": "emulator"})
     assert board_of(hostile) == "emulator without a calibration"
+    assert title_of("unit-7") == "simulated unit 7, uncalibrated"
+    assert title_of("0000beef") == "board 0000beef"
 
 
 def test_recordings_of_several_boards_are_refused_until_one_is_named():
@@ -101,13 +96,18 @@ def test_the_trend_of_a_calibration_says_when_it_is_due():
 
 
 def test_the_page_has_a_chart_for_each_property_and_a_line_for_each_recording(tmp_path):
-    runs = [entry(0, 1.0), entry(1, 1.01)]
+    runs = (entry(0, 1.0), entry(1, 1.05))
     page = tmp_path / "history.html"
-    render(sections(runs, OTHER), "History", page, {})
+    parts = sections(HistoryResult("01", runs, (), due(runs), page, OTHER))
+    render(parts, "History", page, {})
     text = page.read_text()
+    assert "The calibration is due: y: gain 1.05, at first 1.00" in text
     assert "0.rrd" in text
     assert "1.rrd" in text
-    assert [p.title for p in sections(runs, OTHER)[0].parts[0].panels] == ["gain", "backlash"]
+    chart = parts[-1].parts[0]
+    assert [p.y_label for p in chart.panels] == ["gain", "backlash [°]"]
+    marks = [line for line in chart.lines if line.style == "dots" and line.panel == 0]
+    np.testing.assert_allclose(marks[0].x, [0.0, 24.0])  # hours
 
 
 @pytest.mark.parametrize(("gimbal", "model"), [("linkage", LINKAGE), ("direct", OTHER)])

@@ -314,6 +314,8 @@ MISTAKES = [
     ("identify run.csv --time t --input u --angle pot --max-delay-ms 0", "--max-delay-ms 0"),
     ("identify run.csv --time t --input u --angle pot --max-delay-ms 1e6", "to 60000 ms"),
     ("identify run.csv --time t --input u --angle pot --gyro-delay-ms 5", "needs --rate (the gyro"),
+    ("identify run.csv --time t --input u --angle pot --mechanism m.xml", "needs --linkage"),
+    ("identify run.csv --time t --input u --angle pot --structure speed", "needs --servo"),
     ("identify run.csv --time t --input u --angle pot --before some", "--before some"),
     ("identify run.csv --time t --input u --angle pot --time-scale 0", "must be from 1e-12"),
     ("identify ms.csv --time t --input u --angle pot", "--time-scale 0.001"),

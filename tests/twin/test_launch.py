@@ -153,3 +153,12 @@ def test_errors_of_a_throw_need_a_throw():
 def test_ninety_degrees_with_five_digits_are_vertical():
     model = load(ModelConfig(overrides={"ramp_elevation": 1.5708})).mj
     assert model.qpos0[3] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_the_foot_of_a_rail_pushes_but_never_pulls() -> None:
+    """Below the foot the feedback of a critically damped spring; above it only the weight."""
+    assert ramp.stop(-0.001, 0.05, -9.0, 50.0) == pytest.approx(9.0 - 2 * 50 * 0.05 + 2.5)
+    assert ramp.stop(-0.001, 3.0, -9.0, 50.0) == 0.0
+    assert ramp.stop(ramp.REST / 4, -1.0, -9.0, 50.0) == pytest.approx(0.75 * 9.0)
+    assert ramp.stop(ramp.REST / 4, -1.0, 9.0, 50.0) == 0.0
+    assert ramp.stop(ramp.REST, -1.0, -9.0, 50.0) == 0.0

@@ -155,7 +155,7 @@ def test_a_part_in_the_output_folder_is_not_replaced(
     own.parent.mkdir()
     own.write_bytes(ring)
     (tmp_path / "m.toml").write_text('stl = { horn = "mine/horn.stl" }')
-    (tmp_path / "n.toml").write_text("")
+    (tmp_path / "n.toml").write_text('bore = "50 mm"')
     for verb, message in (
         (Settings("build", tmp_path / "m.toml", out=tmp_path / "mine.xml", force=True), "own part"),
         (Settings("build", tmp_path / "n.toml", out=tmp_path / "mine.xml"), "--force"),
@@ -217,6 +217,7 @@ def test_a_servo_of_another_torque_has_the_same_no_load_speed(factor: float, app
         ('stl = { cup = "a.stl" }', "stl: no part 'cup'; valid: bulkhead"),
         ("servo = { torque = 0 }", "servo.torque = 0: must be from 0.001 to 10"),
         ("horn = [", "is not valid TOML"),
+        ("# nothing", "is empty; must have at least one dimension"),
     ],
 )
 def test_dimensions_that_cannot_be_are_refused_in_one_line(
@@ -280,3 +281,12 @@ def test_a_tube_that_is_too_narrow_is_refused_with_what_is_needed(tmp_path: Path
         mechanism(Settings("search", tube_mm=30, motor_mm=24, out=tmp_path / "m.toml"))
     with pytest.raises(TwinError, match="needs --tube-mm and one of --motor and"):
         mechanism(Settings("search", tube_mm=30))
+
+
+def test_a_hostile_model_is_not_compiled_for_its_parts(tmp_path: Path) -> None:
+    file = tmp_path / "many.xml"
+    bodies = '<replicate count="1000000"><geom size="1"/></replicate>'
+    file.write_text(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    with pytest.raises(TwinError, match="expands to more than"):
+        draw(Meshes(mechanism=file, out=tmp_path / "parts"))
+    assert not (tmp_path / "parts").exists()

@@ -144,7 +144,7 @@ def test_unreadable_and_oversized_files_are_refused(tmp_path: Path) -> None:
         read(huge)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.text(max_size=200) | st.binary(max_size=200).map(lambda b: b.decode("latin-1")))
 def test_no_text_gets_past_the_parser_but_as_a_motor_or_an_error(text: str) -> None:
     for candidate in (text, HEADER + text, HEADER + "0.1 10\n" + text):

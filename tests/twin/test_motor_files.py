@@ -213,7 +213,7 @@ CONTENT = st.one_of(
 )
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(content=CONTENT, ending=st.sampled_from(["eng", "rse", "csv"]))
 def test_any_bytes_are_motors_that_can_fly_or_one_line_that_says_why(
     tmp_path_factory: pytest.TempPathFactory, content: bytes, ending: str
@@ -240,7 +240,7 @@ curves = st.lists(
 ).map(lambda points: [(sum(s for s, _ in points[: k + 1]), f) for k, (_, f) in enumerate(points)])
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(curves, st.floats(20.0, 400.0))
 def test_a_curve_is_the_same_in_every_format(
     tmp_path_factory: pytest.TempPathFactory, points: list[tuple[float, float]], isp: float

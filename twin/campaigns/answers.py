@@ -20,7 +20,8 @@ from twin.campaigns.study import Study
 Array = NDArray[np.float64]
 Rows = Any  # a table of pyarrow
 MEANS = ("closest_approach_m", "attitude_error_rms_deg", "apogee_m", "downrange_m")
-FIGURES = ("closest_approach_m", "attitude_error_rms_deg")  # whose influences are of interest
+ATTITUDE = "attitude_error_rms_deg"
+FIGURES = ("closest_approach_m", ATTITUDE)  # whose influences are of interest
 CELL_KINDS = ("string",)
 
 
@@ -51,6 +52,7 @@ class Answers:
     estimates : statistics by name
     figure : whose influences these are
     influences : of the parameters
+    on_attitude : influences on the attitude error; empty where they are `influences` already
     cells : runs by named value
     places : dispersion of the ends; None where there are too few
     map : region in which the first measure holds
@@ -62,6 +64,7 @@ class Answers:
     estimates: Mapping[str, Estimate]
     figure: str
     influences: Mapping[str, Influence]
+    on_attitude: Mapping[str, Influence]
     cells: tuple[Cell, ...]
     places: Ellipse | None
     map: tuple[Property, ...]
@@ -84,10 +87,9 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
         influences = {
             name: Influence(i.rank, *of_all.get(name, ())) for name, i in influences.items()
         }
+    on_attitude = {} if figure == ATTITUDE else rank_influences(numbers, column(kept, ATTITUDE), p)
     hits = column(kept, study.measures[0].name) if study.measures else None
-    inside = np.ones(kept.num_rows, bool)
-    for name, names in study.about.items():
-        inside &= np.isin(np.array(kept[name].to_pylist()), names)
+    inside = about(study, kept)
     of_map = {n: v[inside] for n, v in numbers.items()}
     found, properties = _region(study, of_map, None if hits is None else hits[inside])
     first = limiting(properties)
@@ -99,9 +101,17 @@ def answers(study: Study, runs: Runs, table: Rows) -> Answers:
     cells = _cells(study, kept, runs, inside, p)
     return Answers(
         dict(Counter(table["outcome"].to_pylist()).most_common()), estimates, figure, influences,
-        cells, ellipse(places, p), properties, pair,
+        on_attitude, cells, ellipse(places, p), properties, pair,
         _sentence(study, estimates, cells, first),
     )  # fmt: skip
+
+
+def about(study: Study, kept: Rows) -> NDArray[np.bool_]:
+    """Runs (n,) with the names that the map is about."""
+    inside = np.ones(kept.num_rows, bool)
+    for name, names in study.about.items():
+        inside &= np.isin(np.array(kept[name].to_pylist()), names)
+    return inside
 
 
 def _region(

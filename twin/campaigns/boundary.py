@@ -170,6 +170,11 @@ class Region:
         return Frontier(x, y, self._scales[i].back(GRID), value, low, high)
 
 
+def fewest(parameters: int) -> int:
+    """Runs that a region needs: three for each coefficient of its regression."""
+    return 3 * (1 + 2 * parameters + parameters * (parameters - 1) // 2)
+
+
 def region(
     parameters: Mapping[str, Array],
     hits: Array,
@@ -178,8 +183,7 @@ def region(
 ) -> Region | None:
     """The region in which a measure holds; None where runs, hits or misses are too few."""
     varied = {n: v for n, v in parameters.items() if np.ptp(v) > 0.0} if len(hits) else {}
-    size = 1 + 2 * len(varied) + len(varied) * (len(varied) - 1) // 2
-    few = min(hits.sum(), len(hits) - hits.sum()) < FEWEST or len(hits) < 3 * size
+    few = min(hits.sum(), len(hits) - hits.sum()) < FEWEST or len(hits) < fewest(len(varied))
     return None if few or not varied else Region(varied, hits, nominal, confidence)
 
 

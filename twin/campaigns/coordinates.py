@@ -51,7 +51,7 @@ def coordinates(
         " run again."
     )
     panel = Panel("", "", rows=tuple(label for label, _ in axes))
-    height = 56 * len(axes)
+    height = 50 * len(axes)
     plot = Plot("coordinates", caption, "", (panel,), tuple(lines), panel_height=height)
     return Section("coordinates", "Parallel coordinates", (), (plot,))
 

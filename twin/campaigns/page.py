@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from analysis.report import Cell, Line, Panel, Plot, Section, Table
-from twin.campaigns.answers import Answers
-from twin.campaigns.boundary import SHARE, Frontier, Property
+from twin.campaigns.answers import ATTITUDE, Answers, about
+from twin.campaigns.boundary import FEWEST, SHARE, Frontier, Property, fewest
 from twin.campaigns.coordinates import coordinates
 from twin.campaigns.result import CampaignResult
 from twin.campaigns.statistic import PLACE, Estimate
@@ -31,6 +31,8 @@ def sections(study: Study, result: CampaignResult, table: Any) -> tuple[Section,
     parts = [_answer(study, result)]
     if a.map:
         parts.append(_map(a))
+    elif study.measures:
+        parts.append(Section("map", "Map", (_why_none(study, kept),)))
     if a.cells:
         parts.append(_cells(a))
     if a.influences:
@@ -49,8 +51,9 @@ def _answer(study: Study, result: CampaignResult) -> Section:
         word = {True: "failed", False: "passed", None: "undecided"}[v.holds]
         rows.append((f"{v.text}: {word}", *_estimate("", v.estimate)[1:]))
     head = ("statistic", "value", f"{study.confidence:.0%} interval", "runs")
-    ends = ", ".join(f"{n} {name}" for name, n in a.outcomes.items())
-    text = (a.text, f"{study.title}. {result.runs} of {result.planned} runs; {ends}.")
+    ends = ", ".join(f"{name} {n}" for name, n in a.outcomes.items())
+    flown = f"{study.title}. {result.runs} of {result.planned} runs, by their end: {ends}."
+    text = (a.text, flown)
     return Section("answer", "Answer", text, (Table(head, tuple(rows)),))
 
 
@@ -70,19 +73,38 @@ def _map(a: Answers) -> Section:
         ends = np.array([p.values.min(), p.values.max()])
         lines.append(Line(f"{SHARE:.0%}", ends, np.full(2, SHARE), "run1", k, "dash"))
         margin = "–" if p.margin is None else f"{p.margin:.2g}"
-        rows.append((p.name, Cell(f"{p.nominal:.3g}", "number"), p.limit, margin))
+        effect = a.on_attitude.get(p.name)
+        of_error = (_short(effect.rank),) if effect else ("–",) if a.on_attitude else ()
+        rows.append((p.name, Cell(f"{p.nominal:.3g}", "number"), p.limit, margin, *of_error))
     caption = (
         "Probability that the measure holds over each parameter with all others at their nominal"
         " values, from a quadratic logistic regression over all runs; the band is the interval of"
         " resampled runs."
     )
     plot = Plot("map", caption, "", tuple(panels), tuple(lines), panel_height=200)
-    head = ("parameter", "nominal", f"limit for {SHARE:.0%}", "margin")
+    head: tuple[str, ...] = ("parameter", "nominal", f"limit for {SHARE:.0%}", "margin")
     about = "Margin: the nominal value over its limit, or the inverse where less is better."
+    if a.on_attitude:
+        head = (*head, "attitude error")
+        about += f" Attitude error: partial rank correlation with {ATTITUDE} over all runs."
     parts: list[Plot | Table] = [plot, Table(head, tuple(rows), about)]
     if a.frontier is not None and np.isfinite(a.frontier.value).any():
         parts.append(_frontier(a.frontier, a.map))
     return Section("map", "Map: what the mission needs", (), tuple(parts))
+
+
+def _why_none(study: Study, kept: Any) -> str:  # noqa: ANN401
+    """Why the runs give no region of the parameters."""
+    name = study.measures[0].name
+    hits = column(kept.filter(about(study, kept)), name)
+    numbers = [c for v in study.vary for c in v.columns if kept.schema.field(c).type == "double"]
+    if not numbers:
+        return "No map: no number varies."
+    return (
+        f"No map: {np.nansum(hits):.0f} of the {len(hits)} runs that it would be about meet {name}."
+        f" Over {len(numbers)} parameters it needs {fewest(len(numbers))} runs, at least {FEWEST}"
+        f" that meet {name} and {FEWEST} that do not."
+    )
 
 
 def _frontier(f: Frontier, properties: Sequence[Property]) -> Plot:
@@ -112,7 +134,7 @@ def _cells(a: Answers) -> Section:
             f"{c.rate.value:.1%}", f"{c.rate.low:.1%} to {c.rate.high:.1%}",
         )  # fmt: skip
         rows.append(
-            (c.parameter, c.value, Cell(rate[0], "number"), rate[1],
+            (c.parameter, c.value, Cell(rate[0], "number"), Cell(rate[1], "number"),
              Cell(f"{c.figure.value:.3g}", "number"), Cell(str(c.figure.n), "number"))
         )  # fmt: skip
     head = ("parameter", "value", "success", "interval", f"mean {a.figure}", "runs")
@@ -121,10 +143,14 @@ def _cells(a: Answers) -> Section:
 
 def _influences(a: Answers, kept: Any, command: Callable[[int], str]) -> Section:  # noqa: ANN401
     order = sorted(a.influences.items(), key=lambda item: -abs(item[1].rank.value))
+    of_all = any(i.first is not None for _, i in order)
     rows = [
-        (name, *(_short(e) for e in (i.rank, i.first, i.total))) for name, i in order
-    ]  # fmt: skip
-    head = ("parameter", "partial rank correlation", "Sobol index, first order", "total")
+        (name, *(_short(e) for e in ((i.rank, i.first, i.total) if of_all else (i.rank,))))
+        for name, i in order
+    ]
+    head: tuple[str, ...] = ("parameter", "partial rank correlation")
+    if of_all:
+        head = (*head, "Sobol index, first order", "Sobol index, total")
     names = [name for name, _ in order[:4]]
     panels = tuple(
         Panel("", a.figure if k % 2 == 0 else "", k // 2, k % 2, x_label=name)
@@ -160,7 +186,7 @@ def _footprint(a: Answers, kept: Any, command: Callable[[int], str]) -> Section:
         " that flies its run again."
     )
     panels = (Panel("Footprint", "north [m]"),)
-    plot = Plot("footprint", caption, "east [m]", panels, lines, panel_height=420)
+    plot = Plot("footprint", caption, "east [m]", panels, lines, panel_height=380)
     return Section("footprint", "Where the runs end", (), (plot,))
 
 

@@ -4,7 +4,7 @@ from dataclasses import KW_ONLY, dataclass, fields
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-from twin.config.base import Settings
+from twin.config.base import Settings, flag
 from twin.config.options import Output, Parameters, Rig, Time
 from twin.config.seats import check_seat
 from twin.config.types import POSITIONAL, REPEATABLE, Flag, Port, Range
@@ -87,8 +87,7 @@ class Live(Settings):
                 raise TwinError(str(error).replace("--gimbal", "--live", 1)) from None
         for f in (f for kind in (Live, Rig, Time) for f in fields(kind)):
             if self.live is None and getattr(self, f.name, f.default) != f.default:
-                flag = f"--{f.name.replace('_', '-')}"
-                raise TwinError(f"{flag} {getattr(self, f.name)}: needs --live SEAT")
+                raise TwinError(f"{flag(f.name)} {getattr(self, f.name)}: needs --live SEAT")
 
 
 @dataclass(frozen=True)
@@ -159,6 +158,12 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
             raise TwinError(
                 "--check-only writes no model; it excludes --linkage, --check and --out"
             )
+        for name, other in (
+            ("structure", "servo"), ("parameters", "linkage"), ("mechanism", "linkage"),
+        ):  # fmt: skip
+            given, default = getattr(self, name), getattr(Identify, name)
+            if given != default and not getattr(self, other) and self.live is None:
+                raise TwinError(f"{flag(name)}: needs {flag(other)}")
         if self.from_pulses and self.linkage:
             raise TwinError("--from-pulses excludes --linkage, which always uses the pulses")
         if self.gyro_delay_ms and not self.rate:
@@ -173,7 +178,7 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
         )  # fmt: skip
         for name in excluded if self.live is not None else ():
             if getattr(self, name) != getattr(Identify, name):
-                what = "files" if name == "sources" else f"--{name.replace('_', '-')}"
+                what = "files" if name == "sources" else flag(name)
                 raise TwinError(f"--live {self.live}: measures a linear model; it excludes {what}")
 
     @property
@@ -232,13 +237,13 @@ class Compare(Columns, Output, Parameters):
         if self.with_ is not None and self.commands is not None:
             raise TwinError("--with: not with --commands; give one table with commands and angles")
         given = {"--ratio": self.ratio, "--mechanism": self.mechanism, "--set": self.set or None}
-        for flag, value in given.items():
-            again = (self.drift or self.explain) and flag != "--ratio"
+        for name, value in given.items():
+            again = (self.drift or self.explain) and name != "--ratio"
             if value is not None and self.with_ is None and not again:
-                raise TwinError(f"{flag} {value}: needs --with linkage or --with model.json")
-        for flag, asked in (("--drift", self.drift), ("--explain", self.explain)):
+                raise TwinError(f"{name} {value}: needs --with linkage or --with model.json")
+        for name, asked in (("--drift", self.drift), ("--explain", self.explain)):
             if asked and (self.with_ is not None or len(self.recordings) != 1):
-                raise TwinError(f"{flag}: takes one recording of a rig with a model beside it")
+                raise TwinError(f"{name}: takes one recording of a rig with a model beside it")
 
 
 @dataclass(frozen=True)

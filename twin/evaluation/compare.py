@@ -161,6 +161,8 @@ def compare(config: Compare) -> CompareResult:
         repeats={n: _repeats_begin(pair.run, n).tolist() for n in axes},
         longest_delay=1e-3 * config.longest_delay_ms,
         still=[n for n in axes if not len(command.select((n,)).changes())],
+        noise=_noise(pair),
+        limit=config.fail_below,
     )
     file = named(config.out, "compare", ".rrd", force=config.force)
     drift = explanation = None
@@ -186,6 +188,15 @@ def compare(config: Compare) -> CompareResult:
         drift,
         explanation,
     )
+
+
+def _noise(pair: _Pair) -> dict[str, float]:
+    """Noise of a rig's measured angles as its filter states it [rad], by axis."""
+    sigma = pair.run.recording.series.get("gimbal/sigma")
+    if sigma is None or pair.run.motion != "measured":
+        return {}
+    return {n: float(np.nanmedian(sigma.column(n))) for n in sigma.components
+            if np.isfinite(sigma.column(n)).any()}  # fmt: skip
 
 
 def _flights(runs: Sequence[Measurement]) -> PathDifference | None:

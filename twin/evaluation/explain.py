@@ -12,20 +12,29 @@ from analysis.comparison.explanation import (
     Explanation,
     Share,
     candidates,
+    jackknife,
     shapley,
     subsets,
 )
-from analysis.estimate import Information, Property, fitted, information
+from analysis.estimate import Information, fitted, information, scatter
 from analysis.recording import Recording
 from hardware.frames import AXES
 from twin.config.result import Rows
-from twin.evaluation.motions import LATER, lagging, later
-from twin.hil.resimulation import Resimulation, Variant
+from twin.evaluation.effects import (
+    COLUMNS,
+    DEGREES,
+    FRAME,
+    GROUPS,
+    LOWEST,
+    PRIOR,
+    Motions,
+    derivatives,
+)
+from twin.hil.resimulation import Resimulation
 from twin.plant.compiled import compiled
 
 Array = NDArray[np.float64]
 
-DEGREES = 180.0 / math.pi
 LONGEST = 15.0  # s that are simulated again
 MOST = 6  # effects of one axis
 # effects that are fitted before one is chosen: to first order one that bounds the motion, as a
@@ -36,49 +45,8 @@ STARTS = (0.0, 1.0, 2.0)  # steps of the derivatives, at which a fit of an effec
 PARTS = (1.0, 0.4)  # of a Gauss-Newton step
 ENDED = 0.01  # gain of a step after which no other is taken
 LEAST = 0.02  # of the mean square, which an effect must explain
-SLEW, STIFFNESS = "gimbal_servo_slew", "gimbal_servo_gain"
-BACKLASH, DEAD_BAND = "gimbal_backlash", "gimbal_servo_dead_band"
-LOAD = "gimbal_motor.mass"
-FRICTION = tuple(f"gimbal_servo_{a}.frictionloss" for a in AXES)
-
-
-@dataclass(frozen=True)
-class _Column:
-    """A parameter of an effect: of which, over what difference, and how uncertain."""
-
-    effect: str
-    what: Property
-    step: float
-
-
-def _column(effect: str, name: str, unit: str, scale: float, value: float, step: float,
-            sigma: float) -> _Column:  # fmt: skip
-    return _Column(effect, Property(name, unit, scale, value, sigma), step)
-
-
-# Deviations that a hobby servo or a calibration may have, and the steps of the derivatives.
-COLUMNS = (
-    _column("calibration error", "gain", "", 1.0, 1.0, 0.05, 0.1),
-    _column("calibration error", "zero", "° of the shaft", DEGREES, 0.0, 0.0175, 0.05),
-    _column("delay", "delay", "ms", 1e3, 0.0, LATER, 0.02),
-    _column("sensor lag", "lag", "ms", 1e3, 0.0, LATER, 0.02),
-    _column("slew limit", "speed", "", 1.0, 1.0, -0.25, 0.4),
-    _column("servo gain", "gain", "", 1.0, 1.0, -0.2, 0.4),
-    _column("backlash", "backlash", "°", DEGREES, 0.0, 0.0087, 0.02),
-    _column("friction", "friction", "", 1.0, 1.0, 1.0, 2.0),
-    _column("dead band", "dead band", "° either way", DEGREES, 0.0, 0.0044, 0.01),
-    _column("wait for the pulse frame", "without the wait", "", 1.0, 0.0, 1.0, 1.0),
-    _column("load", "mass", "", 1.0, 1.0, 0.3, 0.4),
-)
-PRIOR = np.array([c.what.sigma for c in COLUMNS])
-GAIN, ZERO, DELAY, LAG, SPEED, STIFF, PLAY, RUB, BAND, FRAME, MASS = range(len(COLUMNS))
-# a derivative of the speed takes another 0.25 away, one of the servo's gain another 0.2
-LOWEST = np.array([0.1, -1.0, -1.0, -1.0, 0.27, 0.22, 1e-6, 0.0, 0.0, 0.0, 0.1])
-SIMULATED = [ZERO, SPEED, STIFF, PLAY, RUB, BAND, FRAME, MASS]  # the others need no simulation
-GROUPS = {
-    effect: [k for k, c in enumerate(COLUMNS) if c.effect == effect]
-    for effect in dict.fromkeys(c.effect for c in COLUMNS)
-}
+BLOCKS = 10  # of a run, each left out once for the intervals
+SURE = 2.26  # deviations of a 95 % interval from ten blocks (Student's t)
 
 
 @dataclass(frozen=True)
@@ -101,55 +69,15 @@ class RunExplanation:
             rows.append((f"{a.axis} difference", text))
             for s in a.shares:
                 part, whole = 100 * s.share, 100 * s.share * a.explained
-                text = f"{part:.0f} % of that, {whole:.0f} % of the whole: {s.text}"
+                half = f" ± {100 * s.half:.0f}" if math.isfinite(s.half) else ""
+                text = f"{part:.0f} % of that, {whole:.0f}{half} % of the whole: {s.text}"
+                if s.alike:
+                    text += f"; not told apart from {' or '.join(s.alike)}"
                 rows.append((f"{a.axis} {s.effect}", text))
             rows.append(
                 (f"{a.axis} unexplained", f"{rest} rms; the readings have {noise} of noise")
             )
         return rows
-
-
-class _Motions:
-    """Motion of both axes by the parameters of all effects."""
-
-    def __init__(self, run: Resimulation) -> None:
-        self._run = run
-        names = (SLEW, STIFFNESS, BACKLASH, DEAD_BAND, LOAD, *FRICTION)
-        self._values = {name: run.value(name) for name in names}
-        level = np.array([c.what.value for c in COLUMNS])
-        level[PLAY], level[BAND] = self._values[BACKLASH], self._values[DEAD_BAND]
-        self.level = level
-        self._known: dict[tuple[float, ...], Array] = {}
-
-    def __call__(self, levels: Sequence[Array]) -> list[Array]:
-        """Angles (n, 2) for each of the levels [rad]."""
-        time, keys = self._run.time, [tuple(v[SIMULATED].tolist()) for v in levels]
-        new = [k for k in dict.fromkeys(keys) if k not in self._known]
-        variants = [self._variant(v) for k, v in dict(zip(keys, levels, strict=True)).items()
-                    if k in new]  # fmt: skip
-        if new:
-            self._known |= zip(new, self._run.motions(variants), strict=True)
-        period = float(np.median(np.diff(time)))
-        return [
-            v[GAIN] * lagging(later(time, self._known[k], v[DELAY]), v[LAG], period)
-            for v, k in zip(levels, keys, strict=True)
-        ]
-
-    def _variant(self, v: Array) -> Variant:
-        values = self._values
-        own = {n: float(v[RUB]) * values[n] for n in FRICTION}
-        return Variant(
-            {
-                SLEW: values[SLEW] * float(v[SPEED]),
-                STIFFNESS: values[STIFFNESS] * float(v[STIFF]),
-                BACKLASH: float(v[PLAY]),
-                DEAD_BAND: float(v[BAND]),
-                LOAD: values[LOAD] * float(v[MASS]),
-                **own,
-            },
-            shaft=float(v[ZERO]),
-            at_once=bool(v[FRAME] > 0.5),
-        )
 
 
 def explain(
@@ -174,21 +102,11 @@ def explain(
     moved = [k for k in range(len(AXES)) if len(command.changes(k))]
     with compiled():
         run = Resimulation(recording, mechanism, parameters, longest=LONGEST)
-        motions = _Motions(run)
+        motions = Motions(run)
         rows = measured.time <= run.time[-1]
         time, values = np.asarray(measured.time[rows]), np.asarray(measured.values[rows])
         axes = tuple(_Axis(k, motions, run.time, time, values[:, k]).explanation() for k in moved)
     return RunExplanation(axes, float(run.time[-1] - run.time[0]))
-
-
-def _derivatives(motions: _Motions, level: Array, columns: Sequence[int]) -> tuple[Array, Array]:
-    """Motion (n, 2) and its derivatives (n, 2, k) by some columns."""
-    steps = [COLUMNS[c].step for c in columns]
-    changed = [level.copy() for _ in columns]
-    for v, c, s in zip(changed, columns, steps, strict=True):
-        v[c] += s
-    base, *others = motions([level, *changed])
-    return base, np.stack([(m - base) / s for m, s in zip(others, steps, strict=True)], axis=-1)
 
 
 class _Axis:
@@ -200,7 +118,7 @@ class _Axis:
     time, angle : readings (n,) [s], [rad]
     """
 
-    def __init__(self, k: int, motions: _Motions, stamps: Array, time: Array, angle: Array) -> None:
+    def __init__(self, k: int, motions: Motions, stamps: Array, time: Array, angle: Array) -> None:
         self._k, self._motions, self._stamps = k, motions, stamps
         self._time, self._angle = time, angle
 
@@ -208,6 +126,7 @@ class _Axis:
         """Effects one after the other, the best first, then their shares."""
         nominal, level = self._motions.level, self._motions.level
         chosen: list[str] = []
+        alike: dict[str, tuple[str, ...]] = {}
         error = np.inf
         while len(chosen) < MOST:
             info, now = self._shown(level, range(len(COLUMNS)))
@@ -218,11 +137,13 @@ class _Axis:
             if best is None or fits[best][1] > (1.0 - LEAST) * error:
                 break
             chosen.append(best)
+            alike[best] = self._alike(fits, best)
             level, error = fits[best]
         while True:
             sets = subsets(chosen)
             moved = self._motions([_with(nominal, level, s) for s in sets])
-            errors = {s: self._error(m) for s, m in zip(sets, moved, strict=True)}
+            blocks = {s: self._blocks(m) for s, m in zip(sets, moved, strict=True)}
+            errors = {s: float(b.mean()) for s, b in blocks.items()}
             shares = shapley({s: -e for s, e in errors.items()}, chosen)
             # alike effects may counteract each other; the one that explains nothing is left out
             worst = min(chosen, key=lambda e: shares[e], default=None)
@@ -231,13 +152,20 @@ class _Axis:
             chosen.remove(worst)
             level, _ = self._fitted(nominal, chosen)
         before, after = errors[frozenset()], errors[frozenset(chosen)]
+        halves, sigma = jackknife(blocks, chosen), self._deviations(level, chosen)
         return Explanation(
             AXES[self._k],
             math.sqrt(before),
             math.sqrt(after),
             info.noise,
             tuple(
-                Share(e, shares[e] / max(before - after, 1e-300), _text(e, nominal, level))
+                Share(
+                    e,
+                    shares[e] / max(before - after, 1e-300),
+                    _text(e, nominal, level, sigma),
+                    halves[e],
+                    tuple(a for a in alike[e] if a not in chosen),
+                )
                 for e in sorted(chosen, key=lambda e: -shares[e])
             ),
         )
@@ -249,9 +177,35 @@ class _Axis:
         """Mean square of what is left [rad²]."""
         return float(np.mean((self._angle - self._seen(motion)) ** 2))
 
+    def _blocks(self, motion: Array) -> Array:
+        """Mean square of what is left in each of equal parts of the run (blocks,) [rad²]."""
+        square = (self._angle - self._seen(motion)) ** 2
+        whole = square[: len(square) // BLOCKS * BLOCKS].reshape(BLOCKS, -1)
+        return np.asarray(whole.mean(axis=1))
+
+    def _alike(self, fits: Mapping[str, tuple[Array, float]], best: str) -> tuple[str, ...]:
+        """Effects that leave no more than the best one, by what the blocks scatter."""
+        names = [best, *(e for e in fits if e != best)]
+        left = [self._blocks(m) for m in self._motions([fits[e][0] for e in names])]
+        return tuple(
+            e
+            for e, b in zip(names[1:], left[1:], strict=True)
+            if (b - left[0]).mean() < SURE * (b - left[0]).std(ddof=1) / math.sqrt(BLOCKS)
+        )
+
+    def _deviations(self, level: Array, effects: Sequence[str]) -> Array:
+        """Standard deviations of the parameters of some effects, NaN of the others."""
+        sigma = np.full(len(level), np.nan)
+        columns = [c for effect in effects for c in GROUPS[effect]]
+        if columns:
+            info, _ = self._shown(level, columns)
+            own = fitted(info, slice(None), PRIOR[columns])[1]
+            sigma[columns] = own * scatter(info, PRIOR[columns])
+        return sigma
+
     def _shown(self, level: Array, columns: Sequence[int]) -> tuple[Information, float]:
         """What the readings show of some columns, and the mean square that is left."""
-        base, slopes = _derivatives(self._motions, level, columns)
+        base, slopes = derivatives(self._motions, level, columns)
         slope = np.column_stack([self._seen(s) for s in np.moveaxis(slopes, -1, 0)])
         residual = self._angle - self._seen(base)
         return information(self._time, residual, slope), float(np.mean(residual**2))
@@ -289,10 +243,10 @@ def _with(nominal: Array, level: Array, effects: frozenset[str]) -> Array:
     return out
 
 
-def _text(effect: str, before: Array, after: Array) -> str:
+def _text(effect: str, before: Array, after: Array, sigma: Array) -> str:
     if effect == COLUMNS[FRAME].effect:
         return "commands act without it"
     return ", ".join(
-        f"{p.name} {p.text(before[c])} → {p.text(after[c])}"
+        f"{p.name} {p.text(before[c])} → {p.text(after[c])} ± {1.96 * sigma[c] * p.scale:.2g}"
         for c, p in ((c, COLUMNS[c].what) for c in GROUPS[effect])
     )

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from analysis.transfer_function import TransferFunctionModel
 from twin.config import OBJECT, Fly
+from twin.config.seats import MODELS
 from twin.control import AttitudeController, Setpoint
-from twin.errors import TwinError
+from twin.errors import DivergenceError, TwinError
 from twin.experiments.flight import Flight, FlightResult
 from twin.experiments.flight_ticks import compiled_ticks
 from twin.experiments.kept import Origin
@@ -21,7 +22,8 @@ from twin.experiments.track import Track
 from twin.loop.loop import Controller
 from twin.loop.seats import Attitude, Pilot
 from twin.plant.authority import control_config
-from twin.plant.loops import wrong_gain
+from twin.plant.loops import unstable, wrong_gain
+from twin.plant.model import REFERENCE_GIMBAL
 from twin.plant.plant import Plant
 
 if TYPE_CHECKING:
@@ -85,16 +87,19 @@ def fly(
         powered = _powered(turntable, flight.burnout_ns)
         duration_ns = round(config.duration_s * 1e9)
         outcome = None
-        alone = commanding is pilot and guard is None and playback is None and not s.real_time
-        if alone:
-            rows = None if recorder is None else s.rows
-            outcome = compiled_ticks(plant, pilot, flight, track, s.steps, duration_ns, rows)
-        outcome = outcome or s.run(
-            guard or commanding,
-            duration_ns,
-            each_tick=(s.rows.write, track.watch, flight.watch, powered),
-            stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
-        )
+        try:
+            alone = commanding is pilot and guard is None and playback is None and not s.real_time
+            if alone:
+                rows = None if recorder is None else s.rows
+                outcome = compiled_ticks(plant, pilot, flight, track, s.steps, duration_ns, rows)
+            outcome = outcome or s.run(
+                guard or commanding,
+                duration_ns,
+                each_tick=(s.rows.write, track.watch, flight.watch, powered),
+                stop=flight.over if guard is None else lambda: guard.over() or flight.over(),
+            )
+        except DivergenceError as error:
+            raise DivergenceError(_why(str(error), config, plant)) from error
         if recorder is not None:
             recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
         timing = s.verdict()
@@ -119,6 +124,18 @@ def _powered(turntable: "Turntable | None", burnout_ns: int) -> Callable[[int], 
             turntable.counting = time_ns < burnout_ns
 
     return count
+
+
+def _why(text: str, config: Fly, plant: Plant) -> str:
+    """A divergence with its likely cause: a loop that is unstable, whatever the step of time."""
+    if config.controller is not None:
+        return f"{text}, unless the controller's gain is beyond the margin of its loop"
+    if config.gimbal not in MODELS:
+        return text
+    cause = unstable(TransferFunctionModel.read(config.model or REFERENCE_GIMBAL), plant.model)
+    if cause is None:
+        return text
+    return f"{text.partition(';')[0]}; {cause}: give a lower gain, --dt does not help"
 
 
 def _judge_gain(config: Fly, plant: Plant) -> None:

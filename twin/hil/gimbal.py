@@ -3,9 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
-from hardware.calibration import Calibration
 from hardware.emulator import Bench
 from hardware.events import (
     Event,
@@ -19,10 +17,10 @@ from hardware.events import (
 )
 from hardware.faults import Fault
 from hardware.frames import SERVO_NAMES, GimbalCommand, GimbalState, Pair, SensorFrame
-from hardware.fusion import BaseMap, Fusion
-from hardware.protocol import Hello
-from hardware.rig import Phase, RigError, RigStatistics
+from hardware.fusion import BaseMap
+from hardware.rig import Phase, Rig, RigError
 from hardware.rig.rig import TIMEOUT_MS
+from twin.hil.recorded import RecordedRig
 from twin.loop.readings import Readings
 from twin.plant.plant import Plant
 
@@ -39,65 +37,6 @@ _STEP_NS = 1_000_000
 LARGEST_ANGLE = 0.8  # that the joints of the plant follow [rad]; gimbals reach 0.2
 # Frames come every 2 ms and take 2 ms on the line; a backlog of one second is processed in 0.1 s.
 FRESH_NS, LONGEST_CATCH_UP_NS = 10_000_000, 10_000_000_000
-
-
-class RigLike(Protocol):
-    """Interface of a rig: `hardware.rig.Rig`, or a recorded one."""
-
-    calibration: Calibration
-    fusion: Fusion
-    hello: Hello | None
-    session: int
-    gyro_delay: float
-    reason: str
-    started: str
-
-    @property
-    def phase(self) -> Phase:
-        """State of the connection."""
-
-    @property
-    def states(self) -> list[GimbalState]:
-        """Estimates of the frames that the latest poll returned."""
-
-    @property
-    def statistics(self) -> RigStatistics:
-        """Losses and timing so far."""
-
-    @property
-    def health(self) -> str:
-        """Health of connection and sensors in one line."""
-
-    @property
-    def turntable_limits(self) -> Pair:
-        """Shortest and longest pulse of the third servo [s]."""
-
-    def connect(self) -> object:
-        """Wait until it is ready."""
-
-    def renew(self, base: BaseMap | None = None) -> None:
-        """Restart all estimates."""
-
-    def poll(self) -> list[SensorFrame]:
-        """Frames that have arrived."""
-
-    def listen(self) -> bool:
-        """Receive what must be time-stamped between two polls; return whether to call again."""
-
-    def send(self, command: GimbalCommand, turntable: float = 0.0) -> object:
-        """Send a command."""
-
-    def send_pulses(self, x: float, y: float, turntable: float = 0.0) -> object:
-        """Send pulse widths [s]."""
-
-    def name(self, serial: int) -> None:
-        """Assign a serial number to a board without one."""
-
-    def neutral(self) -> None:
-        """Send the servos to neutral and leave them armed."""
-
-    def close(self) -> None:
-        """Send the servos to neutral, disarm, close the line."""
 
 
 class RigGimbal:
@@ -130,7 +69,7 @@ class RigGimbal:
 
     def __init__(
         self,
-        rig: RigLike,
+        rig: Rig | RecordedRig,
         plant: Plant | None,
         *,
         clock: Callable[[], int],

@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from math import radians
-from types import TracebackType
 from typing import Self
 
 from hardware.frames import GimbalState, Pair, SensorFrame
@@ -116,12 +115,7 @@ class Keys:
         t.tcsetattr(self._fd, t.TCSANOW, raw)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with suppress(OSError, self._termios.error):
             self._termios.tcsetattr(self._fd, self._termios.TCSADRAIN, self._before)
 

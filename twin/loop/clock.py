@@ -4,7 +4,6 @@ import gc
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Protocol, Self
 
 import numpy as np
@@ -22,12 +21,7 @@ class Clock(Protocol):
     def __enter__(self) -> Self:
         """Prepare the process for the loop."""
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Restore the process."""
 
     def wait(self, time_ns: int, meanwhile: Callable[[], bool] | None = None) -> int:

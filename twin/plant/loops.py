@@ -66,3 +66,15 @@ def wrong_gain(gimbal: TransferFunctionModel, model: mujoco.MjModel) -> str | No
         if all(m.stable for m in found) and not low < gain < high:
             return f"{text}; the attitude loop is stable for {low:.2g}° to {high:.2g}°"
     return None
+
+
+def unstable(gimbal: TransferFunctionModel, model: mujoco.MjModel) -> str | None:
+    """Which attitude loop of a vehicle is unstable with a gimbal; None where none is."""
+    found = [m for m in margins(attitude_loops(model), gimbal) if not m.stable]
+    if not found:
+        return None
+    worst = min(found, key=lambda m: m.lower_gain)
+    text = f"the attitude loop of axis {worst.axis} is unstable at {worst.loop}"
+    if worst.lower_gain > 0.0:
+        text += f", its gain {1.0 / worst.lower_gain:.3g} times beyond the margin"
+    return text

@@ -36,6 +36,16 @@ def checked(names: Sequence[str]) -> list[schema.Signal]:
     return found
 
 
+def title(properties: Mapping[str, object]) -> str:
+    """Name of a recording in the viewer, such as `fly, emulator, seed 3`; equal for equal runs."""
+    settings = properties.get("configuration")
+    gimbal = settings.get("gimbal") if isinstance(settings, Mapping) else None
+    parts = [properties.get("command", "recording"), gimbal]
+    if "seed" in properties:
+        parts.append(f"seed {properties['seed']}")
+    return ", ".join(str(part) for part in parts if part is not None)
+
+
 def json_text(properties: Mapping[str, object]) -> str:
     """Properties as JSON.
 

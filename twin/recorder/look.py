@@ -12,7 +12,7 @@ from analysis import schema
 from twin.plant.authority import command_limit
 from twin.recorder import blueprint, columns, lifetime, profile, style
 from twin.recorder.display import Display
-from twin.recorder.poses import Poses
+from twin.recorder.poses import Poses, gimballed
 from twin.recorder.states import HEALTH, States
 
 Floats = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Look:
         self._display = Display(signals, poses.ghost.stops if poses else ())
         self._profile = profile.Profile() if POSITION in signals else None
         self.content = blueprint.Content(
-            signals=signals,
+            signals=_plotted(signals, model),
             poses=poses,
             residual=self._display.residual,
             lanes=self._states.any,
@@ -101,8 +101,15 @@ class Look:
         residual = self._display.residual
         return replace(
             self.content,
-            signals=[s for s in self._signals if schema.SIGNALS[s].entity in known.ranges],
+            signals=[s for s in self.content.signals if schema.SIGNALS[s].entity in known.ranges],
             residual=residual if residual in known.ranges else None,
             known=known,
             profile=self._profile.finish(stream) if self._profile else None,
         )
+
+
+def _plotted(signals: Sequence[str], model: mujoco.MjModel | None) -> list[str]:
+    """Signals without those of the gimbal, which stay zero, where the motor is fixed."""
+    if model is None or gimballed(model):
+        return list(signals)
+    return [s for s in signals if not s.startswith("gimbal/") and s != "control/error"]

@@ -50,6 +50,7 @@ def write_paths(out: Path, paths: Sequence[FlownPath], about: str) -> Path:
         text = rrb.TextDocumentView(origin="/about", name="Campaign")
         look = rrb.Blueprint(rrb.Horizontal(view, text, column_shares=[4, 1]))
         stream.save(partial, default_blueprint=look)
+        stream.send_recording_name(out.stem)
         stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for path in paths:
             lit = path.colour is not None

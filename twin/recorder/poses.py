@@ -65,7 +65,8 @@ class Poses:
         self.fixed = [b for b in visible if not b.moves]
         self.moving = [b for b in visible if b.moves]
         names = [b.name for b in self.moving]
-        wanted = (VEHICLE, next((name for name in GIMBAL if name in names), ""))
+        near = GIMBAL if gimballed(model) else ()
+        wanted = (VEHICLE, next((name for name in near if name in names), ""))
         self.focus = {
             k: _focus(model, visible, b) for k, b in enumerate(self.moving) if b.name in wanted
         }
@@ -225,6 +226,11 @@ class Poses:
             self._path[: PATH_POINTS // 2] = self._path[::2].copy()
             self._path_n //= 2
             self._path_every *= 2
+
+
+def gimballed(model: mujoco.MjModel) -> bool:
+    """Whether the motor of a model can turn."""
+    return bool(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{GIMBAL_PREFIX}x") >= 0)
 
 
 def _focus(model: mujoco.MjModel, bodies: list[BodyMesh], body: BodyMesh) -> Focus:

@@ -12,15 +12,20 @@ from numpy.typing import NDArray
 from analysis import schema
 from analysis.recording import rrd
 from twin.recorder import blueprint, columns, lifetime
-from twin.recorder.checks import RecorderError, checked, claimed, json_text, refuse_taken
-from twin.recorder.display import GAP_NS
-from twin.recorder.ghost import Ghost
+from twin.recorder.checks import (
+    RecorderError,
+    checked,
+    claimed,
+    json_text,
+    refuse_taken,
+    title,
+)
+from twin.recorder.held import THRUST, in_force, since_1970
 from twin.recorder.look import Look
 from twin.recorder.poses import Poses
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
 from twin.viewer.process import LOOPBACK
 
-THRUST = "vehicle/thrust"
 FLUSH_SECONDS = 60.0  # a slow disk needs a few; without it Rerun waits for ever
 
 
@@ -81,7 +86,7 @@ class Recorder(Sink):
         self._reached = 0
         self._open = True
         self._failed = ""
-        self._stream = self._start(text, serve)
+        self._stream = self._start(text, serve, title(properties))
 
     def _layout(self, capacity: int, drain_ns: int) -> None:
         width = sum(len(s.components) for s in self._signals)
@@ -96,7 +101,7 @@ class Recorder(Sink):
         self._due = drain_ns
         self.row: NDArray[np.float64] = np.full(width, np.nan)
 
-    def _start(self, text: str, serve: int | None) -> rr.RecordingStream:
+    def _start(self, text: str, serve: int | None, name: str) -> rr.RecordingStream:
         digest = hashlib.sha256(text.encode()).hexdigest()[:32]
         # Rerun's own properties have the time of day, by which equal runs would differ.
         stream = rr.RecordingStream(
@@ -112,6 +117,7 @@ class Recorder(Sink):
         except (RuntimeError, OSError, ValueError) as error:
             self._give_up()
             raise RecorderError(f"cannot record to {self.path}: {one_line(error)}") from None
+        stream.send_recording_name(name)
         stream.send_property(schema.PROPERTY, rr.AnyValues(schema=schema.SCHEMA, json=text))
         self._look.start(stream)
         if self._poses:
@@ -217,7 +223,7 @@ class Recorder(Sink):
         self._send_poses(time, wall)
         for entity, at, text, level in self._texts:
             stamps = np.array([at], dtype=np.int64)
-            when = columns.times(stamps, self._wall_at(stamps, time, wall))
+            when = columns.times(stamps, since_1970(stamps, time, wall, self._last_wall))
             self._stream.send_columns(entity, when, columns.texts([text], [level]))
             self._look.text(self._stream, when, (entity, at, text, level))
         self._texts.clear()
@@ -248,31 +254,11 @@ class Recorder(Sink):
         if not self._poses or not self._poses.times.size:
             return
         at = self._poses.times
-        held = self._held(at, time)
+        held = in_force(at, time, self._block, self.slices)
         thrust = held[THRUST][:, 0] if THRUST in held else np.zeros(len(at))
         angles = {name: held[name] for name in self._poses.ghost.signals if name in held}
-        self._poses.drain(self._stream, self._wall_at(at, time, wall), thrust, angles)
-
-    def _held(self, at: Stamps, time: Stamps) -> dict[str, NDArray[np.float64]]:
-        """Values in force at the given times (n, k) of thrust and gimbal angles; NaN in a gap."""
-        found = {}
-        for name in (THRUST, *Ghost.signals):
-            if name not in self.slices or not len(time):
-                continue
-            values = self._block[: len(time), self.slices[name]]
-            # rows of sensor frames have no vehicle signals, and those of ticks no measurement
-            rows = np.flatnonzero(np.isfinite(values).all(axis=1))
-            if rows.size:
-                row = rows[np.clip(np.searchsorted(time[rows], at, side="right") - 1, 0, None)]
-                there = (np.abs(time[row] - at) < GAP_NS)[:, None]
-                found[name] = np.where(there, values[row], 0.0 if name == THRUST else np.nan)
-        return found
-
-    def _wall_at(self, at: Stamps, time: Stamps, wall: Stamps) -> Stamps:
-        """Time since 1970 of the first rows from `at` on (k,); the last known one without rows."""
-        if not len(time):
-            return np.full(len(at), self._last_wall)
-        return wall[np.minimum(np.searchsorted(time, at), len(time) - 1)]
+        stamps = since_1970(at, time, wall, self._last_wall)
+        self._poses.drain(self._stream, stamps, thrust, angles)
 
     def close(self) -> None:
         """Write the rest and rename the file to `path`; a second call does nothing.

@@ -50,6 +50,7 @@ def write(paths: Sequence[Path], out: Path) -> None:
     stamps = [run[name].known().time_ns[[0, -1]] for run in runs.values() for name in _shown(run)]
     span = (int(np.min(stamps)), int(np.max(stamps))) if stamps else None
     lifetime.begin(stream, [rr.FileSink(out)], _layout(runs, span))
+    stream.send_recording_name(", ".join(runs))
     for label, run in runs.items():
         for name in _shown(run):
             series = run[name].known()

@@ -11,8 +11,12 @@ MOST = 200  # lines
 
 
 def events(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:  # noqa: ARG001
-    """Events and health in the order they came; nothing if nothing was noted."""
-    found = [(run.name, e) for run in runs for e in (*run.recording.events, *run.recording.health)]
+    """Events and health of each run by time; nothing if nothing was noted."""
+    found = [
+        (run.name, e)
+        for run in runs
+        for e in sorted((*run.recording.events, *run.recording.health), key=lambda e: e.time)
+    ]
     if not found:
         return None
     rows = [

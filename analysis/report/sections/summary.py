@@ -96,4 +96,5 @@ def _faults(runs: Sequence[Measurement]) -> Iterator[tuple[str, Grade]]:
 
 def _notes(numbers: ReportNumbers) -> Iterator[tuple[str, Grade]]:
     if numbers.notes:
-        yield f"{len(numbers.notes)} figures not determined or uncertain", "fair"
+        count = f"{len(numbers.notes)} figure{'s' if len(numbers.notes) > 1 else ''}"
+        yield f"{count} not determined or uncertain", "fair"

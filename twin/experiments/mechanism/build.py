@@ -12,6 +12,7 @@ from twin.config.paths import writable
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.mechanism.figures import REFERENCE
+from twin.physics.guard import approve, examine
 from twin.physics.mechanism.build import mjcf
 from twin.physics.mechanism.dimensions import Dimensions, read
 
@@ -87,12 +88,13 @@ def draw(config: Meshes) -> BuildResult:
     TwinError : a mechanism without the names that the parts are drawn around, or a file in the
         place of a part
     """
-    out = config.out or Path("runs") / "parts"
+    out, file = config.out or Path("runs") / "parts", config.mechanism or REFERENCE
+    if file.suffix.lower() != ".toml":
+        approve(examine([file]), file)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise TwinError(f"--out {out}: {error.strerror}") from None
-    file = config.mechanism or REFERENCE
     if file.suffix.lower() == ".toml":
         size = read(file)
         model = writable(out / f"{file.stem}.xml", ".xml", force=config.force)

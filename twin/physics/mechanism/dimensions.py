@@ -155,6 +155,8 @@ def read(path: Path) -> Dimensions:
     VehicleError : unreadable, or the key, its value and what would be right
     """
     content = tables_of(text_of(path, "mechanism"), str(path))
+    if not content:
+        raise VehicleError(f"{path}: is empty; must have at least one dimension, such as stroke")
     try:
         servo = table(Servo, content.pop("servo", {}), "servo")
         own = content.pop("stl", {})
