@@ -42,7 +42,9 @@ def physics() -> Iterator[Row]:
         config = Fly(gimbal=gimbal, programme="point", off_axis_deg=(20, 5), duration_s=LONGEST_S)
         with compiled():
             fly(config, recorded=False)
-            model = make_plant(config).model
+            plant = make_plant(config)
+            plant.advance(1)  # sets the integrator
+            model = plant.model
             batch = Batch(model, SIMS, 1)
             ticks = round(LONGEST_S / model.opt.timestep) // STEPS
 

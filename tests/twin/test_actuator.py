@@ -194,7 +194,7 @@ def test_angular_momentum_of_a_free_vehicle_in_vacuum_is_conserved_to_1e_6(integ
     assert momentum_drift(integrator, dt) < 1e-6
 
 
-def test_the_default_integrator_misses_that_by_its_first_order():
+def test_implicit_steps_miss_that_by_their_first_order():
     """implicitfast: 4.4e-5 N m s at 1 ms, in proportion to the step; 1e-6 would take 20 µs.
 
     Coriolis terms of the step's beginning act for all of it; MuJoCo's `implicit`, which has their

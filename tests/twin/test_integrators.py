@@ -288,4 +288,4 @@ def test_memory_over_commands_costs_a_flight_at_1_ms_no_accuracy(steered, name):
         for remember in (True, False)
     )
     assert kept < 1.1 * renewed
-    assert kept < 5e-3  # m; implicitfast, the default, errs 8 mm in 3 s (docs/convergence.md)
+    assert kept < 5e-3  # m; implicitfast errs 8 mm in 3 s (docs/convergence.md)

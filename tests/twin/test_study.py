@@ -90,6 +90,10 @@ def test_the_study_writes_a_page_with_the_figure_from_blue_to_green_and_red(tmp_
     assert "#d62728" in page
     assert result.as_dict()["converged"] == (result.chosen.error <= 0.1)
     assert "order" in result.text()
+    used = result.as_dict()["in_use"]
+    assert (used["integrator"], used["dt_s"], used["converged"]) == ("rk4", 0.004, True)
+    assert "converged with rk4 at 4 ms" in result.text()
+    assert "converged with rk4 at 4 ms" in page
 
 
 def test_shades_go_from_blue_to_green():

@@ -9,13 +9,14 @@ import mujoco
 
 from analysis.convergence import Flight, Study, distance, richardson, study
 from analysis.report import render
-from twin.config import Converge
+from twin.config import Converge, Fly
 from twin.config.paths import named, point_latest
 from twin.errors import TwinError
+from twin.experiments.assembly import make_plant
 from twin.experiments.convergence.budget import budget
 from twin.experiments.convergence.flights import JITTERED, flight, jittered, load_for
 from twin.experiments.convergence.page import sections
-from twin.experiments.convergence.result import ConvergenceResult, RealTime
+from twin.experiments.convergence.result import ConvergenceResult, InUse, RealTime
 from twin.plant.compiled import compiled
 
 REFERENCE = "rk4"
@@ -44,8 +45,9 @@ def converge(config: Converge) -> ConvergenceResult:
         chosen = next(r for r in real_time if r.budget.integrator == config.integrator)
         step = chosen.budget.step
         at_step = None if math.isnan(step) else fly(config.integrator, step)
+        in_use = _in_use(config, fly, studied)
     result = ConvergenceResult(
-        config.flight, studied, uneven, real_time, config.integrator, config.tolerance_m,
+        config.flight, studied, uneven, real_time, in_use, config.integrator, config.tolerance_m,
         str(out), time.perf_counter() - began,
     )  # fmt: skip
     render(sections(result, at_step), "Convergence study", out, result.as_dict())
@@ -78,6 +80,27 @@ def _jitter(config: Converge) -> Study | None:
         return None
     fly, steps = jittered(config), JITTERED_STEPS
     return study(fly, tuple(JITTERED), steps, richardson(fly, REFERENCE, min(steps)))
+
+
+def _in_use(config: Converge, fly: Flight, studied: Study) -> InUse:
+    flight = Fly(
+        gimbal=config.gimbal,
+        vehicle=config.vehicle,
+        mechanism=config.mechanism,
+        model=config.model,
+        set=tuple(config.overrides.items()),
+        control_hz=config.control_hz,
+    )
+    plant = make_plant(flight, config.motor, recorded=False)
+    name, step = plant.integrator, plant.dt_ns * 1e-9
+    try:
+        flown = fly(name, step)
+    except TwinError:  # no whole number of such steps in an interval
+        flown = None
+    error = math.nan
+    if flown is not None:
+        error = distance(flown, studied.reference.trajectory).position
+    return InUse(name, step, error)
 
 
 def _real_time(config: Converge, fly: Flight, studied: Study, name: str) -> RealTime:

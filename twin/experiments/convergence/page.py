@@ -35,6 +35,7 @@ def _verdict(result: ConvergenceResult) -> Section:
         "Is the solution accurate enough in real time?",
         (
             text,
+            f"Step of twin fly: {result.judged_in_use()}.",
             "Flight: " + _FLIGHTS[result.flight],
         ),
     )

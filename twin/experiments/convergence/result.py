@@ -25,6 +25,20 @@ class RealTime:
 
 
 @dataclass(frozen=True)
+class InUse:
+    """What `twin fly` takes unless told otherwise, flown here without its divisions of steps.
+
+    Attributes
+    ----------
+    error : of the position [m]; NaN where its step does not fit into the study's intervals
+    """
+
+    integrator: str
+    step: float
+    error: float
+
+
+@dataclass(frozen=True)
 class ConvergenceResult(Result):
     """Orders, errors, and whether the solution has converged at the step real time allows.
 
@@ -33,6 +47,7 @@ class ConvergenceResult(Result):
     study : of the flight asked for
     jitter : of steps of unequal length, with variable and with fixed coefficients
     real_time : by integrator
+    in_use : method and step of `twin fly`
     integrator : of the figure and of the verdict
     tolerance : position error that counts as converged [m]
     """
@@ -41,6 +56,7 @@ class ConvergenceResult(Result):
     study: Study
     jitter: Study | None
     real_time: tuple[RealTime, ...]
+    in_use: InUse
     integrator: str
     tolerance: float
     page: str
@@ -80,6 +96,12 @@ class ConvergenceResult(Result):
                 }
                 for r in self.real_time
             ],
+            "in_use": {
+                "integrator": self.in_use.integrator,
+                "dt_s": self.in_use.step,
+                "position_error_m": _number(self.in_use.error),
+                "converged": self.in_use.error <= self.tolerance,
+            },
             "integrator": self.integrator,
             "tolerance_m": self.tolerance,
             "converged": self.converged,
@@ -110,7 +132,17 @@ class ConvergenceResult(Result):
             finest = "none" if math.isnan(r.budget.step) else _ms(r.budget.step)
             cost = f"{r.budget.step_cost * 1e6:>9.1f} µs"
             rows.append((r.budget.integrator, f"{finest:>12}{error:>12}{cost}"))
-        return [*rows, ("", ""), ("verdict", self._verdict()), ("report", self.page)]
+        rows += [("", ""), ("verdict", self._verdict()), ("step of twin fly", self.judged_in_use())]
+        return [*rows, ("report", self.page)]
+
+    def judged_in_use(self) -> str:
+        """Verdict on the method and step of `twin fly`."""
+        used = self.in_use
+        name = f"{used.integrator} at {_ms(used.step)}"
+        if math.isnan(used.error):
+            return f"{name}: not flown, it does not fit into the intervals of this study"
+        verdict = "converged" if used.error <= self.tolerance else "NOT converged"
+        return f"{verdict} with {name}: {used.error:.1e} m, tolerance {self.tolerance:g} m"
 
     def _verdict(self) -> str:
         step = self.chosen.budget.step

@@ -38,9 +38,9 @@ class Fuel(NamedTuple):
 class Depletion:
     """Keeps the propellant of one model in step with its thrust curve.
 
-    Propellant goes with the impulse delivered. The plant calls `update` once per control tick
-    and every 4 ms of longer ones, since mass that leaves in between is milligrams, and for the
-    middle of every step of a vehicle without moving parts. A model without a motor is left alone.
+    Propellant goes with the impulse delivered. The plant calls `update` for the middle of every
+    Runge-Kutta step, with other methods once per control tick and every 4 ms of longer ones, since
+    mass that leaves in between is milligrams. A model without a motor is left alone.
     Weights that MuJoCo derives for its constraint solver (`body_invweight0`) keep their loaded
     values.
 

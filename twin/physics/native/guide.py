@@ -2,8 +2,8 @@
 
 With `ramp_stiffness` the rail is elastic; with 0 it is rigid: the forces are those that keep both
 lugs on the line under all that acts on the vehicle, by inverse dynamics of one rigid body, with a
-feedback whose corner follows the time step down to 1 ms. A rigid rail therefore limits no step, and
-its feedback only has to remove what the gimbal's own motion adds.
+feedback whose corner follows the time step down to 1 ms (4 ms under RK4). A rigid rail therefore
+limits no step, and its feedback only has to remove what the gimbal's own motion adds.
 """
 
 from typing import Final
