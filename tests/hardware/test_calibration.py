@@ -1,5 +1,6 @@
 """Switch events to maps: synthetic rigs with exact truth, and the emulated rig."""
 
+import re
 from dataclasses import replace
 from math import degrees, radians
 from types import SimpleNamespace
@@ -17,8 +18,8 @@ from hardware.calibration import (
     Procedure,
     nominal,
 )
-from hardware.calibration.axis import KA, KB, M1, M2, OA, OB
-from hardware.calibration.solve import _deviation, _maps, _mean, solve
+from hardware.calibration.axis import KA, KB, M1, M2, MINUS, OA, OB, PLUS, C, first_guess, tabulate
+from hardware.calibration.solve import _check_axis, _deviation, _maps, _mean, solve
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import SensorFrame
@@ -364,6 +365,41 @@ def test_unfinished_run_has_no_result():
 def test_implausible_switch_is_refused(spoil, words):
     with pytest.raises(CalibrationError, match=words):
         solve(spoil(_Rig(0).log()), RIG, 0)
+
+
+def test_switches_that_the_gyro_finds_too_far_apart_are_told_with_both_distances():
+    rig = _Rig(0)
+    rig.closing[0] += radians(3.0)
+    apart = degrees((rig.closing[0] - rig.closing[1]) * rig.gyro[0, 0])
+    with pytest.raises(CalibrationError) as caught:
+        solve(rig.log(), RIG, 0)
+    by = re.search(r"\+x and -x are (.*)° apart by the gyro, (.*)° by the", str(caught.value))
+    assert by is not None
+    assert float(by[1]) == pytest.approx(apart, abs=0.2)  # the bound on its scale, of 21°
+    assert by[2] == "18.0"
+
+
+@pytest.mark.parametrize(("place", "off", "says"), [(PLUS, 0.2, "+x"), (MINUS, -0.3, "-x")])
+def test_a_switch_that_closes_off_its_place_is_told_with_the_angle(place, off, says):
+    value = np.zeros(11)
+    value[M1], value[place] = 1.0, radians(off)
+    axis = SimpleNamespace(value=value, scatter=np.zeros(2 * len(RIG.offsets) * RIG.repeats * 2))
+    with pytest.raises(CalibrationError, match=re.escape(f"switch {says} closes {off:+.2f}°")):
+        _check_axis(0, axis, _Rig(0).log(), RIG)
+
+
+def test_the_first_guess_is_exact_where_all_is_straight():
+    """Pulses about the neutral ones, no hysteresis: M p − c is the switch's angle."""
+    rng, wanted = np.random.default_rng(0), np.array([760.0, 30.0, 0.02])
+    events = []
+    for k, other in enumerate(rng.uniform(-8e-5, 8e-5, 12)):
+        own = (RIG.switch_angle[k % 2] + wanted[2] - wanted[1] * other) / wanted[0]
+        pulses = (RIG.neutral[0] + own, RIG.neutral[1] + other)
+        reading = tuple(0.5 + g * RIG.switch_angle[k % 2] for g in (0.24, -0.23, 0, 0))
+        events.append(Event(k % 2, True, pulses, pulses, reading, 0.0, (0.0,) * 3))
+    guess = first_guess(tabulate(Log(events=events), RIG, 0))
+    assert guess[[M1, M2, C]] == pytest.approx(wanted, rel=1e-9)
+    assert guess[[OA, KA, OB, KB]] == pytest.approx([0.5, 0.24, 0.5, -0.23])
 
 
 class _Moving(_Rig):
