@@ -368,11 +368,13 @@ def test_implausible_switch_is_refused(spoil, words):
 
 
 def test_switches_that_the_gyro_finds_too_far_apart_are_told_with_both_distances():
-    rig = _Rig(0)
+    rig, x = _Rig(0), RIG.switch_angle[:2]
+    told = replace(RIG, switch_angle=(*x, 0.9 * x[0], 0.9 * x[1]))
+    rig.closing += np.array(told.switch_angle) - RIG.switch_angle
     rig.closing[0] += radians(3.0)
     apart = degrees((rig.closing[0] - rig.closing[1]) * rig.gyro[0, 0])
     with pytest.raises(CalibrationError) as caught:
-        solve(rig.log(), RIG, 0)
+        solve(rig.log(), told, 0)
     by = re.search(r"\+x and -x are (.*)° apart by the gyro, (.*)° by the", str(caught.value))
     assert by is not None
     assert float(by[1]) == pytest.approx(apart, abs=0.2)  # the bound on its scale, of 21°
