@@ -464,3 +464,14 @@ def test_gyro_map_inverts_scale_and_misalignment():
     reading = np.array(gyro.matrix) @ [1.5, -0.7] + gyro.bias[:2]
     np.testing.assert_allclose(gyro.rates((*reading, 0.3)), (1.5, -0.7), atol=1e-12)
     assert degrees(gyro.bias_sigma) == pytest.approx(20.0)
+
+
+def test_spread_of_the_designed_values_is_that_of_uniform_tolerances():
+    """Trim ±40 µs and assembly ±1.5° of the gimbal; travel ±4 %, linkage ±4 % each way."""
+    design = nominal()
+    gain = design.matrix[0][0]
+    zero = np.hypot(40e-6, radians(1.5) / gain) / np.sqrt(3)
+    own, across = gain * np.hypot(0.04, 0.04) / np.sqrt(3), gain * 0.04 / np.sqrt(3)
+    sigmas = np.sqrt(np.diag(design.covariance))
+    # stated with two digits
+    assert sigmas == pytest.approx([zero, zero, own, across, across, own], rel=0.03)
