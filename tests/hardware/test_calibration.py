@@ -19,6 +19,7 @@ from hardware.calibration import (
     nominal,
 )
 from hardware.calibration.axis import KA, KB, M1, M2, MINUS, OA, OB, PLUS, C, first_guess, tabulate
+from hardware.calibration.result import EXACT
 from hardware.calibration.solve import _check_axis, _deviation, _maps, _mean, solve
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
@@ -457,6 +458,15 @@ def test_map_sigma_is_zero_without_covariance_and_grows_with_angle():
     exact, loose = (replace(nominal(), potentiometers=(m,) * 4) for m in maps)
     assert exact.potentiometer_sigma(0, 0.1) == 0
     assert loose.potentiometer_sigma(0, 0.2) > loose.potentiometer_sigma(0, 0.0) > 0
+
+
+def test_deviation_and_linearisation_add_in_squares_to_the_map_of_the_pulses():
+    bent = replace(nominal().linearisation, sigma=0.003)
+    known = replace(nominal(), covariance=EXACT, deviation=(0.004, 0.0), linearisation=bent)
+    assert known.sigma((0.1, -0.05)) == pytest.approx((0.005, 0.003))
+    zero = replace(known, covariance=tuple(np.diag([4e-10, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    turned = 2e-5 * zero.matrix[0][0]  # 20 µs of zero
+    assert zero.sigma((0.0, 0.0)) == pytest.approx((np.hypot(0.005, turned), 0.003))
 
 
 def test_gyro_map_inverts_scale_and_misalignment():
