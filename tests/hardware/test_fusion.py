@@ -181,6 +181,9 @@ def test_a_supply_error_moves_both_potentiometers_of_an_axis_by_their_stated_cov
         # the variance of 20 000 scatters by 1 %
         assert given["covariance"][k] == pytest.approx(of_axis[0, 1], rel=0.05)
         assert of_axis[0, 1] < 0.0  # they turn in opposite senses
+        apart = np.array(fusion._electrical[2 * k : 2 * k + 2])  # noise of each by itself
+        stated = np.array(given["variance"][3 * k : 3 * k + 2])
+        np.testing.assert_allclose(stated - apart, np.diag(of_axis), rtol=0.05)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.15, -0.15])

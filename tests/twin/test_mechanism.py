@@ -294,25 +294,28 @@ def test_the_dead_band_reads_the_time_step_where_it_lies():
 
 
 @pytest.mark.usefixtures("native")
-def test_a_servo_with_a_dead_band_pulls_as_one_without_whose_error_is_that_much_smaller(shaft):
+@pytest.mark.parametrize(("k", "servo"), [(0, "servo_x"), (1, "servo_y")])
+def test_a_servo_with_a_dead_band_pulls_as_one_without_whose_error_is_that_much_smaller(
+    shaft, k, servo
+):
     model = shaft.compile()
     model.numeric("servo_slew").data[:] = 0
     model.numeric("servo_dead_band").data[:] = 0.02
     apply_servo(model)
     data = mujoco.MjData(model)
-    dof = model.joint("servo_x").dofadr[0]
+    dof = model.joint(servo).dofadr[0]
 
     def torque(angle, rate, command, half):
-        model.actuator_user[0, 0] = half
-        data.joint("servo_x").qpos, data.joint("servo_x").qvel = angle, rate
-        data.ctrl[0] = command
+        model.actuator_user[k, 0] = half
+        data.joint(servo).qpos, data.joint(servo).qvel = angle, rate
+        data.ctrl[k] = command
         mujoco.mj_forward(model, data)
-        return data.actuator_force[0] + data.qfrc_passive[dof]
+        return data.actuator_force[k] + data.qfrc_passive[dof]
 
     rng = np.random.default_rng(0)
     for _ in range(50):
-        angle, rate, command = rng.uniform([-0.3, -6, -0.3], [0.3, 6, 0.3])
-        error = command - angle
+        angle, rate, command = rng.uniform([-0.3, -6, -1], [0.3, 6, 1])
+        error = np.clip(command, *model.actuator_ctrlrange[k]) - angle
         seen = error - np.clip(error, -0.02, 0.02)
         assert torque(angle, rate, command, 0.02) == pytest.approx(
             torque(angle, rate, angle + seen, 0.0), abs=1e-12
