@@ -166,6 +166,16 @@ def test_the_explicit_first_order_follows_a_step_late_and_needs_half_the_step():
     assert coarse / fine == pytest.approx(4.0, rel=0.1)  # second order
 
 
+@pytest.mark.parametrize(("dt", "corner"), [(5e-4, 400.0), (1e-3, 200.0), (2e-3, 200.0)])
+def test_a_joint_off_the_output_comes_back_critically_damped(dt, corner):
+    """e (1 + w t) exp(-w t), w 0.2 of a step, with RK4 no lower than 200 /s."""
+    model, data = build(CLAMPED, REFERENCE, 0.0, dt)
+    data.joint("gimbal_x").qpos = 0.01
+    _, joints = fly(model, data, np.zeros((8, 2)), "rk4")
+    t = corner * dt * np.arange(8)
+    np.testing.assert_allclose(joints[:, 0], 0.01 * (1 + t) * np.exp(-t), rtol=2e-3)
+
+
 def test_semi_implicit_integrators_put_the_joint_exactly_on_the_output():
     outputs, joints = fly(*build(FREE), staircase(300))
     assert np.abs(joints - outputs).max() < 1e-12  # inverse dynamics leaves rounding only
