@@ -53,7 +53,7 @@ def test_the_gain_grows_with_the_authority_of_the_emptied_vehicle(loops):
     """By MuJoCo's joint-space inertia: the free joint's block holds mass, mass·lever, inertia."""
     model = load(ModelConfig()).mj
     ratios = []
-    for burnt_at in (0.0, 1e3):
+    for burnt_at in (0.0, 1e3):  # and the loops do not depend on what is burnt already
         Depletion(model).update(burnt_at)
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
@@ -65,6 +65,8 @@ def test_the_gain_grows_with_the_authority_of_the_emptied_vehicle(loops):
         # linear velocities are in the world, rotations in the body: compare magnitudes
         lever = np.linalg.norm(free[:3, 3]) / mass
         ratios.append(lever / (free[3, 3] - mass * lever**2))
+    for again, loop in zip(attitude_loops(model), loops, strict=True):
+        assert again.num == pytest.approx(loop.num, rel=1e-12)
     grown = np.polyval(loops[1].num, 1.0) / np.polyval(loops[0].num, 1.0)
     assert grown == pytest.approx(ratios[1] / ratios[0], rel=2e-3)
     assert grown == pytest.approx(1.39, abs=0.01)
@@ -99,3 +101,5 @@ def test_a_gain_is_wrong_from_where_the_closed_loop_has_an_unstable_pole(loops):
     assert not unstable(0.98 * margin)
     slow = TransferFunctionModel(((Channel((1.0,), (0.5, 1.0), 0.2),),), ("x",), ("x",))
     assert wrong_gain(slow, vehicle) is None  # unstable, but not for its gain
+    degrees = replace(slow.channel("x", "x"), num=(57.3,))
+    assert wrong_gain(TransferFunctionModel(((degrees,),), ("x",), ("x",)), vehicle) is not None

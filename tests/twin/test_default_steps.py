@@ -92,13 +92,17 @@ def test_the_default_step_conserves_the_momentum_of_a_free_vehicle_to_1e_6(gimba
     ("settings", "method", "step_ms"),
     [
         ({}, "rk4", 2.0),  # MuJoCo softens its rods where a step is longer
-        ({"set": (("gimbal_servo_resistance", 2.0),)}, "implicitfast", 1.0),  # damped at 2500 /s
+        ({"set": (("gimbal_servo_resistance", 2.0),)}, "rk4", 4 / 3),  # damped at 1350 /s
+        ({"set": (("gimbal_servo_resistance", 1.0),)}, "implicitfast", 1.0),  # at 2600 /s
         ({"control_hz": 1000.0}, "rk4", 1.0),
         ({"gimbal": "transfer-function"}, "rk4", 4.0),
         ({"gimbal": "transfer-function", "control_hz": 50.0}, "rk4", 4.0),
         ({"gimbal": "transfer-function", "integrator": "euler"}, "euler", 1.0),
         ({"gimbal": "transfer-function", "set": (("ramp_stiffness", 15000.0),)},
          "implicitfast", 1.0),
+        ({"gimbal": "transfer-function", "integrator": "rk4",
+          "set": (("ramp_stiffness", 15000.0),)}, "rk4", 1.0),
+        ({"gimbal": "transfer-function", "control_hz": 100.0}, "rk4", 10 / 3),
     ],
 )  # fmt: skip
 def test_each_seat_with_a_gimbal_has_its_method_and_step(

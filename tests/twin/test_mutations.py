@@ -11,8 +11,8 @@ import pytest
 from scipy.io import savemat
 
 from analysis.export.tables import write_csv
+from analysis.recording import Recording, TimeSeries, tables
 from analysis.recording import read as read_recording
-from analysis.recording import tables
 from analysis.schema import AnalysisError
 from analysis.transfer_function import TransferFunctionModel
 from hardware.calibration import read as read_calibration
@@ -104,8 +104,10 @@ def parquet_bytes(folder):
 
 
 def exported_bytes(folder):
-    runs.fly(folder / "whole.rrd", 0.2)
-    write_csv(read_recording(folder / "whole.rrd"), folder / "whole.csv")
+    time, turn = 0.004 * np.arange(30.0), np.linspace(0.0, 0.1, 60).reshape(30, 2)
+    names = "gimbal/command", "gimbal/measured"
+    signals = [TimeSeries(name, time, turn, "rad", ("x", "y")) for name in names]
+    write_csv(Recording({"command": "step"}, {s.name: s for s in signals}), folder / "whole.csv")
     return (folder / "whole.csv").read_bytes()
 
 

@@ -40,6 +40,7 @@ def test_a_terminal_shows_what_is_done_and_is_left_clean(quick, monkeypatch):
     assert not shown[-1].strip()
 
 
+@pytest.mark.realtime
 def test_a_log_has_a_line_of_long_work_only_and_ever_more_rarely(quick, monkeypatch):
     log = io.StringIO()
     monkeypatch.setattr("sys.stderr", log)

@@ -122,7 +122,7 @@ def flown(path, gimbal, **more):
     ("programme", "asked"),
     [
         *(pytest.param(p, {}, marks=pytest.mark.slow) for p in ("hold", "step", "doublet")),
-        ("doublet", {"at_s": 1.0, "duration_s": 7.0}),
+        ("doublet", {"at_s": 1.0, "duration_s": 9.0}),
     ],
 )
 def test_the_attitude_seen_is_the_vehicles_within_a_degree_and_the_loop_is_stable(

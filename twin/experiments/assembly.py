@@ -61,8 +61,10 @@ def make_plant(config: Run, motor: Path | None = None, *, recorded: bool = True)
         first = replace(model, dt=_whole(config, MOVING))  # its matrices belong to one step
     twin = load(first, lambda mj: _settle(config, mj), digested=recorded)
     integrator = config.integrator or ("rk4" if _divided(config, twin.mj) else "implicitfast")
-    if first is not model and integrator != "rk4":
-        twin = load(model, digested=recorded)
+    if first is not model:
+        dt = float(twin.mj.opt.timestep) if _divided(config, twin.mj) else None
+        if dt != first.dt:
+            twin = load(replace(model, dt=dt), digested=recorded)
     integrators.check_step(
         integrator, twin.mj.opt.timestep, ramp=on_elastic_rail(twin.mj), rods=twin.mj.neq > 0
     )
@@ -80,7 +82,7 @@ def _divided(config: Run, model: mujoco.MjModel) -> TypeGuard[Fly]:
     """Whether a run takes Runge-Kutta steps if nothing else is asked for, `twin.plant.smooth`."""
     if applies(model):
         return isinstance(config, Fly)
-    return _chooses(config) and longest_step(model) >= FINEST
+    return _chooses(config) and longest_step(model) >= max(FINEST, config.dt or 0.0)
 
 
 def _whole(config: Fly, longest: float) -> float:

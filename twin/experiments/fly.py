@@ -130,7 +130,7 @@ def _why(text: str, config: Fly, plant: Plant) -> str:
     """A divergence with its likely cause: a loop that is unstable, whatever the step of time."""
     if config.controller is not None:
         return f"{text}, unless the controller's gain is beyond the margin of its loop"
-    if config.gimbal not in MODELS:
+    if config.gimbal not in MODELS or plant.twin.gimbal == "fixed":
         return text
     cause = unstable(TransferFunctionModel.read(config.model or REFERENCE_GIMBAL), plant.model)
     if cause is None:

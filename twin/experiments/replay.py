@@ -25,7 +25,9 @@ from twin.experiments.fly import fly
 from twin.experiments.kept import Origin, origin, restored
 from twin.experiments.provenance import VERSIONS
 from twin.experiments.step import StepResult, step
+from twin.plant import integrators
 from twin.plant.compiled import compiled
+from twin.plant.plant import Plant
 
 RECORDED_ANGLES = "(the rig's recorded angles do not react to a difference, so it grows)"
 CLOCKED = "timing/"  # signals that the wall clock alone decides
@@ -228,15 +230,28 @@ def _check(old: Recording, recorded: Run, path: Path) -> None:
         )
     try:
         with compiled():
-            digest = make_plant(recorded, getattr(recorded, "motor", None)).twin.sha256
+            plant = make_plant(recorded, getattr(recorded, "motor", None))
     except TwinError as error:
         raise TwinError(f"{path} cannot be repeated unchanged: {error}") from None
+    digest = plant.twin.sha256
     if digest != old.properties.get("model_sha256"):
         raise TwinError(
             f"{path} was flown with a model that differs from that of its files (SHA-256"
             f" {str(old.properties.get('model_sha256'))[:12]}…, here {digest[:12]}…);"
-            " --force replays it nevertheless"
+            f" --force{_method(old, plant)} replays it nevertheless"
         )
+
+
+def _method(old: Recording, plant: Plant) -> str:
+    """Flags that ask for the method and step of a run, where a default has become another."""
+    method = old.properties.get("method")
+    method = method if isinstance(method, dict) else {}
+    name, step = method.get("integrator"), method.get("step_s")
+    if name not in integrators.NAMES or not isinstance(step, float):
+        return ""
+    if (name, step) == (plant.integrator, plant.dt_ns * 1e-9):
+        return ""
+    return f" --integrator {name} --dt {step:g}"
 
 
 def _changed(recorded: Run, config: Replay) -> Run:

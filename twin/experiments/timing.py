@@ -151,7 +151,7 @@ def _period(config: Run) -> float:
 def _flown(config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Trajectory:
     plant = make_plant(config, config.motor)
     if finer > 1:
-        plant = make_plant(replace(config, dt=plant.dt_ns * 1e-9 / finer), config.motor)
+        plant = make_plant(replace(config, dt=round(plant.dt_ns / finer) * 1e-9), config.motor)
     steps = steps_per_tick(config.control_hz, plant)
     tick_ns = steps * plant.dt_ns
     programme, _ = setpoint(config, plant.model)

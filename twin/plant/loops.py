@@ -28,8 +28,10 @@ def attitude_loops(model: mujoco.MjModel | None = None) -> tuple[Loop, ...]:
     """
     model = load(ModelConfig()).mj if model is None else copy.copy(model)
     config = control_config(model)
+    fuel = Depletion(model)
+    fuel.update(-np.inf)
     loaded = np.divide(*lever_and_inertia(model))
-    Depletion(model).update(np.inf)
+    fuel.update(np.inf)
     ratio = float(np.divide(*lever_and_inertia(model)) / loaded)
     return _loop("ignition", config, 1.0), _loop("burnout", config, ratio)
 
@@ -48,8 +50,9 @@ def wrong_gain(gimbal: TransferFunctionModel, model: mujoco.MjModel) -> str | No
     """What is wrong with the gain of an identified model, by the attitude loop of a vehicle.
 
     The loop is stable from its lower to its upper gain margin with a gimbal of gain 1; a model of
-    an axis outside of that is named. One whose loop is unstable for its delay or slowness alone is
-    not, unless it is mirrored.
+    an axis outside of that is named; gains of 1/1.5 to 1.5 are not judged. Where the loop is
+    unstable for the gimbal's delay or slowness alone, only a mirrored axis and a gain beyond a
+    factor of 10 are.
     """
     for name in gimbal.outputs:
         if name not in gimbal.inputs or (channel := gimbal.channel(name, name)).zero:
@@ -63,8 +66,11 @@ def wrong_gain(gimbal: TransferFunctionModel, model: mujoco.MjModel) -> str | No
         one = replace(channel, num=tuple(n / gain for n in channel.num))
         found = margins(attitude_loops(model), TransferFunctionModel(((one,),), (name,), (name,)))
         low, high = max(m.lower_gain for m in found), min(m.gain for m in found)
-        if all(m.stable for m in found) and not low < gain < high:
+        stable = all(m.stable for m in found)
+        if stable and not low < gain < high:
             return f"{text}; the attitude loop is stable for {low:.2g}° to {high:.2g}°"
+        if not stable and not 0.1 < gain < 10.0:  # degrees for radians, whatever the loop
+            return text
     return None
 
 

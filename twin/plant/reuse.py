@@ -46,10 +46,11 @@ def reused(config: ModelConfig) -> Built:
             built = build(config)
         if not built.traced:
             return built
-        kept = _models[key] = _Kept(built, shipped, files)
-        while len(_models) > MOST:
-            _models.popitem(last=False)
+        kept = _Kept(built, shipped, files)
+    _models[key] = kept  # again, since another thread may have put it out meanwhile
     _models.move_to_end(key)
+    while len(_models) > MOST:
+        _models.popitem(last=False)
     return replace(kept.built, mj=copy.copy(kept.built.mj))
 
 
@@ -78,6 +79,8 @@ def _real(file: Path | None) -> str:
 def _stamps(folder: str) -> Iterator[_Stamp]:
     with os.scandir(folder) as entries:
         for entry in entries:
+            if entry.name == "__pycache__":
+                continue
             if entry.is_dir():
                 yield from _stamps(entry.path)
             else:

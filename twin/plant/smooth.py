@@ -1,9 +1,9 @@
 """Runge–Kutta steps of a vehicle: whole ones, and parts of them where its forces change.
 
 Nothing in a vehicle without moving parts moves fast, so that a step may be as long as a control
-tick; a gimbal asks for shorter ones. Four things divide a step: a corner of the thrust curve, a lug
-that leaves the rail within centimetres, air that turns or slows the vehicle within a step, and a
-vehicle that spins.
+tick; a gimbal asks for shorter ones. Six things divide a step: a corner of the thrust curve, a lug
+that leaves the rail within centimetres, air that turns or slows the vehicle within a step, a
+vehicle that spins, backlash that is crossed, and an identified gimbal far from its command.
 """
 
 import math
@@ -79,7 +79,8 @@ def _servo_damping(model: mujoco.MjModel) -> Array:
             dof = model.jnt_dofadr[model.actuator_trnid[k, 0]]
             gain, bias = model.actuator_gainprm[k], -model.actuator_biasprm[k, 2]
             if model.actuator_gaintype[k] == mujoco.mjtGain.mjGAIN_DCMOTOR:
-                bias = gain[CONSTANT] ** 2 / gain[RESISTANCE] + gain[DAMPING]
+                # the feedback contains the back-EMF; a saturated winding has that alone
+                bias = max(gain[CONSTANT] ** 2 / gain[RESISTANCE], gain[DAMPING])
             damping[dof] += max(0.0, bias) * model.actuator_gear[k, 0] ** 2
     return damping
 

@@ -76,7 +76,7 @@ def all_components(title: str, members: Sequence[str], known: Known) -> rrb.Time
     styles: dict[str, style.Lines] = {}
     for m in members:
         styles[schema.SIGNALS[m].entity] = style.lines(m, first=len(styles))
-    if "/turntable/measured" not in known.ranges and PULSE in styles:
+    if known.ranges and "/turntable/measured" not in known.ranges and PULSE in styles:
         styles[PULSE] = style.without_last(styles[PULSE])
     name = title if unit == "1" else f"{title} [{unit}]"
     return _view(name, styles, _range(known, list(styles)))

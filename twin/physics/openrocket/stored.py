@@ -55,7 +55,7 @@ def stored(root: Element) -> Stored:
         mass=means.get("Motor mass", means.get("Propellant mass")),
         with_casing=casing and bool(means),
         centre_of_pressure=None if math.isnan(best[1]) else best[1],
-        outdated=not current,
+        outdated=not current and any(_flown(run) for run in every),
     )
 
 
