@@ -14,8 +14,8 @@ ROOMS: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
         tuple(f"twin/physics/aerodynamics/{n}.py" for n in ("revolve", "silhouette")),
         (f"{_T}aerodynamics.py",),
     ),
-    (("twin/physics/aerodynamics/fit.py",), (f"{_T}vehicle.py",)),
-    (("twin/physics/aerodynamics/stability.py",), (f"{_T}stability.py", f"{_T}vehicle.py")),
+    (("twin/physics/aerodynamics/fit.py",), _VEHICLE),
+    (("twin/physics/aerodynamics/stability.py",), (f"{_T}stability.py",)),
     (
         tuple(f"twin/physics/native/{n}.py" for n in ("forces", "rigid_body", "ramp", "recovery")),
         _CALLBACKS,

@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -14,6 +15,7 @@ from scipy.spatial import ConvexHull
 
 from tests.mjcf.barrowman import Fins
 from tests.twin.outlines import LARGE, REFERENCE, Outline
+from twin.physics.aerodynamics.fit import misfits
 from twin.physics.aerodynamics.silhouette import silhouette
 from twin.physics.vehicle import Vehicle, read
 from twin.physics.vehicle.barrowman import fin_term
@@ -428,3 +430,31 @@ def test_drag_of_a_published_rocket_is_near_its_published_curve() -> None:
     assert vehicle.drag.total == pytest.approx(0.381, rel=0.15)
     smooth = replace(vehicle.design, roughness=0.0, fins=(replace(fins, section="airfoil"),))
     assert Vehicle.of(smooth).drag.total < vehicle.drag.total
+
+
+@pytest.mark.parametrize(
+    ("index", "off", "told"),
+    [(0, -0.015, False), (0, -0.025, True), (-1, 0.015, False), (-1, 0.025, True)],
+)
+def test_strips_that_reach_over_an_end_by_2_percent_of_the_length_do_not_fit(
+    index: int, off: float, told: bool
+) -> None:
+    """A tube of 1 m and 100 mm, far from the origin: its planform is 0.1 m²."""
+    z = np.linspace(10.005, 10.995, 100)
+    z[index] = (10.0 if index == 0 else 11.0) + off
+    figures = {
+        "strip_z": z, "strip_area": np.full(100, 1e-3), "nose_slope": [2.0], "nose_z": [10.9],
+        "fin_slope": [0.0], "fin_z": [0.0],
+    }  # fmt: skip
+    numerics = "".join(
+        f'<numeric name="air_{k}" data="{" ".join(map(str, v))}"/>' for k, v in figures.items()
+    )
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><custom>{numerics}</custom><worldbody><body name="vehicle">
+        <geom type="cylinder" size="0.05 0.5" pos="0 0 10.5" contype="0"/>
+        <geom type="cylinder" size="0.02 0.1" pos="0 0 10.5" contype="0"/></body></worldbody>
+        </mujoco>"""
+    )
+    found = misfits(model)
+    assert bool(found) == told
+    assert all("air_strip_z reaches from" in line for line in found)
