@@ -12,6 +12,7 @@ from tests.benchmarks import margins
 from tests.benchmarks.stability import fly
 from tests.twin.outlines import REFERENCE
 from twin.physics import native
+from twin.physics.aerodynamics import stability
 from twin.physics.aerodynamics.stability import Stability
 from twin.physics.motor import Depletion
 
@@ -82,6 +83,16 @@ def test_centre_of_pressure_of_the_flying_forces_is_that_of_all_terms_by_hand(ti
         centre = station + turning / wanted
         assert station + moment / force == pytest.approx(centre, abs=5e-5)
         assert tool.centre_of_pressure(angle) == pytest.approx(centre, abs=5e-5)
+
+
+def test_margins_are_the_way_between_the_centres_in_diameters() -> None:
+    for margin, time in zip(stability.margins(reference()), (0.0, BURNOUT), strict=True):
+        model = reference()
+        Depletion(model).update(time)
+        _, _, station = flying(model, stability.ROOT)
+        wanted, turning = by_hand(stability.ROOT, station)
+        # 0.05 mm, as the centre of pressure
+        assert margin == pytest.approx(-turning / wanted / (2 * REFERENCE.radius), abs=1e-3)
 
 
 def test_loaded_vehicle_is_turned_away_beyond_2_5_degrees_and_the_empty_one_rights_itself() -> None:
