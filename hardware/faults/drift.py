@@ -105,7 +105,8 @@ class Drift:
         axis.common += dt
         by_gyro = abs(self._actuation.excess(k, angle - apart))
         excess = abs(self._actuation.excess(k, angle))
-        left = self._gravity.left(k, apart)
+        # A gyro at fault may have taken the accelerometer of its board along.
+        left = not self._tracks.out[GYRO] and self._gravity.left(k, apart)
         if self._tracks.out[PAIR + k] or excess > 2 * by_gyro or left:
             self._tracks.accuse(PAIR + k, 0.2, "deviating")
         elif self._tracks.out[GYRO] or by_gyro > 2 * excess or axis.common > UNDECIDED:
