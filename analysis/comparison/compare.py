@@ -79,7 +79,7 @@ class AxisComparison(Plain):
         its noise, and counts for nothing
     noise : of the reference's readings [rad]
     moved : root mean square of the larger of both motions around its mean [rad]
-    limit : fit that is asked for [%]
+    limit : smallest fit that a perfect model must be able to reach for the axis to count [%]
     """
 
     axis: str
@@ -122,7 +122,7 @@ class Comparison(Plain):
         for a in (a for a in self.axes if a.commanded):
             if math.isnan(a.as_is.fit):
                 found[a.axis] = "the reference stood still"
-            elif a.reachable < a.limit:
+            elif max(a.reachable, a.as_is.fit) < a.limit and a.as_is.rmse < 2.0 * a.noise:
                 moved, noise = (f"{math.degrees(v):.2g}°" for v in (a.moved, a.noise))
                 found[a.axis] = (
                     f"not moved enough to be judged: {moved} rms, with {noise} of noise"
@@ -158,7 +158,8 @@ def compare(
     still : axes that were not commanded
     noise : of the reference's readings where it is known [rad]; else by their second differences,
         or their step over √12
-    limit : fit that is asked for [%]; an axis counts if its noise lets a perfect model reach that
+    limit : fit that is asked for [%]; an axis counts if its noise lets a perfect model reach that,
+        or if it is off by more than twice that noise
 
     Raises
     ------

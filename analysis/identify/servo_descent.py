@@ -123,7 +123,8 @@ def descend(
 
     low, high = limits(problem, max_delay, structure)
     scale = scales(problem, structure)
-    start = np.clip(theta, low, high)
+    start = theta.copy()
+    start[free] = np.clip(theta, low, high)[free]  # others may be held beyond, as a lifted limit is
 
     def whole(x: Array) -> Array:
         full = start.copy()

@@ -96,7 +96,7 @@ def measurement_of_table(
         commands,
         angle=table.stack(columns.angle) if columns.angle else None,
         rate=table.stack(columns.rate) if columns.rate else None,
-        command_time=None if given is None else _unwrapped(given.column(columns.time)) * seconds,
+        command_time=_of_commands(given, table, columns.time, seconds),
         stamps=columns.stamps,
         before=columns.before,
         scale=scale,
@@ -152,9 +152,19 @@ def _check_seconds(source: str, name: str, stamps: Array) -> None:
     )
 
 
+def _of_commands(
+    given: tables.Table | None, table: tables.Table, name: str, seconds: float
+) -> Array | None:
+    """Stamps (n,) [s] of commands from a file of their own, on the clock of the readings."""
+    if given is None:
+        return None
+    apart = given.begins.get(name, 0.0) - table.begins.get(name, 0.0)
+    return _unwrapped(given.column(name)) * seconds + apart
+
+
 def _unwrapped(stamps: Array) -> Array:
     """Stamps (n,) of a counter of 32 bits through its overflows: `micros()` has one in 72 min."""
-    over = np.diff(stamps, prepend=stamps[:1]) < -(2.0**31)
+    over = (np.diff(stamps, prepend=stamps[:1]) < -0.99 * 2.0**32) & (stamps < 2.0**32)
     return stamps + 2.0**32 * np.cumsum(over) if over.any() else stamps
 
 

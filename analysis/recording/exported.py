@@ -32,7 +32,7 @@ LARGEST_FILE = 200_000_000  # bytes
 SECONDS, MEGABYTES = 20.0, 800  # of the process that reads
 HEADER = 1 << 16  # bytes that hold the first line of a CSV file
 FOOTER = 1 << 24  # bytes of a Parquet file's footer
-_COLUMN = re.compile(r"(?P<signal>.+)\.(?P<component>\w+) \[(?P<unit>.+)\]")
+_COLUMN = re.compile(r"(?P<signal>[^.\[\]]+)\.(?P<component>\w+) \[(?P<unit>[^\[\]]+)\]")
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,12 +44,14 @@ class Table:
     source : the file's name
     unusable : name → what is wrong with a column of text or infinities
     note : what of the file was left out, in one line; "" where nothing was
+    begins : of columns of dates, the first [s since 1970]
     """
 
     columns: Mapping[str, Array]
     source: str
     unusable: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
+    begins: Mapping[str, float] = field(default_factory=dict)
 
     def column(self, name: str) -> Array:
         """One column (n,).
@@ -193,7 +195,7 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
                 if numbers[k] == math.inf and math.isfinite(seconds := _instant(row[k])):
                     numbers[k] = seconds
                     dates[name] += 1
-            if not values and not note and len(names) > 1 and set(numbers) == {math.inf}:
+            if not values and not note and len(names) > 1 and not any(map(math.isfinite, numbers)):
                 note = f"row {reader.line_num} ({', '.join(row)}) has no number and was left out"
                 continue
         values.append(numbers)
@@ -209,12 +211,16 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     if not values:
         raise AnalysisError(f"{path}: a header but no rows")
     table = np.array(values)
-    for name, count in dates.items():
+    begins: dict[str, float] = {}
+    for name in (n for n in dates if n not in unusable):
         stamps = table[:, names.index(name)]
-        if count < len(stamps) and name not in unusable:
+        given = np.isfinite(stamps)
+        if dates[name] < given.sum():
             unusable[name] = f"{path}: column '{name}' holds dates and numbers"
-        stamps -= stamps[0]
-    return _frozen(path, {name: table[:, i] for i, name in enumerate(names)}, unusable, note)
+        begins[name] = float(stamps[given][0])
+        stamps -= begins[name]
+    columns = {name: table[:, i] for i, name in enumerate(names)}
+    return _frozen(path, columns, unusable, note, begins)
 
 
 def _check_names(path: Path, names: Sequence[str]) -> None:
@@ -281,8 +287,12 @@ def _read_mat(path: Path) -> Table:
 
 
 def _frozen(
-    path: Path, columns: dict[str, Array], unusable: dict[str, str], note: str = ""
+    path: Path,
+    columns: dict[str, Array],
+    unusable: dict[str, str],
+    note: str = "",
+    begins: Mapping[str, float] = MappingProxyType({}),
 ) -> Table:
     for values in columns.values():
         values.setflags(write=False)
-    return Table(MappingProxyType(columns), path.name, MappingProxyType(unusable), note)
+    return Table(MappingProxyType(columns), path.name, MappingProxyType(unusable), note, begins)

@@ -86,6 +86,7 @@ class Actuation:
             self.driven = True
             for k, servo in enumerate(self.axes):
                 servo.begin(command[k], angle[k], self.tolerance[k])
+                servo.carried = carried[k]
             for k in (0, 1):
                 self._anchor(self.before[k], k, angle)
         else:

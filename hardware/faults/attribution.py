@@ -1,16 +1,12 @@
 """Whether an axis that leaves its command shows a fault of its servo, or of its potentiometers."""
 
-from math import cos, radians
+from math import cos
 
 from hardware.faults.actuation import MISREAD, Actuation
 from hardware.faults.evidence import Prediction, Reading
 from hardware.faults.gravity import Gravity
 from hardware.faults.states import GYRO, PAIR, SERVO, UNNAMED
 from hardware.faults.tracks import Tracks
-
-# By which potentiometers that drift have left gravity, beyond what motion does: two waves of 0.05°
-# of their tracks, and 3.5 σ of the accelerometer's average.
-SHIFTED = radians(0.15)
 
 
 class Attribution:
@@ -47,6 +43,4 @@ class Attribution:
         """
         if kind != UNNAMED and not kind.startswith("offset"):
             return False
-        shift = 0.5 * (self._gravity.departed(2 * k) + self._gravity.departed(2 * k + 1))
-        offset = p.angle[k] - self._actuation.axes[k].model
-        return shift * offset > 0 and abs(shift) > SHIFTED + self._gravity.uncertain(k)
+        return self._gravity.left(k, p.angle[k] - self._actuation.axes[k].model)

@@ -1,10 +1,10 @@
 """Slowly: each potentiometer against an angle dead-reckoned from the gyro, and what that shows.
 
-Two that agree against the third name it; between both potentiometers and the gyro, the servo's
-command decides.
+Two that agree against the third name it; between both potentiometers and the gyro, gravity and the
+servo's command decide.
 """
 
-from math import cos, radians
+from math import cos, hypot, radians
 
 from hardware.faults.actuation import Actuation
 from hardware.faults.axis import DRIFT, FADING, LAG, LEAK, MOSTLY, SMOOTHING
@@ -94,7 +94,7 @@ class Drift:
                 axis.common = max(0.0, axis.common - r.dt)
 
     def _part(self, k: int, angle: float, apart: float, dt: float) -> None:
-        """Name gyro or both potentiometers of an axis: whichever the servo's command contradicts.
+        """Name gyro or both potentiometers of an axis, whichever gravity or command contradicts.
 
         Parameters
         ----------
@@ -105,7 +105,8 @@ class Drift:
         axis.common += dt
         by_gyro = abs(self._actuation.excess(k, angle - apart))
         excess = abs(self._actuation.excess(k, angle))
-        if self._tracks.out[PAIR + k] or excess > 2 * by_gyro:
+        left = self._gravity.left(k, apart)
+        if self._tracks.out[PAIR + k] or excess > 2 * by_gyro or left:
             self._tracks.accuse(PAIR + k, 0.2, "deviating")
         elif self._tracks.out[GYRO] or by_gyro > 2 * excess or axis.common > UNDECIDED:
             self._tracks.accuse(GYRO, 0.2, "bias")
@@ -115,8 +116,8 @@ class Drift:
     ) -> None:
         """Name the one further off; if the maps are too uncertain, doubt the axis."""
         u, v = (abs(self._gravity.departed(2 * index + n)) for n in (0, 1))
-        left = max(u, v) - self._gravity.uncertain(index)
-        if separable and left > DEPARTED:  # slow, and the estimate has followed half of it
+        left = max(u, v) > hypot(DEPARTED, self._gravity.uncertain(index))
+        if separable and left:  # slow, and the estimate has followed half of it
             a, b = u, v
         if not separable:
             self._doubt(index, dt)

@@ -127,7 +127,7 @@ class Monitor:
         x, y = (filled(Axis, {**later, **values}) for values in memory["axes"])
         if [track.index for track in tracks] != list(range(len(SENSORS))):
             raise ValueError("tracks of other sensors")
-        gravity = filled(Gravity, memory["gravity"]) if "rate" in memory["gravity"] else Gravity()
+        gravity = filled(Gravity, memory["gravity"]) if "fit" in memory["gravity"] else Gravity()
         self.actuation.restore(memory["actuation"])
         self._assemble(gravity)
         self._tracks.tracks, self._tracks.axes = tracks, (x, y)
@@ -165,7 +165,7 @@ class Monitor:
         self._frozen(reading, prediction)
         self.actuation.advance(reading.command, prediction.angle, dt, reading.carried, reading.turn)
         if reading.fresh:
-            self._gravity.update(reading, prediction.rate)
+            self._gravity.update(reading, prediction.rate, healthy=tracks.healthy)
         self._drift.dead_reckon(reading, prediction, rest, use)
         if self._drift.running > SETTLING:
             self._drift.compare(reading, prediction)

@@ -190,5 +190,18 @@ def test_too_few_readings_of_an_axis_are_refused(time, values, said):
         compare(motion(values, time), motion(wave(T)))
 
 
+@pytest.mark.parametrize("limit", [60.0, 90.0, 95.0])
+def test_a_wrong_axis_counts_whatever_is_asked_and_one_within_its_noise_does_not(limit):
+    """0.6° rms with 0.05° of noise: a mirrored model of it is no matter of noise."""
+    rng = np.random.default_rng(8)
+    y, noise = math.radians(0.6) * wave(T) / wave(T).std(), math.radians(0.05)
+    seen = y + rng.normal(0.0, noise, T.size)
+    mirrored = compare(motion(seen), motion(-y), noise={"x": noise}, limit=limit)
+    assert mirrored.fit < 0.0
+    whole = compare(motion(seen), motion(y), noise={"x": noise}, limit=limit)
+    assert ("x" in whole.uncounted) == (whole.axes[0].reachable < limit)
+    assert whole.axes[0].reachable == pytest.approx(100 * (1 - 0.05 / 0.6), abs=0.3)
+
+
 def test_the_numbers_are_json():
     json.dumps(compare(motion(wave(T)), motion(wave(T - 0.01))).to_dict(), allow_nan=False)

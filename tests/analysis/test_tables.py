@@ -117,6 +117,7 @@ def test_what_is_no_table_is_refused_in_one_line(tmp_path, text, said):
         "sep=;\r\nt;u °\r\n0,00;1,5\r\n0,25;-2\r\n".encode("cp1252"),
         "t\tu °\r\n0,00\t1,5\r\n0,25\t-2\r\n".encode("utf-16"),
         "t,u °\ns,deg\n0,1.5\n0.25,-2\n".encode(),
+        "t,u °,state\ns,deg,\n0,1.5,1\n0.25,-2,1\n".encode(),
         "t,u °\n2026-05-01T23:59:59.75Z,1.5\n2026-05-02 00:00:00+00:00,-2\n".encode(),
         "t,u °\n23:59:59.5,1.5\n23:59:59.75,-2\n".encode(),
     ],
@@ -124,7 +125,7 @@ def test_what_is_no_table_is_refused_in_one_line(tmp_path, text, said):
 def test_encodings_separators_unit_rows_and_dates_of_other_programs(tmp_path, content):
     found = table(tmp_path, content)
     assert found.stack(["t", "u °"]).tolist() == [[0, 1.5], [0.25, -2]]
-    assert ("row 2 (s, deg) has no number" in found.note) is (b"s,deg" in content)
+    assert ("row 2 (s, deg" in found.note) is (b"s,deg" in content)
 
 
 def test_marks_of_missing_readings_are_empty_fields(tmp_path):
@@ -138,6 +139,27 @@ def test_a_counter_of_32_bits_goes_on_behind_its_overflow(tmp_path):
     text = "t,u,pot\n" + "".join(f"{t},{k},{k}\n" for k, t in enumerate(stamps))
     run = chosen(table(tmp_path, text), time_scale=1e-6)
     np.testing.assert_allclose(np.diff(run.angles.time), 0.01, rtol=1e-9)
+
+
+def test_dates_of_commands_and_readings_are_on_one_clock(tmp_path):
+    commands = tmp_path / "commands.csv"
+    commands.write_text("t,u\n2026-05-01 10:00:00.95,0\n2026-05-01 10:00:01.00,5\n")
+    rows = "".join(f"2026-05-01 10:00:0{k / 4:.2f},0.1\n" for k in range(8))
+    run = chosen(table(tmp_path, "t,pot\n" + rows), commands=commands, before=(0.0,))
+    np.testing.assert_allclose(run.command.time[-2:], [0.95, 1.0], atol=1e-6)
+
+
+def test_a_date_may_be_missing_and_one_behind_text_is_no_stamp(tmp_path):
+    found = table(tmp_path, "t,u,s\n2026-05-01,1,on\n,2,2026-05-01\n2026-05-02,3,off\n")
+    np.testing.assert_array_equal(found.column("t"), [0.0, np.nan, 86400.0])
+    with pytest.raises(AnalysisError, match="row 2, column 's': 'on' is not a number"):
+        found.column("s")
+
+
+def test_a_board_that_began_anew_is_no_overflow(tmp_path):
+    text = "t,u,pot\n2520000000,0,0\n2520010000,0,0\n0,1,1\n10000,1,1\n"
+    with pytest.raises(RecordingError, match=r"stamps must increase \(1 do not\)"):
+        chosen(table(tmp_path, text), time_scale=1e-6)
 
 
 def test_a_column_of_text_troubles_only_who_asks_for_it(tmp_path):

@@ -237,6 +237,7 @@ def test_a_command_that_times_out_is_not_a_fault_and_the_model_is_stored_whole()
     ("fault", "name", "within"),
     [
         ("potentiometers_x:drift:0.6", "potentiometers_x deviating", 3.3),  # s: 2° off
+        ("potentiometers_x:drift:2", "potentiometers_x deviating", 1.0),
         ("supply:droop:0.01", "supply sag", 0.5),
     ],
 )

@@ -1,5 +1,6 @@
 """Switch events to maps: synthetic rigs with exact truth, and the emulated rig."""
 
+import re
 from dataclasses import replace
 from math import degrees, radians
 from types import SimpleNamespace
@@ -17,8 +18,8 @@ from hardware.calibration import (
     Procedure,
     nominal,
 )
-from hardware.calibration.axis import KA, KB, M1, M2, OA, OB
-from hardware.calibration.solve import _deviation, _maps, _mean, solve
+from hardware.calibration.axis import KA, KB, M1, M2, MINUS, OA, OB, PLUS, C, first_guess, tabulate
+from hardware.calibration.solve import _check_axis, _deviation, _maps, _mean, solve
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import SensorFrame
@@ -366,6 +367,43 @@ def test_implausible_switch_is_refused(spoil, words):
         solve(spoil(_Rig(0).log()), RIG, 0)
 
 
+def test_switches_that_the_gyro_finds_too_far_apart_are_told_with_both_distances():
+    rig, x = _Rig(0), RIG.switch_angle[:2]
+    told = replace(RIG, switch_angle=(*x, 0.9 * x[0], 0.9 * x[1]))
+    rig.closing += np.array(told.switch_angle) - RIG.switch_angle
+    rig.closing[0] += radians(3.0)
+    apart = degrees((rig.closing[0] - rig.closing[1]) * rig.gyro[0, 0])
+    with pytest.raises(CalibrationError) as caught:
+        solve(rig.log(), told, 0)
+    by = re.search(r"\+x and -x are (.*)° apart by the gyro, (.*)° by the", str(caught.value))
+    assert by is not None
+    assert float(by[1]) == pytest.approx(apart, abs=0.2)  # the bound on its scale, of 21°
+    assert by[2] == "18.0"
+
+
+@pytest.mark.parametrize(("place", "off", "says"), [(PLUS, 0.2, "+x"), (MINUS, -0.3, "-x")])
+def test_a_switch_that_closes_off_its_place_is_told_with_the_angle(place, off, says):
+    value = np.zeros(11)
+    value[M1], value[place] = 1.0, radians(off)
+    axis = SimpleNamespace(value=value, scatter=np.zeros(2 * len(RIG.offsets) * RIG.repeats * 2))
+    with pytest.raises(CalibrationError, match=re.escape(f"switch {says} closes {off:+.2f}°")):
+        _check_axis(0, axis, _Rig(0).log(), RIG)
+
+
+def test_the_first_guess_is_exact_where_all_is_straight():
+    """Pulses about the neutral ones, no hysteresis: M p − c is the switch's angle."""
+    rng, wanted = np.random.default_rng(0), np.array([760.0, 30.0, 0.02])
+    events = []
+    for k, other in enumerate(rng.uniform(-8e-5, 8e-5, 12)):
+        own = (RIG.switch_angle[k % 2] + wanted[2] - wanted[1] * other) / wanted[0]
+        pulses = (RIG.neutral[0] + own, RIG.neutral[1] + other)
+        reading = tuple(0.5 + g * RIG.switch_angle[k % 2] for g in (0.24, -0.23, 0, 0))
+        events.append(Event(k % 2, True, pulses, pulses, reading, 0.0, (0.0,) * 3))
+    guess = first_guess(tabulate(Log(events=events), RIG, 0))
+    assert guess[[M1, M2, C]] == pytest.approx(wanted, rel=1e-9)
+    assert guess[[OA, KA, OB, KB]] == pytest.approx([0.5, 0.24, 0.5, -0.23])
+
+
 class _Moving(_Rig):
     """Switch -x sits loose in its holder: its angle differs at every approach."""
 
@@ -426,3 +464,14 @@ def test_gyro_map_inverts_scale_and_misalignment():
     reading = np.array(gyro.matrix) @ [1.5, -0.7] + gyro.bias[:2]
     np.testing.assert_allclose(gyro.rates((*reading, 0.3)), (1.5, -0.7), atol=1e-12)
     assert degrees(gyro.bias_sigma) == pytest.approx(20.0)
+
+
+def test_spread_of_the_designed_values_is_that_of_uniform_tolerances():
+    """Trim ±40 µs and assembly ±1.5° of the gimbal; travel ±4 %, linkage ±4 % each way."""
+    design = nominal()
+    gain = design.matrix[0][0]
+    zero = np.hypot(40e-6, radians(1.5) / gain) / np.sqrt(3)
+    own, across = gain * np.hypot(0.04, 0.04) / np.sqrt(3), gain * 0.04 / np.sqrt(3)
+    sigmas = np.sqrt(np.diag(design.covariance))
+    # stated with two digits
+    assert sigmas == pytest.approx([zero, zero, own, across, across, own], rel=0.03)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hardware.faults import Reading
-from hardware.faults.attribution import SHIFTED
 from hardware.faults.gravity import Gravity
 
 G, DT = 9.80665, 2e-3
@@ -52,9 +51,11 @@ def test_motion_beside_gravity_stays_within_its_bound_and_a_drift_leaves_it(seed
         pots = (x + drift, x + drift, y, y)
         force = felt((x, y), rate[k], bend[k])
         reading = Reading(DT, still, pots, still, (0.0,) * 3, (0.0, 0.0), force=force)
-        gravity.update(reading, rate[k])
+        gravity.update(reading, rate[k], healthy=True)
         if k * DT < 12.0:
             excess += [abs(gravity.departed(2 * i)) - gravity.uncertain(i) for i in (0, 1)]
-    assert max(excess) < radians(0.05)  # sines and cosines of 8° are 1 % off a straight line
-    assert gravity.departed(0) > SHIFTED + gravity.uncertain(0)  # 4 s of 1 °/s
-    assert abs(gravity.departed(2)) < SHIFTED + gravity.uncertain(1)
+    assert max(excess) < radians(0.08)  # sines and cosines of 8° are 1 % off a straight line
+    product, square = gravity.fit
+    assert product / square * G == pytest.approx(LEVER, abs=4e-3)  # m; 1.5 mm of it the scale
+    assert gravity.left(0, 1.0)  # 4 s of 1 °/s
+    assert not any(gravity.left(k, sense) for k, sense in ((0, -1.0), (1, 1.0), (1, -1.0)))

@@ -15,7 +15,7 @@ from tests.mutation.breakages import PLANTED
 from tests.mutation.generated import mutants
 from tests.mutation.rooms import ROOMS
 from tests.mutation.runner import Mutant, Verdict, Workers, verdicts
-from tests.mutation.survivors import REASONS
+from tests.mutation.survivors import reason
 
 LEAST = 0.95  # of all mutants
 
@@ -33,8 +33,8 @@ def report(found: Sequence[Verdict], seconds: float) -> bool:
     """Print survivors and score; return whether it suffices."""
     for v in found:
         if v.outcome != "killed":
-            reason = REASONS.get(v.mutant.name, "")
-            print(f"{v.outcome}: {v.mutant.name}{f' ({reason})' if reason else ''}")
+            why = reason(v.mutant)
+            print(f"{v.outcome}: {v.mutant.name}{f' ({why})' if why else ''}")
     count = Counter(v.outcome for v in found)
     killed, late = count["killed"], count["timed out"]
     share = killed / max(len(found), 1)

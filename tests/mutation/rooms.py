@@ -3,7 +3,7 @@
 _T, _H = "tests/twin/test_", "tests/hardware/test_"
 
 _CALLBACKS = (f"{_T}native.py", f"{_T}air.py", f"{_T}launch.py", f"{_T}one_axis.py")
-_VEHICLE = (f"{_T}vehicle_shape.py", f"{_T}vehicle.py")
+_VEHICLE = (f"{_T}vehicle_shape.py",)
 
 ROOMS: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
     (

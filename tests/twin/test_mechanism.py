@@ -19,6 +19,7 @@ from twin.physics.mechanism import (
     insert_backlash,
     mobility,
 )
+from twin.physics.mechanism.kinematics import Workspace
 from twin.physics.native.layout import address
 from twin.physics.native.servo import dead_bands
 
@@ -157,6 +158,14 @@ def test_the_workspace_reaches_both_stops_with_the_servos_short_of_their_range(l
     assert np.abs(commanded).max() < model.actuator_ctrlrange[0, 1]
     # horn 8 mm on an arm of 20.5 mm: the ratio at home is near 8/20.5, the rods' lean adds 4 %
     assert_allclose(np.diag(space.ratio[2, 2]), 8 / 20.5, rtol=0.05)
+
+
+def test_the_line_about_a_workspace_names_its_extremes():
+    servo, ratio = np.radians([[[[-21.5, 3.0], [4.0, 17.3]]]])[0], np.zeros((1, 2, 2, 2))
+    ratio[0, :, 0, 0], ratio[0, :, 1, 1] = (0.31, 0.52), (-0.47, -0.93)
+    assert Workspace(np.zeros_like(servo), servo, ratio).text == (
+        "servos at -21.5° to 17.3° for all of it, 0.31 to 0.93° of gimbal per degree of servo"
+    )
 
 
 def test_a_direct_drive_passes_angles_through():

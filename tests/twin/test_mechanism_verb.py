@@ -87,6 +87,33 @@ def test_the_torque_of_a_direct_drive_is_mass_times_distance_times_load():
     assert got.stall == pytest.approx((0.36 * 4.8 / 8, 0.36 * 4.8 / 8))
 
 
+def test_how_the_rings_own_frame_is_turned_does_not_change_the_torque():
+    """A point mass m on an arm r below the pivot, ring drawn on its side: m g r."""
+    turned = """
+    <mujoco>
+      <compiler angle="radian" autolimits="true"/>
+      <worldbody>
+        <body>
+          <body quat="1 0 1 0">
+            <joint name="x" axis="0 0 1" range="-1e-3 1e-3"/>
+            <inertial pos="0 0 0" mass="0.1" diaginertia="1e-6 1e-6 1e-6"/>
+            <body quat="1 0 -1 0">
+              <joint name="y" axis="0 1 0" range="-1e-3 1e-3"/>
+              <inertial pos="0 0 -0.05" mass="0.1" diaginertia="1e-6 1e-6 1e-6"/>
+            </body>
+          </body>
+        </body>
+      </worldbody>
+      <actuator>
+        <position name="servo_x" joint="x" forcerange="-0.3 0.2"/>
+        <position name="servo_y" joint="y"/>
+      </actuator>
+    </mujoco>"""
+    got = holding(mujoco.MjModel.from_xml_string(turned), 2.0, n=3)
+    assert got.needed == pytest.approx((0.1 * 2.0 * G * 0.05,) * 2, rel=1e-5)
+    assert got.stall == (0.2, math.inf)
+
+
 def test_figures_of_a_direct_drive_are_trivial_and_its_check_passes():
     result = mechanism(Mechanism("check", DIRECT))
     assert result.gain == pytest.approx((1.0, 1.0))

@@ -269,6 +269,7 @@ def test_inertia_of_the_remaining_grain_by_quadrature(burn: str, burnt: float) -
         low, high = -grain.length / 2, grain.length / 2
         bore = grain.radius * np.sqrt(1 - (1 - 0.35**2) * (1 - burnt))
     density = mass / (np.pi * (grain.radius**2 - bore**2) * (high - low))
+    assert density == pytest.approx(1700)  # kg/m³, of composite propellant
     polar = quad(lambda r: 2 * np.pi * r**3, bore, grain.radius)[0] * (high - low) * density
     assert axial == pytest.approx(polar)
     area = np.pi * (grain.radius**2 - bore**2)
@@ -344,7 +345,10 @@ def test_inertia_in_the_mass_matrix_is_that_of_the_cylinder_that_is_left(
         across = mass * (3 * radius**2 + length**2) / 12 + mass * z * z
         return np.array([across, across, mass * radius**2 / 2])
 
+    others = np.arange(flight.nbody) != body
+    kept = flight.body_inertia[others].copy()
     change = matrix(t) - matrix(0.0)
+    np.testing.assert_array_equal(flight.body_inertia[others], kept)
     left = 1 - depletion.burnt(t)
     # a milligram is left of an empty motor
     np.testing.assert_allclose(change, grain(left) - grain(1.0), rtol=1e-3, atol=1e-9)
@@ -375,5 +379,10 @@ def test_burnt_fraction_is_that_of_the_motor(flight: mujoco.MjModel) -> None:
 
 
 def test_a_model_without_motor_is_left_alone() -> None:
-    model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    Depletion(model).update(1.0)
+    part = '<body name="gimbal_propellant"><geom size="1"/></body>'
+    time = '<custom><numeric name="motor_time" data="0 1 2"/></custom>'
+    for text in ("", f"<worldbody>{part}</worldbody>", f"<worldbody>{part}</worldbody>{time}"):
+        model = mujoco.MjModel.from_xml_string(f"<mujoco>{text}</mujoco>")
+        before = model.body_mass.copy()
+        Depletion(model).update(1.0)
+        np.testing.assert_array_equal(model.body_mass, before)

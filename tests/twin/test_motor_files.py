@@ -189,6 +189,8 @@ LAUGHS = "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 12))
         (rse(ENGINE.format("Q20", "")), "has 0 <eng-data> elements"),
         (rse(ENGINE.format("Q20", DATA).replace(' dia="29"', "")), "has no attribute 'dia'"),
         (rse(ENGINE.format("Q20", DATA).replace('"29"', '"wide"')), "dia='wide' is not a number"),
+        (rse(ENGINE.format("Q20", DATA).replace('"29"', '"' + "x" * 41 + '"')),
+         f"dia='{'x' * 37}[.][.][.]' is not"),
         (rse(ENGINE.format("Q20", DATA.replace('"24.0"', '"nan"'))), "f=nan is not finite"),
         (rse(ENGINE.format("Q20", DATA).replace('"125"', '".125"').replace('"60"', '".06"')),
          "kilograms"),

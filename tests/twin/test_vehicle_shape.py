@@ -18,9 +18,10 @@ from twin.physics.aerodynamics.silhouette import silhouette
 from twin.physics.vehicle import Vehicle, read
 from twin.physics.vehicle.barrowman import fin_term
 from twin.physics.vehicle.design import Body, Design, FinSet, Mass
+from twin.physics.vehicle.drag import _friction
 from twin.physics.vehicle.lumps import lumps, total
 from twin.physics.vehicle.outline import Outline as Surface
-from twin.physics.vehicle.outline import hull_width
+from twin.physics.vehicle.outline import Segment, hull_width
 from twin.physics.vehicle.profile import unit_radius
 
 Array = NDArray[np.float64]
@@ -281,6 +282,16 @@ def plates(corners: list[list[float]], thickness: float, count: int) -> list[tri
     return made
 
 
+@pytest.mark.parametrize(("front", "aft"), [(0.02, 0.05), (0.05, 0.02), (0.05, 0.05)])
+def test_a_conical_transition_has_straight_sides(front: float, aft: float) -> None:
+    segment = Segment(Body(part="transition", length=0.2, diameter=2 * aft), 1.0, front, aft)
+    at = np.array([-1e-3, 0.0, 0.05, 0.2, 0.201])
+    expected = [0.0, front, 0.75 * front + 0.25 * aft, aft, 0.0]
+    np.testing.assert_allclose(segment.radius(at), expected, rtol=1e-12)
+    volume = math.pi * 0.2 * (front**2 + front * aft + aft**2) / 3
+    assert segment.volume() == pytest.approx(volume, rel=1e-9)
+
+
 def solid_of(part: Body, front: float, aft: float, inner: float = 0.0) -> trimesh.Trimesh:
     """Body of revolution about z from x = 0, optionally with a bore [m]."""
     surface = Surface.of(Design(body=(part,))).segments[0]
@@ -385,6 +396,18 @@ def test_lumps_add_up_by_the_parallel_axis_theorem() -> None:
     centre = sum(p.mass * p.station for p in parts) / whole.mass
     about = sum(p.transverse + p.mass * (p.station - centre) ** 2 for p in parts)
     assert (whole.station, whole.transverse) == pytest.approx((centre, about))
+
+
+@pytest.mark.parametrize("reynolds", [1e6, 1e7, 1e8])
+@pytest.mark.parametrize("roughness", [0.0, 1e-9, 1e-3])
+def test_skin_friction_is_near_that_of_another_law_for_smooth_and_rough_plates(
+    reynolds: float, roughness: float
+) -> None:
+    """Prandtl and Schlichting: 0.455 / lg(Re)^2.58 and (1.89 + 1.62 lg(l / k))^-2.5."""
+    expected = 0.455 / math.log10(reynolds) ** 2.58
+    if roughness == 1e-3:
+        expected = (1.89 - 1.62 * math.log10(roughness)) ** -2.5
+    assert _friction(reynolds, roughness) == pytest.approx(expected, rel=0.08)
 
 
 def test_drag_of_a_published_rocket_is_near_its_published_curve() -> None:

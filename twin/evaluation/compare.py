@@ -28,6 +28,7 @@ from twin import status
 from twin.config import Compare
 from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
+from twin.config.seats import SIMULATED
 from twin.errors import TwinError
 from twin.evaluation.inputs import seen
 
@@ -192,9 +193,15 @@ def compare(config: Compare) -> CompareResult:
 
 
 def _noise(pair: _Pair) -> dict[str, float]:
-    """Noise of a rig's measured angles as its filter states it [rad], by axis."""
+    """Noise of a simulated rig's angles as its filter states it [rad], by axis.
+
+    With a calibration the filter's deviation contains that of the map, which is no noise.
+    """
     sigma = pair.run.recording.series.get("gimbal/sigma")
-    if sigma is None or pair.run.motion != "measured":
+    made = pair.run.recording.properties.get("configuration")
+    made = made if isinstance(made, dict) else {}
+    exact = made.get("gimbal") in SIMULATED and not made.get("calibration")
+    if sigma is None or pair.run.motion != "measured" or not exact:
         return {}
     return {n: float(np.nanmedian(sigma.column(n))) for n in sigma.components
             if np.isfinite(sigma.column(n)).any()}  # fmt: skip

@@ -73,9 +73,11 @@ def read(source: Source) -> TimeSeries:
     TwinError, AnalysisError : a file, column or unit that cannot be used
     """
     if not is_table(source.file):
-        if source.inputs or source.time or source.ratio is not None:
+        scaled = source.ratio is not None or source.time_scale is not None
+        if source.inputs or source.time or scaled or source.unit != "rad":
             raise TwinError(
-                f"--time, --input and --ratio are only for tables; {source.file} is a recording"
+                "--time, --time-scale, --input, --input-unit and --ratio are only for tables;"
+                f" {source.file} is a recording"
             )
         command = recording.load(source.file).command
         return command.shifted(-float(command.time[0]))

@@ -124,8 +124,10 @@ def _tabs(content: Content) -> Iterator[rrb.View | rrb.Container]:
 
 def _titled(content: Content) -> Iterator[tuple[str, list[rrb.View]]]:
     has = set(content.signals)
-    yield _main(content)
-    yield "Attitude", _overlays("Attitude", _ATTITUDE, content)
+    main, attitude = _main(content), ("Attitude", _overlays("Attitude", _ATTITUDE, content))
+    yield main
+    if main[1]:  # the flight itself comes first where nothing is steered
+        yield attitude
     for title, rows in _TABS:
         views: list[rrb.View] = []
         if title == "Flight" and content.profile is not None:
@@ -137,6 +139,8 @@ def _titled(content: Content) -> Iterator[tuple[str, list[rrb.View]]]:
             if any(content.known.moved(schema.SIGNALS[m].entity) for m in there):
                 views.append(plots.all_components(name, there, content.known))
         yield title, views
+        if title == "Flight" and not main[1]:
+            yield attitude
     estimates = [s for s in content.signals if s.startswith("shadow/estimate/")]
     for first in range(0, len(estimates), MOST_PLOTS):
         some = estimates[first : first + MOST_PLOTS]

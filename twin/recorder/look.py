@@ -45,11 +45,13 @@ class Look:
         live: bool,
     ) -> None:
         self._signals = signals
-        self._states = States(signals, None if model is None else command_limit(model))
+        plotted = _plotted(signals, model)
+        steered = model is not None and "gimbal/command" in plotted
+        self._states = States(signals, command_limit(model) if steered else None)
         self._display = Display(signals, poses.ghost.stops if poses else ())
         self._profile = profile.Profile() if POSITION in signals else None
         self.content = blueprint.Content(
-            signals=_plotted(signals, model),
+            signals=plotted,
             poses=poses,
             residual=self._display.residual,
             lanes=self._states.any,

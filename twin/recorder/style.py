@@ -20,18 +20,18 @@ X, Y, Z, W = (230, 80, 80), (90, 190, 90), (80, 130, 240), (180, 120, 220)
 _CYCLE = (X, Y, Z, W, (200, 180, 60), (80, 190, 200))
 
 # One colour per meaning. Rerun draws the entities in alphabetical order, command below measured
-# below simulated; each is narrower than the one below it, so that all are seen where they agree.
+# below simulated, and other below reference; each is narrower than the one below it, so that all
+# are seen where they agree.
 _WIDEST, _WIDE, _PLAIN = 6.0, 4.0, 1.5
 _MEANING: dict[str, tuple[Color, float]] = {
     "command": (COMMAND, _WIDEST),
     "setpoint": (COMMAND, _WIDEST),
     "measured": (MEASURED, _WIDE),
-    "reference": (MEASURED, _WIDE),
+    "reference": (MEASURED, _PLAIN),
     "simulated": (SIMULATED, _PLAIN),
-    "other": (SIMULATED, _PLAIN),
+    "other": (SIMULATED, _WIDE),
     "tilt": (SIMULATED, _PLAIN),
     "residual": (RESIDUAL, _PLAIN),
-    "difference": (RESIDUAL, _PLAIN),
 }
 # What people call the axes of the world.
 _WORLD = {"x": "east", "y": "north", "z": "up"}
