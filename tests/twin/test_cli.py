@@ -199,7 +199,7 @@ def test_json_is_one_object_with_the_documented_numbers_and_nothing_else(capsys,
     }
     assert documented <= set(numbers)
     assert Path(numbers["recording"]).is_file()
-    assert numbers["physics_steps"] == 250
+    assert numbers["physics_steps"] == 125
 
 
 def test_a_run_that_diverges_ends_with_1_and_keeps_its_recording_up_to_there(capsys, here):

@@ -79,7 +79,7 @@ def test_the_recording_says_how_to_run_it_again(tmp_path):
     assert run["seed"] == 4
     assert set(run["versions"]) >= {"mujoco", "tvc-twin", "rerun-sdk"}
     assert len(run["model_sha256"]) == 64
-    assert run["method"] == {"integrator": "rk4", "step_s": 0.002}
+    assert run["method"] == {"integrator": "rk4", "step_s": 0.004}
 
 
 PASSIVE = MJCF / "examples" / "flights" / "valetudo.toml"

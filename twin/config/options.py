@@ -87,8 +87,7 @@ class Model(Parameters):
     a rig, on an elastic rail and for other verbs."""
     dt: Step | None = None
     """Physics time step [s]; if omitted, with rk4 a whole fraction of the control period, at most
-    2 ms with servos and pushrods, 4 ms with an identified model and 20 ms without moving parts;
-    the scene's own (1 ms) otherwise."""
+    4 ms with a gimbal and 20 ms without moving parts; the scene's own (1 ms) otherwise."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from twin.plant.flow import Flow
 from twin.plant.model import TwinModel
 from twin.plant.release import Release
 from twin.plant.rods import Rods
-from twin.plant.smooth import SAME, division, part, undivided
+from twin.plant.smooth import SAME, division, longest_step, part, undivided
 
 Array = NDArray[np.float64]
 
@@ -105,6 +105,9 @@ class Plant:
                 self.model, self.position, self.velocity, self.rate, self._qvel, drive.ctrl,
                 drive.places if identified else drive.places[:0], self.gimbal_angle,
             )  # fmt: skip
+            if self.model.opt.timestep <= longest_step(self.model):
+                # MuJoCo would have no constraint act within two steps
+                self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE
         self._compiled: stepping.Steps | None = None
         self.reset()
 

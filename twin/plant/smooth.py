@@ -1,9 +1,10 @@
 """Runge–Kutta steps of a vehicle: whole ones, and parts of them where its forces change.
 
 Nothing in a vehicle without moving parts moves fast, so that a step may be as long as a control
-tick; a gimbal asks for shorter ones. Six things divide a step: a corner of the thrust curve, a lug
-that leaves the rail within centimetres, air that turns or slows the vehicle within a step, a
-vehicle that spins, backlash that is crossed, and an identified gimbal far from its command.
+tick; a gimbal asks for shorter ones. Seven things divide a step: a corner of the thrust curve, a
+lug that leaves the rail within centimetres, air that turns or slows the vehicle within a step, a
+vehicle that spins, backlash that is crossed, a servo shaft that turns, and an identified gimbal far
+from its command.
 """
 
 import math
@@ -40,6 +41,10 @@ DAMPED: Final = 2.0  # e-foldings of the fastest damped part in a step; Runge-Ku
 # of the width of a gear's backlash that the horn may cross in a step: it bounces between two stops
 CROSSED: Final = 0.02
 BOUNCES: Final = 1e4  # steps in a second for that, at most
+# rad that a servo shaft may turn by in a step, and steps in a second for that, at most: 2 ms while
+# it swings, whole steps of 4 ms while it follows a steered flight at less than 0.1 rad/s
+FOLLOWED: Final = 4e-4
+SWINGS: Final = 500.0
 SAME: Final = 1e-9  # s, between two instants that count as one
 PARTS: Final = 4  # of the stretch over which the rail releases a lug, one step at most each
 
@@ -53,8 +58,8 @@ def applies(model: mujoco.MjModel) -> bool:
 def longest_step(model: mujoco.MjModel) -> float:
     """Longest Runge-Kutta step that keeps the limits of docs/convergence.md [s].
 
-    Shorter than those of the shipped models where a part is damped faster than a step, and where
-    MuJoCo would soften a constraint: it has none act within two steps. The elastic rail has none.
+    Shorter than those of the shipped models where a part is damped or a constraint acts faster than
+    a step. The elastic rail has none.
     """
     if applies(model):
         return LONGEST
@@ -66,7 +71,7 @@ def longest_step(model: mujoco.MjModel) -> float:
     damping = model.dof_damping + _servo_damping(model)
     return min(
         MOVING,
-        0.5 * float(times[times > 0.0].min(initial=np.inf)),
+        float(times[times > 0.0].min(initial=np.inf)),
         DAMPED / float((damping / model.dof_M0).max(initial=1e-3)),
     )
 
@@ -104,7 +109,8 @@ class Division(NamedTuple):
     fine : longest way of a step while the rail releases a lug [m]
     on_rail : (1,) whether a lug may still be on it, written
     position, velocity, rate : (3,) views of the vehicle's state
-    speeds, plays : all velocities; of each backlash joint its place in them, and `CROSSED` [rad]
+    speeds, fast : all velocities; of each backlash joint and servo shaft its place in them, how far
+        it may move in a step [rad], and steps in a second for that, at most
     ctrl, places, angle : controls, places of the commanded angles of an identified gimbal in them,
         and its angles [rad]
     """
@@ -120,7 +126,7 @@ class Division(NamedTuple):
     velocity: Array
     rate: Array
     speeds: Array
-    plays: Array
+    fast: Array
     ctrl: Array
     places: Integers
     angle: Array
@@ -142,7 +148,7 @@ def undivided() -> Division:
         nothing,
         nothing,
         nothing,
-        np.empty((0, 2)),
+        np.empty((0, 3)),
         nothing,
         np.empty(0, np.int64),
         nothing,
@@ -160,7 +166,7 @@ def division(
     return Division(
         applies(model), np.array([_rate(model)]), corners, np.array(launch_of(model)[1]), ends,
         RELEASE / PARTS, np.array([ends.size > 0]), position, velocity, rate,
-        speeds, _plays(model), ctrl, places, angle,
+        speeds, _fast(model), ctrl, places, angle,
     )  # fmt: skip
 
 
@@ -184,8 +190,8 @@ def part(d: Division, t: float, end: float) -> float:
     speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     spin = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     often = max(d.rates[0] * speed / REACH, spin / TURN)  # steps in a second
-    for k in range(len(d.plays)):
-        often = max(often, min(BOUNCES, abs(d.speeds[int(d.plays[k, 0])]) / d.plays[k, 1]))
+    for k in range(len(d.fast)):
+        often = max(often, min(d.fast[k, 2], abs(d.speeds[int(d.fast[k, 0])]) / d.fast[k, 1]))
     for k in range(d.places.size):
         if abs(d.ctrl[d.places[k]] - d.angle[k]) > AWAY:
             often = max(often, 1.0 / SWINGING)
@@ -198,15 +204,19 @@ def part(d: Division, t: float, end: float) -> float:
     return length
 
 
-def _plays(model: mujoco.MjModel) -> Array:
-    """Of each backlash joint, its place in `qvel`, and how far it may move in a step [rad]."""
+def _fast(model: mujoco.MjModel) -> Array:
+    """Rows of `Division.fast`."""
     rows = []
     for axis in ("x", "y"):
         joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"gimbal_play_{axis}")
         if joint >= 0:
             low, high = model.jnt_range[joint]
-            rows.append((float(model.jnt_dofadr[joint]), CROSSED * (high - low)))
-    return np.array(rows).reshape(-1, 2)
+            rows.append((float(model.jnt_dofadr[joint]), CROSSED * (high - low), BOUNCES))
+    servos = model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR
+    servos &= model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    dofs = model.jnt_dofadr[model.actuator_trnid[servos, 0]]
+    rows += [(float(dof), FOLLOWED, SWINGS) for dof in dofs]
+    return np.array(rows).reshape(-1, 3)
 
 
 def _rail(model: mujoco.MjModel) -> Array:
