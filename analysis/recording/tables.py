@@ -176,6 +176,7 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     values: list[list[float]] = []
     unusable: dict[str, str] = {}
     dates: Counter[str] = Counter()
+    begun: dict[str, datetime] = {}
     note = ""
     for row in islice(rows, MOST_ROWS + 1):
         if not any(f.strip() for f in row):
@@ -192,8 +193,9 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
         numbers = [_number(f, decimal_comma=delimiter in ";\t") for f in row]
         if math.inf in numbers:
             for k, name in enumerate(names):
-                if numbers[k] == math.inf and math.isfinite(seconds := _instant(row[k])):
-                    numbers[k] = seconds
+                if numbers[k] == math.inf and (moment := _instant(row[k])) is not None:
+                    # differences are exact to the microsecond, seconds since 1970 are not
+                    numbers[k] = (moment - begun.setdefault(name, moment)).total_seconds()
                     dates[name] += 1
             if not values and not note and len(names) > 1 and not any(map(math.isfinite, numbers)):
                 note = f"row {reader.line_num} ({', '.join(row)}) has no number and was left out"
@@ -211,14 +213,10 @@ def _table_of(path: Path, file: Iterable[str], delimiter: str) -> Table:
     if not values:
         raise AnalysisError(f"{path}: a header but no rows")
     table = np.array(values)
-    begins: dict[str, float] = {}
     for name in (n for n in dates if n not in unusable):
-        stamps = table[:, names.index(name)]
-        given = np.isfinite(stamps)
-        if dates[name] < given.sum():
+        if dates[name] < np.isfinite(table[:, names.index(name)]).sum():
             unusable[name] = f"{path}: column '{name}' holds dates and numbers"
-        begins[name] = float(stamps[given][0])
-        stamps -= begins[name]
+    begins = {name: moment.timestamp() for name, moment in begun.items()}
     columns = {name: table[:, i] for i, name in enumerate(names)}
     return _frozen(path, columns, unusable, note, begins)
 
@@ -255,14 +253,14 @@ def _number(text: str, *, decimal_comma: bool) -> float:
     return math.inf if math.isinf(value) else value
 
 
-def _instant(text: str) -> float:
-    """Seconds of an ISO 8601 date and time, or of a time of day; infinite where it is neither."""
+def _instant(text: str) -> datetime | None:
+    """Instant of an ISO 8601 date and time, or of a time of day; None where it is neither."""
     text = text.strip()
     try:
         moment = datetime.fromisoformat(text if "-" in text else f"1970-01-01T{text}")
     except ValueError:
-        return math.inf
-    return moment.replace(tzinfo=moment.tzinfo or UTC).timestamp()
+        return None
+    return moment.replace(tzinfo=moment.tzinfo or UTC)
 
 
 def _read_mat(path: Path) -> Table:

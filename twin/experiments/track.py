@@ -33,6 +33,7 @@ AT_LIMIT: Final = 1e-6  # rad
 TURN: Final = 0.5  # s, over which the direction of the path changes by more than the nose swings
 HALF_NS: Final = 5e-10  # s; times are rounded
 STEEP: Final = 15.0  # °, angle of attack off the rail that is reported
+SUBSONIC: Final = 0.6  # Mach number up to which the normal forces hold, docs/aerodynamics.md
 SHORT: Final = 1.0  # s, of a flight to the ground that is reported
 WORTH: Final = 0.1  # of the largest dynamic pressure, below which no angle of attack counts
 
@@ -249,12 +250,18 @@ class Track:
         off, free = self._rail_exit(ticks, start)
         if off is not None and free < len(ticks):
             angle = math.degrees(ticks[free, ATTACK])
+            speed = np.linalg.norm(ticks[:, VELOCITY], axis=1)
             if angle > STEEP:
                 found.append(
                     f"angle of attack {angle:.0f}° off the rail: it leaves the rail at"
-                    f" {np.linalg.norm(ticks[free, VELOCITY]):.1f} m/s, slow for this wind; give a"
+                    f" {_at(off, ticks[:, TIME], speed):.1f} m/s, slow for this wind; give a"
                     " longer rail or more thrust"
                 )
+        if (mach := float(self._air(ticks)[1].max())) > SUBSONIC:
+            found.append(
+                f"Mach {mach:.2f}: normal forces hold below Mach {SUBSONIC:g}; they do not depend"
+                " on the Mach number"
+            )
         ended = float(ticks[-1, TIME])
         if landed and ended < SHORT:
             elevation = numeric(self._model, "ramp_elevation")

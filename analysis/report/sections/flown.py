@@ -20,16 +20,19 @@ class Flown(Plain):
 
     Attributes
     ----------
-    apogee, apogee_time : height above the start [m] and time [s]
+    highest : height above the start [m]
+    apogee, apogee_time : the same [m] and its time [s]; NaN where the flight ended in its climb
     speed : largest speed up to the apogee [m/s]
     downrange : horizontal distance of the end from the start [m]
-    duration, burnout : [s]
+    duration, burnout : [s]; no burnout where the flight ended under power
     error_deg : attitude error about both axes under power, rms [°]
     attack_deg : largest angle of attack up to the apogee, from 10 m/s on [°]
-    saturation : share of the powered time in which the command of an axis is at its limit [%]
+    saturation : share of the powered time in which the command of an axis is at its limit [%]; as
+        the error NaN where the gimbal never moved
     """
 
     name: str
+    highest: float
     apogee: float
     apogee_time: float
     speed: float
@@ -50,20 +53,31 @@ def flown(run: Measurement) -> Flown | None:
     start = place.values[0]
     height = place.column("z") - start[2]
     top = int(np.nanargmax(height))
-    rising = float(place.time[top])
-    burnout = _last(run, THRUST)
+    rising, highest = float(place.time[top]), float(height[top])
+    passed = top < len(height) - 1
+    powered = _last(run, THRUST)
+    burnt = powered < run.recording[THRUST].time[-1] if np.isfinite(powered) else False
+    moved = _moved(run)
     return Flown(
         run.name,
-        float(height[top]),
-        rising,
+        highest,
+        highest if passed else np.nan,
+        rising if passed else np.nan,
         _largest(run, VELOCITY, rising),
         float(np.hypot(*(place.values[-1] - start)[:2])),
         float(place.time[-1] - place.time[0]),
-        burnout,
-        float(np.degrees(_rms(run, ERROR, burnout))),
+        powered if burnt else np.nan,
+        float(np.degrees(_rms(run, ERROR, powered))) if moved else np.nan,
         float(np.degrees(_attack(run, rising))),
-        _saturation(run, burnout),
+        _saturation(run, powered) if moved else np.nan,
     )
+
+
+def _moved(run: Measurement) -> bool:
+    """Whether the gimbal moved; the controller of a fixed motor commands in vain."""
+    series = run.recording.series
+    angles = [series[n].values for n in ("gimbal/simulated", "gimbal/measured") if n in series]
+    return not angles or any(np.any(values != 0.0) for values in angles)
 
 
 def downrange(run: Measurement) -> tuple[Array, Array]:

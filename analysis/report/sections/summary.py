@@ -64,8 +64,11 @@ def _response(runs: Sequence[Measurement], numbers: ReportNumbers) -> Iterator[s
 
 def _flight(f: Flown) -> str:
     error = f"; attitude error under power {number(f.error_deg, 2)}° rms" if f.error_deg > 0 else ""
+    top = f"apogee {number(f.apogee, 3)} m after {number(f.apogee_time, 3)} s"
+    if math.isnan(f.apogee):
+        top = f"up to {number(f.highest, 3)} m, where it ended in its climb"
     return (
-        f"Flight with {f.name}: apogee {number(f.apogee, 3)} m after {number(f.apogee_time, 3)} s, "
+        f"Flight with {f.name}: {top}, "
         f"up to {number(f.speed, 3)} m/s, {number(f.downrange, 3)} m downrange at the end{error}."
     )
 
