@@ -30,7 +30,8 @@ def stamp_warnings(records: Sequence[Measurement]) -> list[str]:
     way = "too short" if late.stamps == "shown" else "too short or too long"
     text = f"{late.name}: commands have no stamps of their own: delays may be "
     text += (
-        f"{1e3 * late.slack:.3g} ms {way}, which their intervals cover; give stamps (--commands)"
+        f"{1e3 * late.slack:.3g} ms {way}, which their intervals cover; give stamps"
+        " (--commands), or say when they were taken (--input-stamps)"
     )
     return [*left, text]
 

@@ -1,5 +1,6 @@
 """The `twin` command: handles signals first, then imports the rest, which takes a second."""
 
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -12,6 +13,8 @@ _came: list[int] = []  # signals
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one verb and end the process with 0, 1 (a check failed) or 2 (the user's mistake)."""
     _came.clear()
+    # read when NumPy is loaded: its threads wait for each other in the small matrices of a fit
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGTERM, _end)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a shell may ignore it
         signal.signal(signal.SIGINT, _end)

@@ -32,7 +32,7 @@ def history(config: History) -> HistoryResult:
     """
     out = named(config.out, "history", ".html", ".htm", force=config.force)
     if not config.folder.is_dir():
-        raise TwinError(f"twin history {config.folder}: must be a folder with recordings (.rrd)")
+        raise TwinError(f"{config.folder}: must be a folder with recordings (.rrd)")
     runs, left_out = _runs(config.folder)
     board, own = _of_one_board(runs, config)
     own.sort(key=lambda run: _date(*run))
@@ -48,7 +48,7 @@ def history(config: History) -> HistoryResult:
             continue
         entries.append(Entry(file, _date(file, recording), drift, _fits(recording, drift)))
     if not entries:
-        raise TwinError(f"twin history {config.folder}: {left_out[-1]}")
+        raise TwinError(f"{config.folder}: {left_out[-1]}")
     model = LINKAGE if shadow.get("gimbal") == "linkage" else OTHER
     result = HistoryResult(board, tuple(entries), tuple(left_out), due(entries), out, model)
     render(sections(result), f"History of {title_of(board)}", out, result.as_dict())
@@ -70,7 +70,7 @@ def _runs(folder: Path) -> tuple[list[tuple[Path, Recording]], list[str]]:
         else:
             left_out.append(f"{file.name}: not of a rig with a model beside it")
     if not found:
-        raise TwinError(f"twin history {folder}: no recording of a rig with a model beside it")
+        raise TwinError(f"{folder}: no recording of a rig with a model beside it")
     return found, left_out
 
 
@@ -85,7 +85,7 @@ def _of_one_board(
     chosen = asked if asked in names else alike[0] if len(alike) == 1 else None
     if chosen is None:
         raise TwinError(
-            f"twin history {config.folder}: holds recordings of {', '.join(names)};"
+            f"{config.folder}: holds recordings of {', '.join(names)};"
             " give one of them, or its beginning, as --board"
         )
     return chosen, [run for run, board in zip(runs, boards, strict=True) if board == chosen]

@@ -74,6 +74,8 @@ def _refuse_twins(files: tuple[Path, ...]) -> None:
 
 
 def _recorded(config: Identify, file: Path) -> Given:
+    if file.is_dir():
+        raise TwinError(f"{file}: is a folder; name a recording or a table in it")
     for flag in config.given:
         if flag != "--angle":  # names a signal here
             raise TwinError(f"{flag} is only for tables; {file} is a recording")
