@@ -243,12 +243,14 @@ def _flown(recording: Recording, time: Array) -> Trajectory | None:
     if "vehicle/position" not in series or "vehicle/attitude" not in series:
         return None
     position, attitude = series["vehicle/position"], series["vehicle/attitude"]
-    rows = np.searchsorted(position.time, time - 1e-9)
+    # control periods of either differ by less than a millionth: whole steps of whole nanoseconds
+    late = 1e-9 + 1e-6 * time
+    rows = np.searchsorted(position.time, time - late)
     rows = rows[rows < len(position.time)]
-    if not rows.size or np.abs(position.time[rows] - time[: rows.size]).max() > 1e-9:
+    if not rows.size or (np.abs(position.time[rows] - time[: rows.size]) > late[: rows.size]).any():
         return None
     return Trajectory(
-        position.time[rows].copy(), position.values[rows].copy(), attitude.values[rows].copy()
+        time[: rows.size].copy(), position.values[rows].copy(), attitude.values[rows].copy()
     )
 
 

@@ -159,12 +159,15 @@ def _flown(config: Fly, delays: Delays | None, finer: int, end_ns: int) -> Traje
     gimbal: Gimbal = SimulatedGimbal(plant)
     if delays is not None:
         gimbal = DelayedGimbal(gimbal, delays, tick_ns)
-    every = max(1, round(SAMPLE_S * 1e9 / tick_ns)) * tick_ns
+    ticks = max(1, round(SAMPLE_S * 1e9 / tick_ns))
+    every = ticks * tick_ns
     kept: list[tuple[float, Array, Array]] = []
 
     def sample(time_ns: int) -> None:
         if time_ns % every == 0:
-            kept.append((time_ns * 1e-9, plant.position.copy(), plant.attitude.copy()))
+            # the tick's nominal time: refined steps of whole nanoseconds may miss it by a few
+            at = time_ns // every * ticks / config.control_hz
+            kept.append((at, plant.position.copy(), plant.attitude.copy()))
 
     with suppress(DivergenceError):  # an unstable loop; the comparison ends there
         run(
