@@ -22,7 +22,7 @@ LARGEST_MAT = 200_000_000  # bytes, of which 20 million values take 160
 MAT_SECONDS, MAT_MEGABYTES = 20.0, 800
 
 BINARY = frozenset({".mat", ".parquet"})
-KINDS = frozenset({".csv", ".tsv", ".txt"}) | BINARY
+KINDS = frozenset({".csv", ".tsv", ".txt", ".log", ".dat", ".jsonl"}) | BINARY
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class Table:
 
 
 def read(path: Path | str) -> Table:
-    """Read a .csv (or .tsv, .txt), .mat or .parquet file.
+    """Read a file of text (.csv, .tsv, .txt, .log, .dat, .jsonl), .mat or .parquet.
 
     Raises
     ------

@@ -16,7 +16,7 @@ Milliseconds = Annotated[float, Range(0.0, 60_000.0, "ms")]
 
 @dataclass(frozen=True, kw_only=True)
 class Columns(Settings):
-    """Columns of a table (.csv, .tsv, .txt, .mat); a recording needs none of these."""
+    """Columns of a table (.csv, .log, .jsonl, .mat and others); a recording needs none of these."""
 
     group: ClassVar[str] = "table"
 
@@ -97,7 +97,7 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
     group: ClassVar[str] = "estimation"
 
     sources: Annotated[tuple[Path, ...], POSITIONAL] = ()
-    """Recordings (.rrd) or tables (.csv, .tsv, .txt, .mat), fitted together."""
+    """Recordings (.rrd) or tables (.csv, .txt, .log, .jsonl, .mat and others), fitted together."""
     _: KW_ONLY
     linkage: Flag = False
     """Fit servo and mechanism parameters of the MJCF model instead, for `--set-from`."""
