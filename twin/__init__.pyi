@@ -170,8 +170,7 @@ def fly(
     repeat: int = ...,
 ) -> FlightResult | RepeatResult: ...
 def history(
-    folder: str | PathLike[str],
-    *,
+    *recordings: str | PathLike[str],
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     board: str | None = ...,

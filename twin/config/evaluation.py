@@ -252,11 +252,11 @@ class History(Output):
 
     group: ClassVar[str] = "history"
 
-    folder: Annotated[Path, POSITIONAL]
-    """Folder with recordings (.rrd) of a rig that has a model beside it."""
+    recordings: Annotated[tuple[Path, ...], POSITIONAL]
+    """Recordings (.rrd) of a rig that has a model beside it, or folders of such."""
     _: KW_ONLY
     board: str | None = None
-    """Serial number of the board, or its beginning, where the folder holds several boards."""
+    """Serial number of the board, or its beginning, where the recordings are of several boards."""
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     out: Path | None = None
