@@ -65,8 +65,8 @@ class Live(Settings):
     delay:1ms,bandwidth:3%. Names: gain, delay, bandwidth, natural-frequency, damping."""
     within_s: Annotated[float, Range(5.0, 3600.0, "s")] = 300.0
     """Longest motion [s]."""
-    amplitude_deg: Annotated[float, Range(0.1, 10.0, "°")] = 5.0
-    """Largest commanded angle, either way from zero [°]."""
+    amplitude_deg: Annotated[float, Range(0.1, 90.0, "°")] = 5.0
+    """Largest commanded angle, either way from zero [°]; at most the mechanism's stops."""
     model: Path | None = None
     """Identified model (JSON) with `--live transfer-function`; the shipped model if omitted."""
 
