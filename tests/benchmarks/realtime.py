@@ -23,7 +23,7 @@ from tests.benchmarks.timing import Row
 
 SECONDS = int(os.environ.get("TWIN_BENCH_SECONDS", "60"))
 PERIOD_US = 4000
-TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
+TWIN = [sys.executable, "-m", "twin"]
 RUN = [
     *TWIN, "step", "--clock", "wall", "--control-hz", "250", "--signal", "chirp", "--axis", "x",
     "--hold-s", "0.2", "--repeats", "1", "--json",

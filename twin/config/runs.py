@@ -175,7 +175,7 @@ class Step(FaultResponse, Run):
     (chirp), a pseudo-random binary sequence (prbs), many sines at once (multisine), slow ramps
     (triangle), or ramps with a change of slope (dog-leg)."""
     amplitude_deg: Degrees = 5.0
-    """Largest angle, either way from zero [°]."""
+    """Largest angle, either way from zero [°]; at most the mechanism's stops."""
     axis: Axis = "both"
     """Axis excited; `both` excites one after the other."""
     repeats: Annotated[int, Range(1, 10_000)] = 3
