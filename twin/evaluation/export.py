@@ -31,7 +31,13 @@ class ExportResult(Result):
 
     def rows(self) -> Rows:
         """Path and size."""
-        return [("exported", f"{self.file} ({self.size / 1e6:.1f} MB)")]
+        return [("exported", f"{self.file} ({size_text(self.size)})")]
+
+
+def size_text(count: int) -> str:
+    """A number of bytes with three digits, in B, kB, MB or GB."""
+    unit = min(3, max(0, len(str(count)) - 1) // 3)
+    return f"{count / 1000**unit:.3g} {('B', 'kB', 'MB', 'GB')[unit]}"
 
 
 def _writer(kind: str) -> Writer:

@@ -30,6 +30,7 @@ PASSED = "passed the point"
 PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
 STUCK_NS = 1_000_000_000  # a vehicle at rest on its ramp for so long after burnout stays there
 AT_REST = 0.1  # m/s
+OF_MACHINE = ("recording", "physics_steps", "physics_s", "cpu_s", "wall_s", "timing", "warnings")
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,10 @@ class FlightResult(Result):
         timing = None if self.timing is None else self.timing.as_dict()
         values = asdict(replace(self, timing=None))
         return {**values, **values.pop("figures"), "timing": timing}
+
+    def kept(self) -> dict[str, object]:
+        """The figures that a recording keeps: those of the flight, not of this machine."""
+        return {k: v for k, v in self.as_dict().items() if k not in OF_MACHINE}
 
     def rows(self) -> Rows:
         """The flight as a table."""
@@ -238,10 +243,8 @@ class Flight:
         """Why the flight is over, or None while it is not."""
         return ENDS[over(self._plant.time_ns, self._plant.landed, self.memory)]
 
-    def result(
-        self, recording: Path | None, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
-    ) -> FlightResult:
-        """The flight in numbers."""
+    def result(self, recording: Path | None, outcome: Outcome, track: Track) -> FlightResult:
+        """The flight in numbers; the time of the whole command is not known yet."""
         plant, memory = self._plant, self.memory
         path = track.ticks[:, POSITION]
         target = None if self._target is None else self._target - self._start
@@ -264,8 +267,8 @@ class Flight:
             loop_closure_max_um=float(memory.most[1]) * 1e6 or None,
             physics_steps=plant.steps,
             physics_s=plant.computing_s,
-            cpu_s=cpu_s,
-            wall_s=wall_s,
+            cpu_s=0.0,
+            wall_s=0.0,
             figures=track.figures(self.burnout_ns * 1e-9, landed=plant.landed),
             warnings=plant.warnings(),
             notes=plant.twin.notes + track.notes(landed=plant.landed),
