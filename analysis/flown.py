@@ -13,6 +13,7 @@ from analysis.plain import Plain
 from analysis.recording.series import POSITION, Recording
 
 VELOCITY: Final = "vehicle/velocity"
+GROUND: Final = "reached the ground"  # how a flight ends that lands
 FAST: Final = 1 / 3  # of the largest airspeed; the dynamic pressure is a ninth of its largest
 LARGEST: Final = 1e12  # of a stored number
 LONGEST: Final = 200  # characters of a stored text

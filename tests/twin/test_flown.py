@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from analysis.recording import read
 from twin.config import Compare, Export, Fly, Report
 from twin.errors import TwinError
 from twin.evaluation.compare import compare
-from twin.evaluation.export import export
+from twin.evaluation.export import export, size_text
 from twin.evaluation.report import write_report
 from twin.experiments.fly import fly
 from twin.plant.compose import MJCF
@@ -94,13 +95,59 @@ def test_what_a_passive_flight_cannot_answer_is_refused(files, tmp_path, names, 
     assert not out.exists()
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_an_exported_flight_keeps_what_its_format_can_hold(passive, files, tmp_path, kind):
-    table = tmp_path / f"f.{kind}"
-    export(Export(files["calm"], to=kind, out=table))
-    found, figures = flown(read(table)), passive["calm"].figures
-    assert found.numbers["apogee_m"] == pytest.approx(figures.apogee_m, rel=1e-9)
-    assert ("margin_loaded" in found.numbers) == (kind == "parquet")  # CSV has signals alone
+def marks(file):
+    """Placemarks of points by the first word of their names: longitude, latitude, height."""
+    space = "{http://www.opengis.net/kml/2.2}"
+    found = {}
+    for mark in ElementTree.parse(file).iter(f"{space}Placemark"):
+        if mark.find(f"{space}Point") is not None:
+            place = mark.find(f"{space}Point/{space}coordinates").text
+            found[mark.find(f"{space}name").text.split(",")[0]] = list(map(float, place.split(",")))
+    return found
+
+
+def test_the_map_of_a_flight_shows_launch_apogee_and_landing(passive, files, tmp_path):
+    """On a sphere 1e-5 degrees of latitude are 1.11 m; the ellipsoid differs by 0.7 %."""
+    export(Export(files["windy"], to="kml", out=tmp_path / "f.kml"))
+    at, figures = marks(tmp_path / "f.kml"), passive["windy"].figures
+    assert list(at) == ["launch", "apogee", "landing"]
+    assert at["apogee"][2] - at["launch"][2] == pytest.approx(figures.apogee_m, abs=0.1)
+    east = math.radians(at["landing"][0] - at["launch"][0]) * 6371e3
+    assert east == pytest.approx(figures.end_east_m, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "says"),
+    [
+        ("f.csv", "csv", "is csv already"),
+        ("f.csv", "glb", "no 3D scene, which glb needs"),
+        ("f.txt", "csv", "must be a recording"),
+    ],
+)
+def test_what_cannot_be_exported_again_is_one_line(tmp_path, name, kind, says):
+    (tmp_path / name).write_text("x")
+    with pytest.raises(TwinError, match=says):
+        export(Export(tmp_path / name, to=kind))
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_an_export_is_exported_again_to_the_last_bit(passive, files, tmp_path):
+    """MATLAB files have the figures too, CSV files the signals alone."""
+    export(Export(files["calm"], to="mat", out=tmp_path / "f.mat"))
+    export(Export(tmp_path / "f.mat", to="csv"))
+    a, b, c = map(read, (files["calm"], tmp_path / "f.mat", tmp_path / "f.csv"))
+    assert all(np.array_equal(a[n].values, c[n].values, equal_nan=True) for n in a.series)
+    assert flown(b) == flown(a)
+    assert flown(c).numbers["apogee_m"] == pytest.approx(passive["calm"].figures.apogee_m, rel=1e-9)
+    assert "margin_loaded" not in flown(c).numbers
+
+
+@pytest.mark.parametrize(
+    ("count", "text"), [(0, "0 B"), (999, "999 B"), (1000, "1 kB"), (46_812, "46.8 kB"),
+                        (3_600_000, "3.6 MB"), (12_345_678_901, "12.3 GB")],
+)  # fmt: skip
+def test_sizes_have_the_unit_that_suits_them(count, text):
+    assert size_text(count) == text
 
 
 def test_the_report_of_a_flight_to_a_point_names_target_approach_and_wind(tmp_path):
@@ -111,5 +158,10 @@ def test_the_report_of_a_flight_to_a_point_names_target_approach_and_wind(tmp_pa
     assert found.numbers["closest_approach_m"] == result.closest_approach_m
     assert found.target == result.target_m
     text = (tmp_path / "p.html").read_text(encoding="utf-8")
+    export(Export(tmp_path / "p.rrd", to="kml"))
+    at = marks(tmp_path / "p.kml")
+    assert at["target"][2] - at["launch"][2] == pytest.approx(result.target_m[2], abs=0.02)
+    east = math.radians(at["target"][0] - at["launch"][0]) * 6371e3
+    assert east == pytest.approx(result.target_m[0], rel=0.01)
     for words in ("closest approach", "target, east, north, up", "3 m/s from the west", "missed"):
         assert words in text

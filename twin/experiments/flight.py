@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import njit
+from analysis.flown import GROUND
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.programme import Vector, start_of
@@ -177,7 +178,7 @@ ON_RAMP, RISING, CLOSEST_NS, MOVED_NS, POWERED, BURNT = range(6)
 launch; when last moved on the ramp [ns]; ticks under power; whether burnout is past."""
 BURNED_OUT, LEFT_RAMP, TOPPED = 1, 2, 4
 """What `watch` reports of a tick."""
-ENDS = (None, "reached the ground", PASSED, "never left the ramp")
+ENDS = (None, GROUND, PASSED, "never left the ramp")
 """Why a flight is over, by the number that `over` gives."""
 
 
