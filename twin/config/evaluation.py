@@ -274,8 +274,8 @@ class Report(Columns, Output):
     _: KW_ONLY
     model: Files = ()
     """Identified model (JSON) to simulate with the commands of the first recording. Repeatable."""
-    title: str = "Gimbal report"
-    """Title of the page."""
+    title: str | None = None
+    """Title of the page; Flight report or Gimbal report if omitted."""
     out: Path | None = None
     """Page to write (.html); runs/report-DATE-TIME.html if omitted."""
 
