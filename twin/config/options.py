@@ -97,8 +97,9 @@ class SimulatedRig(Settings):
     group: ClassVar[str] = "rig"
 
     fault: Texts = ()
-    """Fault of a simulated rig, TARGET:KIND[:VALUE][@START[-END]], for example
-    potentiometer_x_a:glitch:0.2. Repeatable."""
+    """Fault of a simulated rig, TARGET:KIND[:VALUE][@START[-END]] with times in s, for example
+    potentiometer_x_a:glitch:0.2@3; an unknown target or kind is answered with those there are.
+    Repeatable."""
     unit: Unit | None = None
     """Serial number of a simulated rig with random tolerances; the nominal rig if omitted."""
 

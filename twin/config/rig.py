@@ -26,7 +26,7 @@ class Rig(SimulatedRig, Parameters):
     port: Port | None = None
     """TCP port on 127.0.0.1, 0 for a free one; a pseudo-terminal if omitted."""
     link: Path | None = None
-    """Name of a symbolic link to the pseudo-terminal, for example /tmp/rig."""
+    """Symbolic link to make to the pseudo-terminal while it is served, for example /tmp/rig."""
     scene: Literal["bench", "turntable"] = "bench"
     """Clamped (bench), or on a base that a third servo turns (turntable)."""
     mechanism: Path | None = None
@@ -34,7 +34,7 @@ class Rig(SimulatedRig, Parameters):
     seed: Seed = 0
     """Random seed of the sensor noise."""
     minimal: Flag = False
-    """A rig without potentiometers: one IMU on the holder."""
+    """Serve a rig without potentiometers, with one IMU on the holder."""
     potentiometer_deg: Track = TRACK_DEG
     """Travel of the potentiometers' tracks [°]."""
     duration_s: Duration | None = None
@@ -83,7 +83,7 @@ class Calibrate(SimulatedRig, Output):
     potentiometer_deg: Track = TRACK_DEG
     """Travel of the potentiometers' tracks by their data sheet [°], for example 300 or 333."""
     repeats: Annotated[int, Range(1, 100)] = 3
-    """Approaches per switch and position of the other servo."""
+    """Number of approaches to each switch, at each of the other servo's positions."""
     seed: Seed = 0
     """Random seed: noise of a simulated rig, and order of the approaches."""
     out: Path = Path("calibration.json")
