@@ -12,6 +12,7 @@ from twin.cli.doctor import DoctorResult
 from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.export import ExportResult
+from twin.evaluation.flights import FlightsResult
 from twin.evaluation.history_result import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
@@ -81,7 +82,7 @@ def compare(
     explain: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
-) -> CompareResult: ...
+) -> CompareResult | FlightsResult: ...
 def converge(
     *,
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -303,7 +304,7 @@ def report(
     input_stamps: Literal['exact', 'sampled'] | None = ...,
     before: str | None = ...,
     model: tuple[str | PathLike[str], ...] = ...,
-    title: str = ...,
+    title: str | None = ...,
 ) -> ReportResult: ...
 def rig(
     *,

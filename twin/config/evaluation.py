@@ -16,7 +16,7 @@ Milliseconds = Annotated[float, Range(0.0, 60_000.0, "ms")]
 
 @dataclass(frozen=True, kw_only=True)
 class Columns(Settings):
-    """Columns of a table (.csv, .tsv, .txt, .mat); a recording needs none of these."""
+    """Columns of a table (.csv, .log, .jsonl, .mat and others); a recording needs none of these."""
 
     group: ClassVar[str] = "table"
 
@@ -97,7 +97,7 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
     group: ClassVar[str] = "estimation"
 
     sources: Annotated[tuple[Path, ...], POSITIONAL] = ()
-    """Recordings (.rrd) or tables (.csv, .tsv, .txt, .mat), fitted together."""
+    """Recordings (.rrd) or tables (.csv, .txt, .log, .jsonl, .mat and others), fitted together."""
     _: KW_ONLY
     linkage: Flag = False
     """Fit servo and mechanism parameters of the MJCF model instead, for `--set-from`."""
@@ -274,8 +274,8 @@ class Report(Columns, Output):
     _: KW_ONLY
     model: Files = ()
     """Identified model (JSON) to simulate with the commands of the first recording. Repeatable."""
-    title: str = "Gimbal report"
-    """Title of the page."""
+    title: str | None = None
+    """Title of the page; Flight report or Gimbal report if omitted."""
     out: Path | None = None
     """Page to write (.html); runs/report-DATE-TIME.html if omitted."""
 

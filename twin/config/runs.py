@@ -196,8 +196,8 @@ class Step(FaultResponse, Run):
     control_hz: Frequency = 500.0
     """Rate of commands and of recorded rows [Hz]."""
     commands: Path | None = None
-    """Commands in place of a test signal: a recording, or a table (.csv, .tsv, .txt, .mat) with
-    `--time` and `--input`."""
+    """Commands in place of a test signal: a recording, or a table (.csv, .log, .jsonl, .mat and
+    others) with `--time` and `--input`."""
     time: str | None = None
     """Column of the time stamps of `--commands`."""
     input: str | None = None

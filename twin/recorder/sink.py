@@ -43,8 +43,8 @@ class Sink(ABC):
         """Add a line to an entity of texts."""
 
     @abstractmethod
-    def timing(self, verdict: Mapping[str, object]) -> None:
-        """Add the verdict on the run's timing to its properties."""
+    def attach(self, name: str, values: Mapping[str, object]) -> None:
+        """Add what is known at the end, `schema.TIMING` or `schema.FLIGHT`, to the properties."""
 
     @abstractmethod
     def flush(self) -> Path:
