@@ -82,9 +82,11 @@ class Converge(Output, Parameters):
     """Description (TOML), OpenRocket design (.ork, with --motor) or MJCF file of the vehicle; the
     reference vehicle if omitted."""
     mechanism: Path | None = None
-    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
+    """MJCF file of the gimbal mechanism; that of the vehicle's description, or else the reference
+    mechanism, if omitted."""
     model: Path | None = None
-    """Identified model (JSON) for `--gimbal transfer-function`; the shipped model if omitted."""
+    """Identified model (JSON) for `--gimbal transfer-function`; the shipped model, which is of the
+    reference mechanism, if omitted."""
     motor: Path | None = None
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
     thrust table of two columns (.csv); the vehicle's own motor if omitted."""
