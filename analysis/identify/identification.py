@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.identify import channels, checks
+from analysis.identify import channels, checks, progress
 from analysis.identify.assemble import assemble
 from analysis.identify.diagnostics import Saturation, saturation
 from analysis.identify.doubts import evidence, selection_warnings, stamp_warnings, warnings_of
@@ -135,6 +135,7 @@ def _linear(
     rows, axes, warnings = [], [], []
     for i, problem in enumerate(problems):
         output = first.outputs[i]
+        progress.say(f"axis {output}, linear model")
         choice = select(problem, longest)
         fit, jacobian = choice.fit, whole_jacobian(choice.fit.solution)
         known, stamps = known_of(
@@ -191,7 +192,8 @@ def _bounded(
         )
         linear = search(problem.channels((i,), (0,)), max_delay=longest)
         simpler = not problem.layout.zeros and one_pole_less(linear, longest)
-        fit = search_servo(alone, i, max_delay=longest, structure=structure)
+        with progress.about(f"axis {first.outputs[i]}, "):
+            fit = search_servo(alone, i, max_delay=longest, structure=structure)
         known, stamps = known_of_servo(fit)
         most = left_out(fit, i, longest, known.excess)
         channel, limits = channels.bounded(

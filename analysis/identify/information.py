@@ -84,7 +84,6 @@ def expectations(
     found: list[Expectation] = []
     for k in range(min(len(records[0].inputs), len(records[0].outputs))):
         own, axis = own_records(records, k), records[0].outputs[k]
-        progress.say(f"axis {axis}, linear model")
         model = identify(own, poles, max_delay=max_delay)
         simpler = model.axes[0].simpler
         start = identify(own, poles - 1, max_delay=max_delay) if simpler else model

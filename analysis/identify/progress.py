@@ -21,3 +21,11 @@ def told_to(listener: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         _told.reset(token)
+
+
+@contextmanager
+def about(text: str) -> Iterator[None]:
+    """Begin every such text of a block with this one."""
+    told = _told.get()
+    with told_to(lambda t: told(f"{text}{t}") if told is not None else None):
+        yield

@@ -62,7 +62,7 @@ def search_servo(
         tried = ("speed", "command")
     fits = []
     for s in tried:
-        progress.say(f"axis {axis + 1}, servo of structure {s}")
+        progress.say(f"servo of structure {s}")
         fits.append(_fit(alike, axis, s, max_delay, kept, floor))
     losses = {
         f.structure: loss * (1.0 if f.structure != "set-point" else 1.0 / _WORTH)

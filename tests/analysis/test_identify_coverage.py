@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.identify import expectations, fit_to, identify
+from analysis.identify import Estimate, expectations, fit_to, identify
 from analysis.identify.advice import Content, advice
-from analysis.identify.progress import told_to
+from analysis.identify.progress import about, say, told_to
 from analysis.identify.uncertainty import freedom_of
 from analysis.recording import measurement
 from tests.benchmarks import check_before, coverage
@@ -117,8 +117,11 @@ def test_a_gimbal_of_one_pole_is_told_to_be_one():
     assert not identify([run], poles=1).axes[0].simpler
     told = []
     with told_to(told.append):
+        with about("axis y, "):
+            say("servo")
+        assert told.pop() == "axis y, servo"
         expected = {e.name: e for e in expectations([run])}
-    assert told == ["axis x, linear model", "axis x, servo"]
+    assert list(dict.fromkeys(told)) == ["axis x, linear model", "axis x, servo"]
     assert expected["x/x damping"].advice.startswith("fit with --poles 1")
     assert expected["x rate limit"].at_least
     for name in ("x dead band", "x backlash"):
@@ -134,6 +137,7 @@ def test_advice_is_what_the_record_lacks():
     assert "both directions" in advice("dead band", 1e-3, 0.6, 0.3, replace(has, turns=False))
     assert "--poles 1" in advice("delay", 0.01, 2e-3, 1e-3, replace(has, fewer=1))
     assert "--commands" in advice("delay", 0.01, 2e-3, 1e-3, replace(has, doubt=1e-3, undated=True))
+    assert estimated(Estimate("x backlash", 0.0, 1e-3, "rad")) == "below 0.11°"
     assert "higher rate" in advice("damping", 0.7, 0.1, 0.06, replace(has, coarse=0.5))
 
 
