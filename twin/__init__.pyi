@@ -12,6 +12,7 @@ from twin.cli.doctor import DoctorResult
 from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
 from twin.evaluation.export import ExportResult
+from twin.evaluation.flights import FlightsResult
 from twin.evaluation.history_result import HistoryResult
 from twin.evaluation.identify import IdentifyResult
 from twin.evaluation.identify import InformationResult
@@ -81,7 +82,7 @@ def compare(
     explain: bool = ...,
     fail_below: float | None = ...,
     longest_delay_ms: float = ...,
-) -> CompareResult: ...
+) -> CompareResult | FlightsResult: ...
 def converge(
     *,
     set: dict[str, float] | tuple[str, ...] = ...,
@@ -92,7 +93,6 @@ def converge(
     gimbal: Literal['linkage', 'transfer-function'] = ...,
     integrators: tuple[Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'], ...] = ...,
     dt_ms: tuple[float, ...] = ...,
-    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
     tolerance_m: float = ...,
     duration_s: float = ...,
     control_hz: float = ...,
@@ -170,8 +170,7 @@ def fly(
     repeat: int = ...,
 ) -> FlightResult | RepeatResult: ...
 def history(
-    folder: str | PathLike[str],
-    *,
+    *recordings: str | PathLike[str],
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     board: str | None = ...,
@@ -305,7 +304,7 @@ def report(
     input_stamps: Literal['exact', 'sampled'] | None = ...,
     before: str | None = ...,
     model: tuple[str | PathLike[str], ...] = ...,
-    title: str = ...,
+    title: str | None = ...,
 ) -> ReportResult: ...
 def rig(
     *,

@@ -45,7 +45,7 @@ class FlightPath:
 
 @dataclass(frozen=True, slots=True)
 class PathDifference(Plain):
-    """How far two flights lie apart while both were steered.
+    """How far two flights lie apart while both were steered, or flew.
 
     Attributes
     ----------
@@ -153,9 +153,9 @@ def _steered(recording: Recording, time: Array) -> int:
     return max(2, int(np.searchsorted(time, end, side="right")))
 
 
-def path_difference(a: FlightPath, b: FlightPath) -> PathDifference:
-    """How far two flights lie apart while both were steered."""
-    n = min(a.steered, b.steered)
+def path_difference(a: FlightPath, b: FlightPath, *, whole: bool = False) -> PathDifference:
+    """How far two flights lie apart while both were steered, or while both flew (`whole`)."""
+    n = min(len(a.time), len(b.time)) if whole else min(a.steered, b.steered)
     turned, apart = _angle(a.nose[:n], b.nose[:n]), _gap(a.position[:n], b.position[:n])
     flown = np.linalg.norm(np.diff(a.position[:n], axis=0), axis=1).sum()
     return PathDifference(

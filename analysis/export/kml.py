@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.array import Array
+from analysis.flown import GROUND, flown
 from analysis.recording.series import Recording, RecordingError
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
@@ -16,7 +17,10 @@ PERIOD = 0.1  # s, between two points of the path
 
 
 def write(recording: Recording, path: Path, origin: tuple[float, float, float]) -> None:
-    """Write path, launch point, highest and last point.
+    """Write the path with the places of launch, apogee, landing and, of a flight to one, target.
+
+    A flight that ended in its climb has its highest point in place of the apogee, and one that did
+    not reach the ground its last point in place of the landing.
 
     Parameters
     ----------
@@ -43,9 +47,22 @@ def write(recording: Recording, path: Path, origin: tuple[float, float, float]) 
     line = _placemark(document, "path", "LineString", places[rows])
     _add(line, "extrude", "1")
     top = int(np.argmax(series.values[:, 2]))
-    for name, row in (("launch", 0), ("highest point", top), ("last point", -1)):
-        label = f"{name}, {series.time[row]:.1f} s, {series.values[row, 2]:.0f} m"
+    flight = flown(recording)
+    above = series.values[:, 2] - series.values[0, 2]
+    passed = 0 < top < len(series.time) - 1
+    landed = flight is not None and flight.texts.get("ended") == GROUND
+    marks = (
+        ("launch", 0),
+        ("apogee" if passed else "highest point", top),
+        ("landing" if landed else "last point", -1),
+    )
+    for name, row in marks:
+        label = f"{name}, {series.time[row]:.1f} s, {above[row]:.0f} m above the launch point"
         _placemark(document, label, "Point", places[row][None])
+    if flight is not None and flight.target is not None:
+        place = geographic(series.values[:1] + flight.target, origin)
+        label = f"target, {flight.target[2]:.0f} m above the launch point"
+        _placemark(document, label, "Point", place)
     ET.indent(root)
     ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 

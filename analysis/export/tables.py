@@ -65,6 +65,7 @@ def _about(recording: Recording) -> dict[str, str]:
         "properties": json.dumps(recording.properties),
         "estimator": recording.estimator,
         "timing": json.dumps(dict(recording.timing)),
+        "flight": json.dumps(dict(recording.flight)),
     }
 
 

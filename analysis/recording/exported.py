@@ -26,7 +26,7 @@ from analysis.recording.series import Event, RecordingError, TimeSeries, checked
 SUFFIXES = (".csv", ".parquet", ".mat")
 TIME = "time [s]"
 LOGS = ("events", "health")  # texts over time: columns or structs with `level` and `text`
-ABOUT = ("schema", "properties", "estimator", "timing")  # of Parquet and MATLAB files
+ABOUT = ("schema", "properties", "estimator", "timing", "flight")  # of Parquet and MATLAB files
 
 LARGEST_FILE = 200_000_000  # bytes
 SECONDS, MEGABYTES = 20.0, 800  # of the process that reads

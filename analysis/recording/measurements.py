@@ -186,9 +186,10 @@ class Measurement:
 
     @cached_property
     def axes(self) -> tuple["Measurement", ...]:
-        """Command and angle of each axis that has enough of both, gaps left out."""
+        """Command and angle of each axis that has enough of both; none of a passive flight."""
         found = []
-        for name in self.inputs if self.angle is not None else ():
+        none = self.angle is None or self.recording.passive
+        for name in () if none else self.inputs:
             if name not in self.outputs:
                 continue
             one = self.select((name,), (name,))

@@ -15,9 +15,9 @@ from analysis.recording import exported, rrd
 from analysis.recording.series import Event, Recording, RecordingError, TimeSeries, checked
 
 PROPERTIES = f"/__properties/{schema.PROPERTY}"
-TIMING = f"/__properties/{schema.TIMING}"
+ENDS = {f"/__properties/{n}": n for n in (schema.TIMING, schema.FLIGHT)}  # known at the end
 TEXTS = (schema.EVENTS, schema.HEALTH, schema.ESTIMATOR)
-WANTED = frozenset([PROPERTIES, TIMING, *TEXTS, *schema.ENTITIES])
+WANTED = frozenset([PROPERTIES, *ENDS, *TEXTS, *schema.ENTITIES])
 MAX_PROPERTIES = 16 * 2**20  # characters of JSON
 
 
@@ -62,7 +62,7 @@ def _exported(path: Path) -> Recording:
         found.logs["events"],
         found.logs["health"],
         found.about.get("estimator", ""),
-        _properties(path, found.about.get("timing", "{}")),
+        *(_properties(path, found.about.get(n, "{}")) for n in ENDS.values()),
     )
 
 
@@ -102,9 +102,9 @@ class _Content:
     def take(self, entity: str, batch: pa.RecordBatch) -> None:
         if entity == PROPERTIES:
             self._take_properties(batch)
-        elif entity == TIMING:
+        elif entity in ENDS:
             if "json" in batch.schema.names and (text := _texts(batch, "json")[0]) is not None:
-                self.texts["timing"] = text
+                self.texts[ENDS[entity]] = text
         elif schema.TIME not in batch.schema.names:
             return
         elif entity in TEXTS:
@@ -159,7 +159,7 @@ class _Content:
             events,
             health,
             memory[0].text if memory else "",
-            _properties(self.path, self.texts.get("timing", "{}")),
+            *(_properties(self.path, self.texts.get(n, "{}")) for n in ENDS.values()),
         )
 
     def _series(self, signal: schema.Signal) -> TimeSeries:

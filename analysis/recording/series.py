@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     import pandas
 
 
+GIMBAL, POSITION = ("gimbal/measured", "gimbal/simulated"), "vehicle/position"
+
+
 class RecordingError(AnalysisError):
     """A recording, table or measurement that is not valid, described in one line."""
 
@@ -149,6 +152,7 @@ class Recording:
     events, health : text over time
     estimator : state of the rig's estimator when the run began, JSON; "" without a rig
     timing : the verdict on a run in real time, see `analysis.timing`; empty for others
+    flight : figures of a flight that came to its end, as `twin fly --json` names them; else empty
     """
 
     properties: dict[str, object]
@@ -157,6 +161,14 @@ class Recording:
     health: tuple[Event, ...] = ()
     estimator: str = ""
     timing: Mapping[str, object] = field(default_factory=dict)
+    flight: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def passive(self) -> bool:
+        """Whether a vehicle without a gimbal flew: whatever was commanded, no angle left zero."""
+        angles = [self.series[n].values for n in GIMBAL if n in self.series]
+        flown = self.properties.get("command", "fly") == "fly" and POSITION in self.series
+        return flown and bool(angles) and not any(np.any(values != 0.0) for values in angles)
 
     def setting(self, name: str) -> object:
         """Return a value of the run's configuration, None without it."""

@@ -29,7 +29,7 @@ def report(
     models: Mapping[str, TransferFunctionModel] = NO_MODELS,
     loops: Sequence[Loop] = (),
     labels: Sequence[str] | None = None,
-    title: str = "Gimbal report",
+    title: str | None = None,
 ) -> ReportNumbers:
     """Write one self-contained HTML page about runs of a gimbal, and return its numbers.
 
@@ -39,7 +39,9 @@ def report(
     out : the page, `.html`
     models : identified models by name; each is simulated under the first run's commands
     loops : control loops whose margins with each model are reported
-    labels : names of the runs in the report; their gimbal seats without it
+    labels : names of the runs in the report; their gimbal seats without it, of vehicles without a
+        gimbal their files
+    title : of the page; by whether all runs are flights if omitted
 
     Raises
     ------
@@ -54,6 +56,8 @@ def report(
     whose = [*(None for _ in named), *models.values()]
     answers = [simulated(named[0], name, model) for name, model in models.items()]
     runs = aligned((*named, *answers))
+    if title is None:
+        title = "Flight report" if all(run.in_flight for run in runs) else "Gimbal report"
     numbers = numbers_of(runs, title, whose)
     entries = (replace(n, source=s) for n, s in zip(numbers.runs, sources, strict=True))
     numbers = replace(
@@ -83,7 +87,7 @@ def labelled(
         raise AnalysisError(f"{len(labels)} labels for {len(runs)} recordings")
     asked = list(labels) if labels is not None else [_label(r) for r in runs]
     for run, name in zip(runs, asked, strict=True):
-        if not run.axes:
+        if not run.axes and not run.recording.passive:
             raise AnalysisError(f"{name} has no axis with command and readings")
     return tuple(
         replace(r, name=f"{n} {asked[: k + 1].count(n)}" if asked.count(n) > 1 else n)
@@ -133,5 +137,7 @@ def _configuration(recording: Recording) -> dict[str, object]:
 
 
 def _label(run: Measurement) -> str:
+    if run.recording.passive:
+        return Path(run.name).stem[:LONGEST_LABEL]
     gimbal = run.recording.setting("gimbal")
     return gimbal[:LONGEST_LABEL] if isinstance(gimbal, str) and gimbal.strip() else run.name

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analysis.comparison.compare import Comparison, compare
+from analysis.flown import Flown, flown
 from analysis.plain import Plain
 from analysis.recording.caveats import caveats
 from analysis.recording.measurements import Measurement
@@ -35,6 +36,7 @@ class RunNumbers(Plain):
     disagree : (axis, figure, amplitude [rad]) outside the interval of the first run, if that was
         measured
     source : file it was read from; empty for a model's response
+    flight : figures of a flight; None where no vehicle flew
     """
 
     label: str
@@ -45,6 +47,7 @@ class RunNumbers(Plain):
     responses: Mapping[str, FrequencyResponse]
     disagree: tuple[tuple[str, str, float], ...] = ()
     source: str = ""
+    flight: Flown | None = None
 
     def kind(self, axis: str) -> Kind | None:
         """What the command of an axis was, None for an axis the run lacks."""
@@ -106,6 +109,8 @@ def numbers_of(
     comparisons = []
     for k, other in enumerate(runs):
         for reference in runs[:k]:
+            if reference.recording.passive or other.recording.passive:
+                continue
             try:
                 comparisons.append(_compared(reference, other))
             except AnalysisError as error:
@@ -135,7 +140,7 @@ def _numbers(
             responses[axis.component] = frequency_response(axis)
         except AnalysisError:
             continue  # the figures' note says it already
-    time = run.axes[0].angles.time
+    time = run.angles.time
     return RunNumbers(
         run.name,
         run.motion,
@@ -144,6 +149,7 @@ def _numbers(
         tuple(figures),
         responses,
         disagree,
+        flight=flown(run.recording),
     )
 
 

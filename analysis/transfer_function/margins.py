@@ -1,7 +1,7 @@
-"""Stability margins of a control loop with an identified gimbal in it."""
+"""Stability margins of a control loop with an identified gimbal in it, by python-control."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from analysis.plain import Plain
 from analysis.transfer_function.channel import Channel
 from analysis.transfer_function.model import TransferFunctionModel
 
-_POINTS = 1000  # of the grid between whose neighbours crossings are looked for
+_POINTS = 1000  # of the grid that python-control refines
 _PADE = 8  # order; its phase is that of the delay to 1e-4 rad over any crossover here
 
 
@@ -85,18 +85,13 @@ def margins(loops: Sequence[Loop], model: TransferFunctionModel) -> tuple[Margin
 
 
 def _margins(loop: Loop, axis: str, gimbal: Channel) -> Margins:
+    import control
+
     fastest = float(np.abs(gimbal.poles).max(initial=1.0))
     high = max(30.0 * fastest, 20.0 / (gimbal.delay + loop.hold))
     omega = np.geomspace(1e-2, high, _POINTS)
-
-    def response(at: Array) -> NDArray[np.complex128]:
-        return loop.response(gimbal, at)
-
-    # the angle of −L also changes its sign where L is positive, by a jump
-    turns = _crossings(lambda at: np.angle(-response(at)), omega, response(omega).real <= 0.0)
-    gains = 1.0 / np.abs(response(turns))
-    crossovers = _crossings(lambda at: np.abs(response(at)) - 1.0, omega)
-    phases = np.degrees(np.angle(response(crossovers))) % 360.0 - 180.0
+    response = control.frd(loop.response(gimbal, omega), omega)
+    gains, phases, _, _, crossovers, _ = control.stability_margins(response, returnall=True)
     stable = _stable(loop, gimbal)
     if not len(phases):
         phases, crossovers = np.array([np.nan]), np.array([np.nan])
@@ -112,18 +107,6 @@ def _margins(loop: Loop, axis: str, gimbal: Channel) -> Margins:
         float(late.min()) if stable else 0.0,
         float(crossovers[nearest]),
     )
-
-
-def _crossings(
-    function: Callable[[Array], Array], grid: Array, where: NDArray[np.bool_] | bool = True
-) -> Array:
-    """Where a function of an array crosses zero, at most once between neighbours of a grid."""
-    from scipy.optimize import brentq
-
-    sign = np.sign(function(grid))
-    changes = np.flatnonzero((np.diff(sign) != 0.0) & np.broadcast_to(where, sign.shape)[:-1])
-    found = [brentq(lambda x: function(np.array([x]))[0], grid[i], grid[i + 1]) for i in changes]
-    return np.array(found, dtype=np.float64)
 
 
 def _stable(loop: Loop, gimbal: Channel) -> bool:

@@ -14,6 +14,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from analysis.flown import flown
 from analysis.recording import (
     Event,
     Measurement,
@@ -22,11 +23,11 @@ from analysis.recording import (
     measurement,
     measurement_of,
 )
+from analysis.recording.series import POSITION
 from analysis.report import Line, Panel, Plot, Section, Table, render, report
 from analysis.report.build import labelled
 from analysis.report.figures import axis_figures, kind_of
 from analysis.report.parts import thinned
-from analysis.report.sections.flown import flown
 from analysis.report.spectrum import frequency_response
 from analysis.report.words import number, value_text
 from analysis.response import Figure, disagreements
@@ -409,15 +410,36 @@ def test_numbers_of_a_flight_are_those_of_a_parabola():
         "vehicle/position": TimeSeries("vehicle/position", t, place, "m", ("x", "y", "z")),
         "vehicle/velocity": TimeSeries("vehicle/velocity", t, speed, "m/s", ("x", "y", "z")),
     }
-    found = flown(replace(base, recording=Recording(base.recording.properties, series)))
+    found = flown(Recording(base.recording.properties, series))
     assert found is not None
-    assert found.apogee == pytest.approx(900.0 / (2 * g), abs=1e-4)
-    assert found.apogee_time == pytest.approx(30.0 / g, abs=DT)
-    assert found.speed == pytest.approx(math.hypot(30.0, 10.0))
-    assert found.downrange == pytest.approx(10.0 * t[-1])
-    assert math.isnan(found.burnout)
-    assert math.isnan(found.saturation)  # the gimbal never moved
-    assert flown(base) is None
+    assert found.numbers["apogee_m"] == pytest.approx(900.0 / (2 * g), abs=1e-4)
+    assert found.numbers["apogee_s"] == pytest.approx(30.0 / g, abs=DT)
+    assert found.numbers["max_ascent_speed_m_s"] == pytest.approx(math.hypot(30.0, 10.0))
+    assert found.numbers["downrange_m"] == pytest.approx(10.0 * t[-1])
+    assert found.numbers["end_north_m"] == pytest.approx(8.0 * t[-1])
+    assert "burnout_s" not in found.numbers
+    assert flown(base.recording) is None
+
+
+def test_stored_figures_of_a_flight_that_are_no_numbers_are_left_out():
+    t = np.arange(3.0)
+    path = TimeSeries(POSITION, t, np.stack([t, t, t], 1), "m", ("x", "y", "z"))
+    stored = {
+        "max_mach": math.nan, "apogee_m": 10**400, "burnout_s": "2", "max_dynamic_pressure_pa": 9,
+        "wind": "w" * 9000, "missed": [1, "late"], "target_m": [1.0, None, 3.0],
+        "static_margin": [1.5, 2.0], "ended": {},
+    }  # fmt: skip
+    found = flown(Recording({}, {POSITION: path}, flight=stored))
+    assert found is not None
+    assert found.numbers == {
+        "highest_m": 2.0, "flight_time_s": 2.0, "downrange_m": math.hypot(2.0, 2.0),
+        "end_east_m": 2.0, "end_north_m": 2.0, "max_dynamic_pressure_pa": 9.0,
+        "margin_loaded": 1.5, "margin_empty": 2.0,
+    }  # fmt: skip
+    assert len(found.texts["wind"]) == 200
+    assert found.texts["missed"] == "1; late"
+    assert found.target is None
+    assert "ended" not in found.texts
 
 
 def test_thinning_keeps_every_peak():

@@ -78,6 +78,24 @@ def test_intervals_hold_the_exact_value_in_most_campaigns(stops, monkeypatch):
     assert min(coverage(12, 96, stops).values()) >= 9 / 12
 
 
+def test_flights_to_a_point_are_judged_by_their_miss_and_others_by_their_ends(tmp_path):
+    """Misses of deviations 3 and 2 m: the median by quadrature, within 4 standard errors."""
+    s = study(tmp_path, linear(400))
+    runs = Runs(s)
+    table = flown(s, tmp_path / "out").table()
+    a = answers(s, runs, table)
+    assert "cep_m" not in a.estimates
+    median = a.estimates["closest_approach_m_median"]
+    assert median.value == pytest.approx(circular_error(3.0, 2.0), abs=4 * 1.25 * 1.4 / 20)
+    assert a.text.startswith("Half of all flights pass their point within this distance: ")
+    assert median.value < a.estimates["closest_approach_m_p90"].value
+    column = table.schema.get_field_index("closest_approach_m")
+    none = pa.nulls(table.num_rows, pa.float64())
+    ends = answers(s, runs, table.set_column(column, "closest_approach_m", none))
+    assert not any(name.startswith("closest") for name in ends.estimates)
+    assert ends.text.startswith("Half of all flights end within this distance of their mean end: ")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("stops", [False, True])
 def test_intervals_hold_the_exact_value_in_95_percent_of_200_campaigns(stops):

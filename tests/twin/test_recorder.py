@@ -128,7 +128,7 @@ def test_a_recording_is_read_before_its_end_and_then_told_what_was_found(tmp_pat
         begun = recording.read(partial, growing=True)
         assert begun["vehicle/mass"].values[:, 0].tolist() == list(range(700))
         assert begun.timing == {}
-        recorder.timing({"verdict": "valid", "worst": 0.1})
+        recorder.attach("timing", {"verdict": "valid", "worst": 0.1})
         recorder.event(2_800_000_000, "judged")
         assert recorder.reached_ns == 699 * 4_000_000
     whole = recording.read(tmp_path / "a.rrd")

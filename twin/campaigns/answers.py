@@ -13,15 +13,16 @@ from twin.campaigns.boundary import SHARE, Frontier, Property, Region, region
 from twin.campaigns.dispersion import Ellipse, ellipse
 from twin.campaigns.runs import Runs
 from twin.campaigns.sensitivity import Influence, rank_influences, sobol_influences
-from twin.campaigns.statistic import FEWEST, PLACE, Estimate, mean, statistic, wilson
+from twin.campaigns.statistic import FEWEST, MEANINGS, PLACE, Estimate, mean, statistic, wilson
 from twin.campaigns.store import column, counted
 from twin.campaigns.study import Study
 
 Array = NDArray[np.float64]
 Rows = Any  # a table of pyarrow
-MEANS = ("closest_approach_m", "attitude_error_rms_deg", "apogee_m", "downrange_m")
+MISS = "closest_approach_m"
+MEANS = (MISS, "attitude_error_rms_deg", "apogee_m", "downrange_m")
 ATTITUDE = "attitude_error_rms_deg"
-FIGURES = ("closest_approach_m", ATTITUDE)  # whose influences are of interest
+FIGURES = (MISS, ATTITUDE)  # whose influences are of interest
 CELL_KINDS = ("string",)
 
 
@@ -147,7 +148,9 @@ def _estimates(study: Study, kept: Rows) -> dict[str, Estimate]:
     names = [f"{m.name}_rate" for m in study.measures]
     if study.stop is not None:
         names.append(study.stop.statistic.name)
-    names += ["cep_m", *(f"{f}_mean" for f in MEANS)]
+    to_point = bool(np.isfinite(column(kept, MISS)).any())
+    names += [f"{MISS}_{q}" for q in ("median", "p90", "p95")] if to_point else ["cep_m"]
+    names += [f"{f}_mean" for f in MEANS]
     made = {}
     for name in dict.fromkeys(names):
         s = statistic(name, study.measures)
@@ -188,10 +191,10 @@ def _sentence(
     first: list[Property],
 ) -> str:
     if not study.measures:
-        e = estimates.get("cep_m")
-        if e is None or not np.isfinite(e.low):
+        name = next((n for n in MEANINGS if n in estimates), None)
+        if name is None or not np.isfinite(estimates[name].low):
             return "Too few runs for an interval."
-        return f"Half of all flights end within {e.text(' m')} of their mean."
+        return f"{MEANINGS[name]}: {estimates[name].text(' m')}."
     name = study.measures[0].name
     e = estimates.get(f"{name}_rate")
     if e is None:

@@ -5,6 +5,7 @@ import typing
 from collections.abc import Mapping
 from dataclasses import fields
 
+from analysis.flown import GROUND
 from twin.experiments.flight import PASSED, FlightResult
 from twin.experiments.track import Figures
 from twin.loop.loop import TIME_UP
@@ -39,7 +40,7 @@ OUTCOMES: Mapping[str, str] = {
 """How a run can end. Of all runs but those refused and crashed, figures and rates are taken."""
 NOT_COUNTED = ("refused", "crashed")
 _ENDS = {
-    PASSED: "point", "reached the ground": "ground", TIME_UP: "time", "never left the ramp": "ramp",
+    PASSED: "point", GROUND: "ground", TIME_UP: "time", "never left the ramp": "ramp",
 }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from twin.campaigns.answers import ATTITUDE, Answers, about
 from twin.campaigns.boundary import FEWEST, SHARE, Frontier, Property, fewest
 from twin.campaigns.coordinates import coordinates
 from twin.campaigns.result import CampaignResult
-from twin.campaigns.statistic import PLACE, Estimate
+from twin.campaigns.statistic import MEANINGS, PLACE, Estimate
 from twin.campaigns.store import column, counted
 from twin.campaigns.study import Study
 
@@ -50,7 +50,8 @@ def _answer(study: Study, result: CampaignResult) -> Section:
     for v in result.verdicts:
         word = {True: "failed", False: "passed", None: "undecided"}[v.holds]
         rows.append((f"{v.text}: {word}", *_estimate("", v.estimate)[1:]))
-    head = ("statistic", "value", f"{study.confidence:.0%} interval", "runs")
+    rows = [(*row, MEANINGS.get(str(row[0]), "")) for row in rows]
+    head = ("statistic", "value", f"{study.confidence:.0%} interval", "runs", "meaning")
     ends = ", ".join(f"{name} {n}" for name, n in a.outcomes.items())
     flown = f"{study.title}. {result.runs} of {result.planned} runs, by their end: {ends}."
     text = (a.text, flown)
@@ -187,6 +188,11 @@ def _footprint(a: Answers, kept: Any, command: Callable[[int], str]) -> Section:
         f" {a.places.major.text(' m')} and {a.places.minor.text(' m')}. A point shows the command"
         " that flies its run again."
     )
+    if "point" in a.outcomes:
+        caption += (
+            " A flight that passes its point ends 1 s later: this is not the scatter at the point,"
+            " which closest_approach_m is."
+        )
     panels = (Panel("Footprint", "north [m]"),)
     plot = Plot("footprint", caption, "east [m]", panels, lines, panel_height=380)
     return Section("footprint", "Where the runs end", (), (plot,))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from twin.campaigns.answers import Answers
 from twin.campaigns.boundary import SHARE
-from twin.campaigns.statistic import Estimate
+from twin.campaigns.statistic import MEANINGS, Estimate
 from twin.config.result import Result, Rows
 
 UNDECIDED = 3  # exit code
@@ -98,7 +98,9 @@ class CampaignResult(Result):
         flown = f"{self.runs} of {self.planned}, {self.new} new in {self.wall_s:.1f} s"
         rows: Rows = [("answer", a.text), ("runs", flown)]
         rows.append(("ended", ", ".join(f"{name} {n}" for name, n in a.outcomes.items())))
-        rows += [(name, e.text()) for name, e in a.estimates.items()]
+        for name, e in a.estimates.items():
+            meaning = f"; {MEANINGS[name].lower()}" if name in MEANINGS else ""
+            rows.append((name, e.text() + meaning))
         rows += self._map() + self._influences()
         for c in a.cells:
             rate = "" if c.rate is None else f"{c.rate.value:.1%} ({c.rate.low:.1%} at least), "

@@ -25,6 +25,14 @@ FEWEST = 50  # runs before an interval may end a campaign
 BOOTSTRAP = 1000  # resamples of an interval
 AT_ONCE = 1 << 19  # numbers in memory
 PLACE = ("end_east_m", "end_north_m")
+MEANINGS = {
+    "closest_approach_m_median": "Half of all flights pass their point within this distance",
+    "closest_approach_m_p90": "90 % of all flights pass their point within this distance",
+    "closest_approach_m_p95": "95 % of all flights pass their point within this distance",
+    "closest_approach_m_mean": "Mean miss distance at the point",
+    "cep_m": "Half of all flights end within this distance of their mean end",
+}
+"""Of statistics whose name does not say it."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ class Export(Output):
     group: ClassVar[str] = "export"
 
     recording: Annotated[Path, POSITIONAL]
-    """Recording (.rrd)."""
+    """Recording (.rrd), or its export as csv, parquet or mat, without a scene for glb and usd."""
     _: KW_ONLY
     to: Literal["csv", "parquet", "mat", "mcap", "kml", "glb", "usd"] = "csv"
     """Format; mcap and usd need the extra of that name."""

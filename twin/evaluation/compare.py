@@ -35,6 +35,7 @@ from twin.evaluation.inputs import seen
 if TYPE_CHECKING:
     from twin.evaluation.drift import RunDrift
     from twin.evaluation.explain import RunExplanation
+    from twin.evaluation.flights import FlightsResult
 
 Array = NDArray[np.float64]
 
@@ -144,16 +145,24 @@ class _Pair:
         return self.other_run.shift if self.other_run else 0.0
 
 
-def compare(config: Compare) -> CompareResult:
-    """Compare two motions of a gimbal and write both into one recording.
+def compare(config: Compare) -> "CompareResult | FlightsResult":
+    """Compare two motions of a gimbal, or flights without one, and write both into one recording.
 
     Raises
     ------
     TwinError, AnalysisError : invalid input, in one line
     """
     began = time.perf_counter()
-    pair, cut = _before_fault(_pair(config))
+    runs = _runs(config)
     status.say("comparing")
+    if any(run.recording.passive for run in runs):
+        from twin.evaluation.flights import compare_flights
+
+        file = named(config.out, "compare", ".rrd", force=config.force)
+        flights = compare_flights(config, runs, file)
+        point_latest(file)
+        return flights
+    pair, cut = _before_fault(_pair(config, runs))
     command = pair.run.command
     command = command.rows(command.time <= pair.reference.time[-1])
     axes = [n for n in command.components if n in pair.reference.components]
@@ -214,14 +223,11 @@ def _flights(runs: Sequence[Measurement]) -> PathDifference | None:
     return path_difference(first, second)
 
 
-def _pair(config: Compare) -> _Pair:
+def _runs(config: Compare) -> list[Measurement]:
+    """The files to compare; none with `--with`."""
     files = config.recordings
     if config.with_ is not None:
-        from twin.evaluation.beside import beside
-
-        both = beside(config)
-        measured = replace(both.run.angles, name=f"{both.run.name} ({both.run.motion})")
-        return _Pair(measured, both.simulated, both.run)
+        return []
     if not 1 <= len(files) <= 2:
         raise TwinError(
             f"compare: {len(files)} recordings; give two (or tables), or one that holds measured"
@@ -232,7 +238,17 @@ def _pair(config: Compare) -> _Pair:
             f"compare: {files[0]} is a table with one motion; give the other file too, or --with"
             " linkage"
         )
-    runs = seen(config, files)
+    return seen(config, files)
+
+
+def _pair(config: Compare, runs: Sequence[Measurement]) -> _Pair:
+    files = config.recordings
+    if not runs:
+        from twin.evaluation.beside import beside
+
+        both = beside(config)
+        measured = replace(both.run.angles, name=f"{both.run.name} ({both.run.motion})")
+        return _Pair(measured, both.simulated, both.run)
     if len(runs) == 1:
         recording = runs[0].recording
         for kind in ("measured", "simulated"):

@@ -4,10 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.export import FORMATS, Origin, Writer, write
+from analysis.recording.exported import SUFFIXES
 from twin.config import Export
 from twin.config.paths import named
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
+
+SCENES = ("glb", "usd")  # formats of the bodies, which a table of signals does not have
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,13 @@ class ExportResult(Result):
 
     def rows(self) -> Rows:
         """Path and size."""
-        return [("exported", f"{self.file} ({self.size / 1e6:.1f} MB)")]
+        return [("exported", f"{self.file} ({size_text(self.size)})")]
+
+
+def size_text(count: int) -> str:
+    """A number of bytes with three digits, in B, kB, MB or GB."""
+    unit = min(3, max(0, len(str(count)) - 1) // 3)
+    return f"{count / 1000**unit:.3g} {('B', 'kB', 'MB', 'GB')[unit]}"
 
 
 def _writer(kind: str) -> Writer:
@@ -49,9 +58,19 @@ def export(config: Export) -> ExportResult:
     ------
     TwinError, AnalysisError : a recording or file that cannot be used, in one line
     """
-    kind = config.to
-    if config.recording.suffix != ".rrd":
-        raise TwinError(f"{config.recording}: must be a recording (.rrd)")
+    kind, given = config.to, config.recording.suffix.lower()
+    if given == f".{kind}":
+        raise TwinError(f"{config.recording}: is {kind} already; give --to another format")
+    if given in SUFFIXES and kind in SCENES:
+        raise TwinError(
+            f"{config.recording}: has signals and no 3D scene, which {kind} needs; give the"
+            " recording (.rrd) that it was exported from"
+        )
+    if given not in (".rrd", *SUFFIXES):
+        raise TwinError(
+            f"{config.recording}: must be a recording (.rrd), or what was exported from one as"
+            f" {', '.join(s[1:] for s in SUFFIXES)}"
+        )
     out = config.out or config.recording.resolve().with_suffix(f".{kind}")
     out = named(out, "export", f".{kind}", force=config.force)
     write(

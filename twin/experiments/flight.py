@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import njit
+from analysis.flown import GROUND
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.experiments.programme import Vector, start_of
@@ -30,6 +31,7 @@ PASSED = "passed the point"
 PASSED_NS = 1_000_000_000  # a point counts as passed when it has been receding this long
 STUCK_NS = 1_000_000_000  # a vehicle at rest on its ramp for so long after burnout stays there
 AT_REST = 0.1  # m/s
+OF_MACHINE = ("recording", "physics_steps", "physics_s", "cpu_s", "wall_s", "timing", "warnings")
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,10 @@ class FlightResult(Result):
         values = asdict(replace(self, timing=None))
         return {**values, **values.pop("figures"), "timing": timing}
 
+    def kept(self) -> dict[str, object]:
+        """The figures that a recording keeps: those of the flight, not of this machine."""
+        return {k: v for k, v in self.as_dict().items() if k not in OF_MACHINE}
+
     def rows(self) -> Rows:
         """The flight as a table."""
         rows = [
@@ -172,7 +178,7 @@ ON_RAMP, RISING, CLOSEST_NS, MOVED_NS, POWERED, BURNT = range(6)
 launch; when last moved on the ramp [ns]; ticks under power; whether burnout is past."""
 BURNED_OUT, LEFT_RAMP, TOPPED = 1, 2, 4
 """What `watch` reports of a tick."""
-ENDS = (None, "reached the ground", PASSED, "never left the ramp")
+ENDS = (None, GROUND, PASSED, "never left the ramp")
 """Why a flight is over, by the number that `over` gives."""
 
 
@@ -238,10 +244,8 @@ class Flight:
         """Why the flight is over, or None while it is not."""
         return ENDS[over(self._plant.time_ns, self._plant.landed, self.memory)]
 
-    def result(
-        self, recording: Path | None, outcome: Outcome, track: Track, cpu_s: float, wall_s: float
-    ) -> FlightResult:
-        """The flight in numbers."""
+    def result(self, recording: Path | None, outcome: Outcome, track: Track) -> FlightResult:
+        """The flight in numbers; the time of the whole command is not known yet."""
         plant, memory = self._plant, self.memory
         path = track.ticks[:, POSITION]
         target = None if self._target is None else self._target - self._start
@@ -264,8 +268,8 @@ class Flight:
             loop_closure_max_um=float(memory.most[1]) * 1e6 or None,
             physics_steps=plant.steps,
             physics_s=plant.computing_s,
-            cpu_s=cpu_s,
-            wall_s=wall_s,
+            cpu_s=0.0,
+            wall_s=0.0,
             figures=track.figures(self.burnout_ns * 1e-9, landed=plant.landed),
             warnings=plant.warnings(),
             notes=plant.twin.notes + track.notes(landed=plant.landed),

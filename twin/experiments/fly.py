@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from analysis import schema
 from analysis.transfer_function import TransferFunctionModel
 from twin.config import OBJECT, Fly
 from twin.config.seats import MODELS
@@ -100,20 +101,21 @@ def fly(
             )
         except DivergenceError as error:
             raise DivergenceError(_why(str(error), config, plant)) from error
+        result = flight.result(recorder.path if recorder else None, outcome, track)
+        result = replace(
+            result,
+            within_m=config.within,
+            missed=missed(result, programme, track, flight.burnout_ns * 1e-9, config.within),
+            notes=result.notes + s.notes,
+            fault=guard.fault if guard else None,
+            turntable_rms_deg=None if turntable is None else math.degrees(turntable.rms),
+        )
         if recorder is not None:
             recorder.event(plant.time_ns, f"flight ended: {outcome.ended}")
+            recorder.attach(schema.FLIGHT, result.kept())
         timing = s.verdict()
     cpu_s, wall_s = time.process_time() - busy, time.perf_counter() - began
-    result = flight.result(recorder.path if recorder else None, outcome, track, cpu_s, wall_s)
-    return replace(
-        result,
-        within_m=config.within,
-        missed=missed(result, programme, track, flight.burnout_ns * 1e-9, config.within),
-        notes=result.notes + s.notes,
-        fault=guard.fault if guard else None,
-        turntable_rms_deg=None if turntable is None else math.degrees(turntable.rms),
-        timing=timing,
-    )
+    return replace(result, cpu_s=cpu_s, wall_s=wall_s, timing=timing)
 
 
 def _powered(turntable: "Turntable | None", burnout_ns: int) -> Callable[[int], None]:
@@ -141,13 +143,16 @@ def _why(text: str, config: Fly, plant: Plant) -> str:
 def _judge_gain(config: Fly, plant: Plant) -> None:
     """Refuse a model with whose gain the attitude loop of the vehicle is unstable.
 
+    The margins of an own controller are not known: of its model only sign and order are judged.
+
     Raises
     ------
     TwinError : the axis and its gain
     """
     if config.any_gain or config.model is None:
         return
-    wrong = wrong_gain(TransferFunctionModel.read(config.model), plant.model)
+    loop = plant.model if config.controller is None else None
+    wrong = wrong_gain(TransferFunctionModel.read(config.model), loop)
     if wrong is not None:
         raise TwinError(
             f"--model {config.model}: {wrong}; check sign, units and order of the columns it was"

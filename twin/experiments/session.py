@@ -6,6 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from analysis import schema
 from hardware.frames import GimbalCommand, GimbalState
 from twin import status
 from twin.config import OnFault, Run
@@ -308,7 +309,7 @@ class Session:
             rights={"SCHED_FIFO": rights.scheduling, "locked memory": rights.memory},
             stolen=self._clock.stolen,
         )
-        self.recorder.timing(judged.as_dict())
+        self.recorder.attach(schema.TIMING, judged.as_dict())
         level = "INFO" if judged.word == "valid" else "WARN"
         self.recorder.event(self.plant.time_ns, f"timing {judged.text()}", level)
         return judged

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.compiled import njit
+from analysis.flown import fast
 from twin.config.result import Rows
 from twin.errors import TwinError
 from twin.physics.aerodynamics.atmosphere import (
@@ -35,7 +36,6 @@ HALF_NS: Final = 5e-10  # s; times are rounded
 STEEP: Final = 15.0  # °, angle of attack off the rail that is reported
 SUBSONIC: Final = 0.6  # Mach number up to which the normal forces hold, docs/aerodynamics.md
 SHORT: Final = 1.0  # s, of a flight to the ground that is reported
-WORTH: Final = 0.1  # of the largest dynamic pressure, below which no angle of attack counts
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Figures:
     max_ascent_speed_m_s : up to the apogee
     max_acceleration_m_s2 : up to the apogee, mean over a control period
     max_mach, max_dynamic_pressure_pa : of the ascent, in the standard atmosphere
-    max_angle_of_attack_deg : of the ascent after the rail, where the dynamic pressure is at least
-        a tenth of its largest
+    rail_exit_angle_of_attack_deg : at the first tick off the rail
+    max_angle_of_attack_deg : of the ascent after the rail, where `analysis.flown.fast` has it count
     gimbal_saturation : share of the burn in which a command is at the limit of its axis
     control_margin : share of the stroke that the larger of both commands leaves in 95 % of the burn
     turn_radius_m : smallest of the path under power in free flight, over `TURN` seconds: way over
@@ -66,6 +66,7 @@ class Figures:
 
     rail_exit_s: float | None
     rail_exit_speed_m_s: float | None
+    rail_exit_angle_of_attack_deg: float | None
     burnout_s: float | None
     burnout_height_m: float | None
     burnout_speed_m_s: float | None
@@ -93,6 +94,8 @@ class Figures:
         rows = []
         if self.rail_exit_s is not None:
             off = f"{self.rail_exit_speed_m_s:.1f} m/s at {self.rail_exit_s:.2f} s"
+            if self.rail_exit_angle_of_attack_deg is not None:
+                off += f", angle of attack {self.rail_exit_angle_of_attack_deg:.1f}°"
             rows.append(("off the rail", off))
         if self.burnout_s is not None:
             place = f"{self.burnout_height_m:.0f} m high, slant range {slant_range:.0f} m"
@@ -106,7 +109,8 @@ class Figures:
         most.append(f"{self.max_dynamic_pressure_pa:.0f} Pa dynamic pressure")
         rows.append(("ascent, at most", ", ".join(most)))
         if self.max_angle_of_attack_deg is not None:
-            rows.append(("", f"angle of attack {self.max_angle_of_attack_deg:.2f}°"))
+            attack = f"angle of attack {self.max_angle_of_attack_deg:.2f}°"
+            rows.append(("", f"{attack}, from a third of the largest airspeed on"))
         if self.gimbal_saturation is not None:
             rows.append(("gimbal at limit", f"{self.gimbal_saturation:.1%} of the burn"))
         if self.control_margin is not None:
@@ -214,14 +218,17 @@ class Track:
         passed = free < top < len(ticks) - 1
         up = ticks[: top + 1]
         pressure, mach = self._air(up)
+        climb = up[free:]
         # a tick past the highest point has a parachute's opening in it
         acceleration = _accelerations(up[:-1] if passed and up[-1, VELOCITY][2] < 0 else up)
-        fast = pressure >= WORTH * pressure.max()
         east, north = (ticks[-1, POSITION] - start)[:2].tolist()
         burnt = bool(time[-1] > burnout)
         return Figures(
             rail_exit_s=off,
             rail_exit_speed_m_s=None if off is None else _at(off, time, speed),
+            rail_exit_angle_of_attack_deg=None
+            if off is None
+            else _largest_degrees(ticks[free : free + 1, ATTACK]),
             burnout_s=burnout if burnt else None,
             burnout_height_m=_at(burnout, time, height) if burnt else None,
             burnout_speed_m_s=_at(burnout, time, speed) if burnt else None,
@@ -231,7 +238,7 @@ class Track:
             max_acceleration_m_s2=float(acceleration.max()) if acceleration.size else None,
             max_mach=float(mach.max()),
             max_dynamic_pressure_pa=float(pressure.max()),
-            max_angle_of_attack_deg=_largest_degrees(up[free:][fast[free:]][:, ATTACK]),
+            max_angle_of_attack_deg=_largest_degrees(climb[fast(climb[:, AIRSPEED]), ATTACK]),
             gimbal_saturation=self._saturation(ticks[time <= burnout]),
             control_margin=self._margin(ticks[time <= burnout]),
             turn_radius_m=None

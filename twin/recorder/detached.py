@@ -193,9 +193,9 @@ class DetachedRecorder(Sink):
         """Add a line to an entity of texts."""
         self._send(entity=entity, time_ns=int(time_ns), text=text, level=level)
 
-    def timing(self, verdict: Mapping[str, object]) -> None:
-        """Add the verdict on the run's timing to its properties."""
-        self._send(timing=dict(verdict))
+    def attach(self, name: str, values: Mapping[str, object]) -> None:
+        """Add what is known at the end, `schema.TIMING` or `schema.FLIGHT`, to the properties."""
+        self._send(attach=name, values=dict(values))
 
     def flush(self) -> Path:
         """Write everything taken so far; return the file of the incomplete recording.

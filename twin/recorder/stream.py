@@ -195,14 +195,14 @@ class Recorder(Sink):
         """Add a line to an entity of texts."""
         self._texts.append((entity, time_ns, text, level))
 
-    def timing(self, verdict: Mapping[str, object]) -> None:
-        """Add the verdict on the run's timing to its properties.
+    def attach(self, name: str, values: Mapping[str, object]) -> None:
+        """Add what is known at the end, `schema.TIMING` or `schema.FLIGHT`, to the properties.
 
         Raises
         ------
         RecorderError : it is not JSON
         """
-        self._stream.send_property(schema.TIMING, rr.AnyValues(json=json_text(verdict)))
+        self._stream.send_property(name, rr.AnyValues(json=json_text(values)))
 
     def flush(self) -> Path:
         """Write everything taken so far; return the file of the incomplete recording.

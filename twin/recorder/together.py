@@ -77,6 +77,8 @@ def _label(paths: Sequence[Path], k: int) -> str:
 
 def _shown(run: Recording) -> list[str]:
     wanted = {s for _, rows in _TABS for _, names, _ in rows for s in names}
+    if run.passive:
+        wanted = {name for name in wanted if not name.startswith(("gimbal/", "control/"))}
     return [name for name in sorted(wanted) if name in run.series and run[name].known().time.size]
 
 

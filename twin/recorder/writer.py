@@ -66,8 +66,8 @@ class Writer:
         while not self._texts.empty() and not flush:
             message = self._texts.get()
             flush = "flush" in message
-            if "timing" in message:
-                recorder.timing(message["timing"])
+            if "attach" in message:
+                recorder.attach(message["attach"], message["values"])
             elif not flush:
                 recorder.text(**message)
         # every row that a request to flush concerns was in the ring before it

@@ -13,8 +13,10 @@ from analysis.report.parts import Line, Panel, Plot, Section, held, thinned
 COLUMNS = 2  # two axes stand side by side
 
 
-def histories(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
-    """One column an axis: angles above, differences from the first run below."""
+def histories(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
+    """One column an axis: angles above, differences from the first run below; None without one."""
+    if not runs[0].axes:
+        return None
     compared = {c.other for c in numbers.comparisons if c.reference == runs[0].name}
     panels: list[Panel] = []
     lines: list[Line] = []

@@ -21,10 +21,12 @@ def provenance(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
         ("file", [n.source or "–" for n in numbers.runs]),
         ("written", [_date(n.source) for n in numbers.runs]),
         ("command", [_said(r, "command") for r in runs]),
-        ("gimbal", [_said(r, "configuration", "gimbal") for r in runs]),
+        ("vehicle", [_said(r, "configuration", "vehicle") for r in runs]),
+        ("motor", [_said(r, "configuration", "motor") for r in runs]),
+        ("gimbal", [_gimbal(r) for r in runs]),
         ("signal", [_said(r, "configuration", "signal") for r in runs]),
         ("scene", [_said(r, "configuration", "scene") for r in runs]),
-        ("angle", [n.motion for n in numbers.runs]),
+        ("angle", ["–" if r.recording.passive else r.motion for r in runs]),
         ("duration", [f"{number(n.duration, 5)} s" for n in numbers.runs]),
         ("samples", [str(n.samples) for n in numbers.runs]),
         ("timing", [_word(r) for r in runs]),
@@ -37,6 +39,10 @@ def provenance(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
     head = ("run", *(r.name for r in runs))
     table = Table(head, tuple((name, *values) for name, values in kept))
     return Section("runs", "Runs", _text(runs), (table,))
+
+
+def _gimbal(run: Measurement) -> str:
+    return "none" if run.recording.passive else _said(run, "configuration", "gimbal")
 
 
 def _date(source: str) -> str:

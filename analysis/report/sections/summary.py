@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 from analysis.comparison.compare import Comparison
+from analysis.flown import Flown
 from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Grade, Section, Verdicts
-from analysis.report.sections.flown import Flown, flown
 from analysis.report.sections.key_figures import largest_figures
 from analysis.report.words import number, value_text
 
@@ -22,9 +22,9 @@ MATCH: dict[Grade, str] = {
 
 def summary(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
     """What the runs say together: comparison, figures of the first one, or a flight."""
-    flights = [f for f in map(flown, runs) if f is not None]
     found = [c for c in numbers.comparisons if c.reference == runs[0].name]
-    texts = [_flight(f) for f in flights] or list(_response(runs, numbers))
+    texts = [_flight(n.label, n.flight) for n in numbers.runs if n.flight is not None]
+    texts = texts or list(_response(runs, numbers))
     texts += [_compared(c) for c in found if math.isfinite(c.fit)]
     items = (*_fits(found), *_timing(runs), *_faults(runs), *_notes(numbers))
     limits = f"Fit of the worst commanded axis: good from {GOOD_FIT:g} %, fair from {FAIR_FIT:g} %."
@@ -62,15 +62,28 @@ def _response(runs: Sequence[Measurement], numbers: ReportNumbers) -> Iterator[s
             return
 
 
-def _flight(f: Flown) -> str:
-    error = f"; attitude error under power {number(f.error_deg, 2)}° rms" if f.error_deg > 0 else ""
-    top = f"apogee {number(f.apogee, 3)} m after {number(f.apogee_time, 3)} s"
-    if math.isnan(f.apogee):
-        top = f"up to {number(f.highest, 3)} m, where it ended in its climb"
-    return (
-        f"Flight with {f.name}: {top}, "
-        f"up to {number(f.speed, 3)} m/s, {number(f.downrange, 3)} m downrange at the end{error}."
-    )
+def _flight(name: str, f: Flown) -> str:
+    """A flight in a sentence: its point first where it steered to one, then apogee and end."""
+    n = {key: number(value, 3) for key, value in f.numbers.items()}
+    texts = []
+    if "closest_approach_m" in n:
+        texts.append(f"passed its target at {n['closest_approach_m']} m")
+    if "apogee_m" in n:
+        texts.append(f"apogee {n['apogee_m']} m after {n['apogee_s']} s")
+    elif "highest_m" in n:
+        texts.append(f"up to {n['highest_m']} m, where it ended in its climb")
+    if "max_ascent_speed_m_s" in n:
+        texts.append(f"up to {n['max_ascent_speed_m_s']} m/s")
+    if "margin_loaded" in n:
+        texts.append(f"static margin {n['margin_loaded']} calibres at launch")
+    if f.numbers.get("attitude_error_rms_deg", 0.0) > 0.0:
+        texts.append(f"attitude error under power {n['attitude_error_rms_deg']}° rms")
+    end = f"after {n['flight_time_s']} s, {n['downrange_m']} m from the launch point"
+    if "impact_speed_m_s" in n:
+        texts.append(f"on the ground at {n['impact_speed_m_s']} m/s {end}")
+    else:
+        texts.append(f"ended {end}")
+    return f"Flight {name}: {', '.join(texts)}."
 
 
 def _grade(fit: float) -> Grade:

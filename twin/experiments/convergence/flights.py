@@ -233,7 +233,11 @@ def _steered(config: Converge, end_ns: int) -> Start:
     loop.run(end_ns)
     plant = loop.plant
     if plant.landed:
-        raise TwinError(f"the vehicle is on the ground before {end_ns * 1e-9:g} s of flight")
+        raise TwinError(
+            f"the vehicle is on the ground before {end_ns * 1e-9:g} s, where this study begins;"
+            " --flight closed-loop begins at the launch: give it, with a --duration-s that ends in"
+            " flight"
+        )
     plant.rate += DISTURBANCE
     return Start(end_ns, plant.data.qpos.copy(), plant.data.qvel.copy())
 

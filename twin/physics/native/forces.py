@@ -217,7 +217,13 @@ def _gravity(m: int, d: int, data: Array, index: Array) -> None:
 
 
 @jit
-def _air(m: int, d: int, data: Array, index: Array) -> None:
+def _air(m: int, d: int, data: Array, index: Array, hangs: bool) -> None:
+    """Forces of the air on the body; of one that hangs on a parachute its drag without its lift.
+
+    On its line a body is free to turn about the vertical, so that its lift has no lasting direction
+    and carries it nowhere, unlike that of a rigid body that always shows the flow the same side.
+    RocketPy and OpenRocket leave out all forces on the body under a parachute.
+    """
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
     origin = vector(floats(d, _XPOS, 3 * nbody), body)
     rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
@@ -248,6 +254,11 @@ def _air(m: int, d: int, data: Array, index: Array) -> None:
     if index[_PITCH] >= 0:
         damping = -0.5 * rho * value(data, index, _PITCH) * abs(v[2])
     force = turn(rotation, (load[0], load[1], fz))
+    square = through[0] * through[0] + through[1] * through[1] + through[2] * through[2]
+    if hangs and square > 0.0:
+        along = force[0] * through[0] + force[1] * through[1] + force[2] * through[2]
+        share = along / square
+        force = (share * through[0], share * through[1], share * through[2])
     torque = turn(rotation, (load[2] + damping * w[0], load[3] + damping * w[1], mz))
     apply_force(m, d, body, point, force, torque)
 
@@ -259,12 +270,11 @@ def add_forces(m: int, d: int) -> None:
     if not carries or index[VEHICLE] < 0:
         return
     data = floats(m, _NUMERIC, size(m, _NNUMERIC))
+    hangs = index[_CHUTES] >= 0 and recover(m, d, data, index)
     if index[_AIR] >= 0 and value(data, index, _AIR) != 0.0:
-        _air(m, d, data, index)
+        _air(m, d, data, index, hangs)
     if index[NOZZLE] >= 0 and index[_IMPULSE] >= 0:
         _motor(m, d, data, index)
-    if index[_CHUTES] >= 0:
-        recover(m, d, data, index)
     if index[_RADIUS] >= 0 and value(data, index, _RADIUS) > 0.0:
         _gravity(m, d, data, index)
     if index[_RAMP_LENGTH] >= 0:

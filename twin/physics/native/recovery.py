@@ -65,15 +65,16 @@ def is_open(after: float, rise: float, height: float, delay: float, below: float
 
 
 @jit
-def recover(m: int, d: int, data: Array, index: Array) -> None:
-    """Add the drag of every open parachute at its place on the axis."""
+def recover(m: int, d: int, data: Array, index: Array) -> bool:
+    """Add the drag of every open parachute at its place on the axis; whether there is one."""
     body, nbody = int(index[VEHICLE]), size(m, _NBODY)
     areas, delays = values(data, index, _AREA), values(data, index, _DELAY)
     heights, stations = values(data, index, _HEIGHT), values(data, index, _Z)
     curve = values(data, index, _CURVE)
     after = number(d, _TIME) - value(data, index, _IGNITION) - curve[curve.size - 1]
+    hangs = False
     if after < 0.0:
-        return
+        return hangs
     origin = vector(floats(d, _XPOS, 3 * nbody), body)
     rotation = floats(d, _XMAT, 9 * nbody)[9 * body : 9 * body + 9]
     for k in range(areas.size):
@@ -88,3 +89,5 @@ def recover(m: int, d: int, data: Array, index: Array) -> None:
         speed = (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) ** 0.5
         drag = -0.5 * rho * areas[k] * speed
         apply_force(m, d, body, point, (drag * u[0], drag * u[1], drag * u[2]), (0.0, 0.0, 0.0))
+        hangs = True
+    return hangs

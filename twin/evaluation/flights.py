@@ -1,0 +1,113 @@
+"""`twin compare` of flights without a gimbal: their figures, and how far their paths lie apart."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.comparison import PathDifference, flight_path, path_difference
+from analysis.flown import FIGURES, Flown, flown
+from analysis.recording import Measurement
+from twin.config import Compare
+from twin.config.result import Result, Rows
+from twin.errors import TwinError
+
+LEADS = ("apogee", "highest point", "end, ")  # names of figures that are shown first
+
+
+@dataclass(frozen=True)
+class FlightsResult(Result):
+    """Two flights in figures.
+
+    Attributes
+    ----------
+    reference, other : file of each
+    flights : figures of each
+    path : how far they lie apart while both flew
+    ends_apart : level distance between the places where they ended [m]
+    file : both flights in one recording
+    """
+
+    reference: str
+    other: str
+    flights: tuple[Flown, Flown]
+    path: PathDifference
+    ends_apart: float
+    file: Path
+
+    def as_dict(self) -> dict[str, object]:
+        """JSON values in SI, unless a name gives another unit; differences where both have one."""
+        a, b = (f.numbers for f in self.flights)
+        return {
+            "reference": {"file": self.reference, **self.flights[0].to_dict()},
+            "other": {"file": self.other, **self.flights[1].to_dict()},
+            "difference": {name: b[name] - a[name] for name in a if name in b},
+            "path": self.path.to_dict(),
+            "ends_apart_m": self.ends_apart,
+            "recording": str(self.file),
+        }
+
+    def rows(self) -> Rows:
+        """Apogee, ends and paths first, then every other figure that differs."""
+        rows = [("reference", self.reference), ("compared", self.other)]
+        a, b = (f.numbers for f in self.flights)
+        apart: Rows = []
+        equal = []
+        for name, key, unit, scale in FIGURES:
+            values = [_rounded(n[key] * scale) if key in n else None for n in (a, b)]
+            texts = ["none" if v is None else f"{v:.5g}{unit}" for v in values]
+            known = [v for v in values if v is not None]
+            if not known:
+                continue
+            if texts[0] == texts[1]:
+                equal.append(name)
+            else:
+                by = f": {known[1] - known[0]:+.3g}{unit}" if known[1:] else ""
+                apart.append((name, f"{', '.join(texts)}{by}"))
+        lead = [row for row in apart if row[0].startswith(LEADS)]
+        rows += lead
+        rows.append(("ends apart", f"{self.ends_apart:.1f} m on the ground plan"))
+        rows.append((f"paths, {self.path.time:.1f} s", self.path.text()))
+        rows += [row for row in apart if row not in lead]
+        rows.append(("wind", ", ".join(f.texts.get("wind", "none") for f in self.flights)))
+        if equal:
+            rows.append(("equal", ", ".join(equal)))
+        return [*rows, ("recording", str(self.file)), ("", f"twin view {self.file}")]
+
+
+def _rounded(value: float) -> float:
+    return round(value, 4) + 0.0  # no -0
+
+
+def compare_flights(config: Compare, runs: list[Measurement], file: Path) -> FlightsResult:
+    """Compare two flights of which one has no gimbal, and put both into one recording.
+
+    Raises
+    ------
+    TwinError : a flag about the gimbal, or a recording in which nothing flew
+    """
+    for flag, given in (
+        ("--fail-below", config.fail_below is not None),
+        ("--drift", config.drift),
+        ("--explain", config.explain),
+    ):
+        if given:
+            passive = next(r.name for r in runs if r.recording.passive)
+            raise TwinError(f"{flag}: is about a gimbal, and {passive} is a flight without one")
+    if len(runs) < 2:
+        raise TwinError(
+            f"compare: {runs[0].name} is a flight without a gimbal; give another flight too"
+        )
+    found = [flown(run.recording) for run in runs]
+    if any(f is None for f in found):
+        still = runs[found.index(None)].name
+        raise TwinError(f"compare: nothing flies in {still}; the other is a flight without gimbal")
+    from twin.recorder.together import write
+
+    first, second = (f for f in found if f is not None)
+    path = path_difference(*(flight_path(r.recording) for r in runs), whole=True)
+    part = file.with_name(f"{file.name}.partial")
+    write(config.recordings, part)
+    part.replace(file)
+    apart = [second.numbers[k] - first.numbers[k] for k in ("end_east_m", "end_north_m")]
+    before, after = map(str, config.recordings)
+    return FlightsResult(before, after, (first, second), path, math.hypot(*apart), file)
