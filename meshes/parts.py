@@ -116,12 +116,17 @@ def bracket(drawing: Drawing) -> Solid:
     # a rod alone needs less, but the higher its ball on the holder, the farther in it leans
     lean = 0.25 * max(drawing.site("holder_x_ball")[2] - 13.0, 0.0)
     passing = drawing.site("horn_x_ball")[1] - 3.8 - lean
-    solid = tube(inner, outer, low, top) ^ sector(40, low, top, -130, 70)
+    arm = abs(drawing.site("horn_x_ball")[0] - drawing.body("horn_x")[0])
+    turn = min(1.0, 0.18 * drawing.site("holder_x_ball")[1] / arm)  # sine of it at stops of 10°
+    # a long arm dips into the shelf, and the rod of one that turns far moves along it
+    slot = max(6.0, arm - 2.0, 5.0 + arm * (1.0 - (1.0 - turn**2) ** 0.5))
+    past = max(40.0, outer + 1.0)
+    solid = tube(inner, outer, low, top) ^ sector(past, low, top, -130, 70)
     solid += disc(outer, low, low_top) + disc(outer, mid, mid_top)
     solid -= disc(9, low - 1, low_top + 1) + _lightening(mid, mid_top, outer / 25.9)
-    solid -= box((-6, shelf, low - 1), (6, 40, top + 1))
-    solid -= box((-40, -6, low - 1), (-passing, 6, mid - 1))
-    solid -= box((-40, -6, mid - 1), (-shelf, 6, top + 1))
+    solid -= box((-slot, shelf, low - 1), (slot, past, top + 1))
+    solid -= box((-past, -slot, low - 1), (-passing, slot, mid - 1))
+    solid -= box((-past, -slot, mid - 1), (-shelf, slot, top + 1))
     posts = _posts(drawing, low_top, case[2] + half[2])
     upper = _posts(drawing, mid_top - rise, case[2] + half[2])
     solid += posts + upper.rotate((0, 0, QUARTER)).translate((0, 0, rise))

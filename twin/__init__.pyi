@@ -93,7 +93,6 @@ def converge(
     gimbal: Literal['linkage', 'transfer-function'] = ...,
     integrators: tuple[Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'], ...] = ...,
     dt_ms: tuple[float, ...] = ...,
-    integrator: Literal['implicitfast', 'euler', 'rk4', 'ab1', 'ab2', 'ab3', 'ab4'] = ...,
     tolerance_m: float = ...,
     duration_s: float = ...,
     control_hz: float = ...,
@@ -171,8 +170,7 @@ def fly(
     repeat: int = ...,
 ) -> FlightResult | RepeatResult: ...
 def history(
-    folder: str | PathLike[str],
-    *,
+    *recordings: str | PathLike[str],
     out: str | PathLike[str] | None = ...,
     force: bool = ...,
     board: str | None = ...,

@@ -29,7 +29,7 @@ def load(
 
     Parameters
     ----------
-    path : a recording (.rrd), or a table (.csv, .tsv, .txt, .mat) with `columns`
+    path : a recording (.rrd), or a table (.csv, .txt, .log, .jsonl, .mat and others) with `columns`
     angle, rate, gyro_delay, initial : as for `measurement_of`; a table names its signals in
         `columns`
 

@@ -75,7 +75,8 @@ class Channel:
     def frequency_response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Complex gain at angular frequencies (n,) [rad/s], delay included."""
         s = 1j * np.asarray(omega, dtype=np.float64)
-        return np.asarray(self.system()(s) * np.exp(-s * self.delay), dtype=np.complex128)
+        rational = np.polyval(self.num, s) / np.polyval(self.den, s)
+        return np.asarray(rational * np.exp(-s * self.delay), dtype=np.complex128)
 
 
 def _trimmed(coefficients: tuple[float, ...]) -> tuple[float, ...]:

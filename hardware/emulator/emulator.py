@@ -152,10 +152,14 @@ class Emulator:
         self.bench.set_pulses(pulses)
 
     def _receive(self, world_us: float, device_us: int) -> None:
+        piece = bytearray()
         while self._incoming and self._incoming[0][0] <= world_us:
             at, byte = self._incoming.popleft()
-            received = device_us - int((world_us - at) * (1 + self.parameters.skew))
-            self.device.receive(bytes((byte,)), received, device_us)
+            piece.append(byte)
+            if byte == 0 or not self._incoming or self._incoming[0][0] > world_us:
+                received = device_us - int((world_us - at) * (1 + self.parameters.skew))
+                self.device.receive(bytes(piece), received, device_us)
+                piece.clear()  # up to a delimiter, which dates its frame, or to the end of the tick
         self.bench.dlpf = self.device.config.dlpf
 
     def _report(self, device_us: int) -> None:

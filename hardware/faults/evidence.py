@@ -50,6 +50,7 @@ class Prediction(NamedTuple):
     angle, rate, bias : per axis [rad], [rad/s], [rad/s]
     variance : of each potentiometer's innovation [rad²]
     tolerance : uncertainty of each potentiometer's map, 3 σ [rad]
+    slope : uncertainty of each potentiometer's angle per angle, 3 σ [1]
     gyro_delay : of the gyro's reading [s]
     scale : uncertainty of the difference of both gyros per rate of the base, 3 σ [1]
     """
@@ -59,6 +60,7 @@ class Prediction(NamedTuple):
     bias: Pair
     variance: Quad
     tolerance: Quad = (0.0, 0.0, 0.0, 0.0)
+    slope: Quad = (0.0, 0.0, 0.0, 0.0)
     gyro_delay: float = 0.0
     scale: float = 0.0
 

@@ -4,15 +4,15 @@ Offset and scale of an accelerometer are unknown but constant, and what motion a
 averages out: a potentiometer that drifts slowly leaves it, whatever gyro and servo do. What does
 not average out is computed or bounded: angular accelerations pass through the same averages as
 forces and potentiometers, times a lever that is fitted to the fast motion; what is unknown of the
-lever, of the scale and of the board's mounting is independent, and adds by its squares. Forces are
-averaged, not tilts, which are not linear in them.
+lever, of both scales and of the board's mounting is independent, and adds by its squares. Forces
+are averaged, not tilts, which are not linear in them.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import hypot, radians
 
-from hardware.faults.evidence import Reading
+from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading
 from hardware.frames import Pair, Triple
 from hardware.parts import ACCELEROMETER_SCALE_ERROR, STANDARD_GRAVITY, tilts
 
@@ -43,6 +43,7 @@ class Gravity:
     rate : latest of the holder about x and y, and of the base about x [rad/s]
     age : time for which they were learned [s]
     fit : sums of tilts times angular accelerations [rad²/s²], and of their squares [rad²/s⁴]
+    slope : uncertainty of each potentiometer's angle per angle, 3 σ [1]
     """
 
     mean: list[float] = field(default_factory=lambda: [0.0] * VALUES)
@@ -50,13 +51,16 @@ class Gravity:
     rate: list[float] = field(default_factory=lambda: [0.0] * 3)
     age: float = 0.0
     fit: list[float] = field(default_factory=lambda: [0.0] * 2)
+    slope: list[float] = field(default_factory=lambda: [0.0] * POTENTIOMETERS)
 
     def begin(self) -> None:
         """Start again on a first frame, or after a gap."""
         self.age = 0.0
 
-    def update(self, r: Reading, rate: Pair, *, healthy: bool) -> None:
-        """Add a frame; `rate` is that of the gimbal [rad/s], `healthy` all of the rig."""
+    def update(self, r: Reading, p: Prediction, *, healthy: bool) -> None:
+        """Add a frame and what was predicted of it; `healthy` all of the rig."""
+        rate = p.rate
+        self.slope[:] = p.slope
         if not abs(r.force[2]) > UPRIGHT:
             return
         u, v, w = rate[0] + r.carried[0], rate[1] + r.carried[1], r.carried[0]
@@ -100,13 +104,20 @@ class Gravity:
         return shift * sense > 0 and abs(shift) > hypot(SHIFTED, self.uncertain(axis))
 
     def uncertain(self, axis: int) -> float:
-        """How far a potentiometer of an axis may seem to have left it by motion alone [rad]."""
+        """How far a potentiometer of an axis may seem to have left it by motion alone [rad].
+
+        One that is not calibrated follows motion by its nominal travel, which is some % off.
+        """
         x, y, base = self._tilted()
         u, v, w = self._turned()
         own, other, turn = (y, x, v) if axis else (x, y, u)
         lever = hypot(FITTED, LEVER * ENOUGH / (ENOUGH + self.fit[1]))
         scale = ACCELEROMETER_SCALE_ERROR * own, ACCELEROMETER_SCALE_ERROR * base
-        return hypot(*scale, TURNED * other, lever * turn, LEVER * w)
+        i = 2 * axis
+        read = (
+            s * (self.mean[k] - self.reference[k]) for k, s in enumerate(self.slope[i : i + 2], i)
+        )
+        return hypot(*scale, max(map(abs, read)), TURNED * other, lever * turn, LEVER * w)
 
     def _turned(self) -> Triple:
         """Changes of the averaged angular accelerations [rad/s²]."""

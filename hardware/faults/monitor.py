@@ -16,7 +16,7 @@ from hardware.faults.actuation import Actuation
 from hardware.faults.attribution import Attribution
 from hardware.faults.axis import DRIFT, MOSTLY, STRANDED, Axis
 from hardware.faults.drift import SETTLING, Drift
-from hardware.faults.evidence import Prediction, Reading, Remedy
+from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading, Remedy
 from hardware.faults.gravity import Gravity
 from hardware.faults.memory import filled, number
 from hardware.faults.parity import Parity
@@ -122,12 +122,14 @@ class Monitor:
         KeyError, TypeError, ValueError : it is not a snapshot
         """
         tracks = tuple(filled(Track, values) for values in memory["tracks"])
-        # Recordings of earlier versions hold neither these two nor all averages of gravity.
+        # Recordings of earlier versions hold neither these three nor all averages of gravity.
         later = {"wandering": 0.0, "carried": 0.0}
         x, y = (filled(Axis, {**later, **values}) for values in memory["axes"])
         if [track.index for track in tracks] != list(range(len(SENSORS))):
             raise ValueError("tracks of other sensors")
-        gravity = filled(Gravity, memory["gravity"]) if "fit" in memory["gravity"] else Gravity()
+        slope = {"slope": [0.0] * POTENTIOMETERS}
+        kept = {**slope, **memory["gravity"]}
+        gravity = filled(Gravity, kept) if "fit" in kept else Gravity()
         self.actuation.restore(memory["actuation"])
         self._assemble(gravity)
         self._tracks.tracks, self._tracks.axes = tracks, (x, y)
@@ -165,7 +167,7 @@ class Monitor:
         self._frozen(reading, prediction)
         self.actuation.advance(reading.command, prediction.angle, dt, reading.carried, reading.turn)
         if reading.fresh:
-            self._gravity.update(reading, prediction.rate, healthy=tracks.healthy)
+            self._gravity.update(reading, prediction, healthy=tracks.healthy)
         self._drift.dead_reckon(reading, prediction, rest, use)
         if self._drift.running > SETTLING:
             self._drift.compare(reading, prediction)

@@ -77,6 +77,10 @@ class Fusion:
         self._last_us: int | None = None
         sigmas = [calibration.potentiometer_sigma(i, _MAP_ANGLE) for i in range(POTENTIOMETERS)]
         self._tolerance = (3 * sigmas[0], 3 * sigmas[1], 3 * sigmas[2], 3 * sigmas[3])
+        a, b, c, d = (
+            3 * m.covariance[1][1] ** 0.5 / abs(m.gain) for m in calibration.potentiometers
+        )
+        self._slope = (a, b, c, d)
         self._gyro_scale = 3 * hypot(calibration.gyro.sigma, BASE_SCALE) if base else 0.0
         self._own_variance = [s * s for s in sigmas]
         self._map_variance = (sigmas[0] * sigmas[1], sigmas[2] * sigmas[3])
@@ -211,6 +215,7 @@ class Fusion:
             (x[BIAS], x[STATES + BIAS]),
             (v[0] + px, v[1] + px, v[2] + py, v[3] + py),
             self._tolerance,
+            self._slope,
             n.gyro_delay,
             self._gyro_scale,
         )

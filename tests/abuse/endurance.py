@@ -11,7 +11,7 @@ import psutil
 from tests.abuse.attempt import Row
 
 HOUR = 3600.0  # s of experiment time
-MIRROR = ["-c", "from twin.cli.main import main; main()", "mirror", "--gimbal", "emulator"]
+MIRROR = ["-m", "twin", "mirror", "--gimbal", "emulator"]
 FLAT = 20.0  # MB that the last tenth may lie above the second
 PERIOD = 0.2  # s between looks at the memory
 

@@ -91,7 +91,7 @@ def test_backward_stamps_of_a_file_name_the_file(tmp_path):
     ("text", "said"),
     [
         ("", "empty"),
-        ("t,u\n", "no rows"),
+        ("t,u\n", "no rows of numbers"),
         ("0,1\n2,3\n", "must name the columns"),
         ("t,t\n0,1\n", "two columns are called 't'"),
         ("t,u\n0\n", "row 2 has 1 fields, the header 2"),
@@ -304,3 +304,44 @@ def test_blanks_separate_columns_and_tabs_allow_decimal_commas(tmp_path, text):
     assert {name: table.column(name).tolist() for name in table.columns} == {
         "t": [0.0, 0.01], "u": [1.5, 2.5], "y": [-2.0, 0.3]
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "time"),
+    [
+        ("23:59:59.750 -> u,y\n23:59:59.750 -> 1.5,0\n00:00:00.000 -> -2,0\n", "monitor_time"),
+        ("12:00:01.500 -> u y\n12:00:01.500 -> 1.5 0\n12:00:01.750 -> -2 0\n", "monitor_time"),
+        ("12:00:01.500 -> u:1.5\ty:0\n12:00:01.750 -> u:-2\ty:0\n", "monitor_time"),
+        ("t:0,u:1.5,y:0\nt:0.25,u:-2,y:0\n", "t"),
+        ("t:0 u:1.5 y:0 \nt:0.25 u:-2 y:0 \n", "t"),
+        ('{"t": 0, "u": 1.5, "state": "ok"}\n{"t": 0.25, "u": -2.0, "state": "ok"}\n', "t"),
+        ("MPU6050 connected, address 0x68\n\nt,u,y\n0,1.5,0\n0.25,-2,0\n", "t"),
+        ("t,u,y\nbus error, retry\n0,1.5,0\nbus error\n0.25,-2,0\nt,u,y\n", "t"),
+        ("% made by hand\n% t u y\n 0 1.5 0\n 0.25 -2 0\n", "t"),
+        ("// t,u\nt,u\n0.0D+00,1.5D0\n2.5D-01,-0.2D1\n", "t"),
+        ("s, set up at 12:30\nt;u\n0;1,5\n0,25;-2\n", "t"),
+    ],
+)
+def test_logs_of_serial_lines_are_tables(tmp_path, text, time):
+    found = table(tmp_path, text, "log.txt")
+    assert found.column(time).tolist() == [0.0, 0.25]
+    assert found.column("u").tolist() == [1.5, -2.0]
+    assert ("of text left out" in found.note) is (
+        "connected" in text or "bus" in text or "12:30" in text
+    )
+
+
+def test_few_rows_that_a_serial_line_garbled_are_left_out_and_named(tmp_path):
+    rows = [f"{k},{k % 7},0" for k in range(400)]
+    rows[100], rows[200], rows[300] = "1", "200,5", "300,6,0,77"
+    rows[50] = "50,x\x7f,0"
+    found = table(tmp_path, "t,u,y\n" + "\n".join(rows) + "\n")
+    assert found.column("t").tolist() == [k for k in range(400) if k not in (100, 200, 300)]
+    assert np.flatnonzero(np.isnan(found.column("u"))).tolist() == [50]
+    assert "3 rows of another length left out, the first row 102 with 1 fields for 3" in found.note
+    assert (
+        r"no number in 1 field of 'u', taken as missing, the first 'x\x7f' in row 52" in found.note
+    )
+    rows[102], rows[103] = "1", "2"
+    with pytest.raises(AnalysisError, match="row 102 has 1 fields, the header 3"):
+        table(tmp_path, "t,u,y\n" + "\n".join(rows) + "\n")

@@ -22,7 +22,7 @@ from twin.experiments.assembly import make_plant
 from twin.experiments.fly import fly
 from twin.plant.compiled import compiled
 
-TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
+TWIN = [sys.executable, "-m", "twin"]
 LONGEST_S = 12.0  # of the flights compared
 STEPS = 4  # of a control tick
 SIMS = 4

@@ -14,7 +14,7 @@ from tests.benchmarks.timing import Row
 from twin.hil import RigOptions, device
 from twin.physics import native
 
-TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
+TWIN = [sys.executable, "-m", "twin"]
 SECONDS = 12.0
 SIMULATED_US = 4_000_000
 

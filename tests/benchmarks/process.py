@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.benchmarks.timing import Row
 
 PEER = "mujoco, numba, numpy, rerun"
-TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
+TWIN = [sys.executable, "-m", "twin"]
 
 
 def table() -> Iterator[Row]:

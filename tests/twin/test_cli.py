@@ -252,7 +252,7 @@ def test_any_encoding_of_the_terminal_shows_the_result(tmp_path, monkeypatch, en
 
 
 def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
-    command = [sys.executable, "-m", "twin.cli.main", "parameters", "wind"]
+    command = [sys.executable, "-m", "twin", "parameters", "wind"]
     environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parents[1])}
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
@@ -339,5 +339,32 @@ main(["fly"])
     done = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
     )
-    line = "twin: interrupted; nothing was recorded\n" if number == signal.SIGINT else ""
+    what = "interrupted" if number == signal.SIGINT else "ended by SIGTERM"
+    line = f"twin: {what}; nothing was recorded\n"
     assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", line)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_flight_says_what_ended_it_and_where_the_recording_is(tmp_path, capsys, number):
+    """It arrives within an own controller, whose errors are otherwise the controller's."""
+    own = tmp_path / "own.py"
+    own.write_text(
+        f"import os\nclass Ending:\n    def update(self, time, gimbal, vehicle):\n"
+        f"        if time > 0.2:\n            os.kill(os.getpid(), {int(number)})\n"
+        f"        return 0.0, 0.0\n"
+    )
+    out = tmp_path / "ended.rrd"
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(SystemExit) as end:
+            main(["fly", "--controller", f"{own}:Ending", "--out", str(out)])
+    finally:
+        for n, handler in before.items():
+            signal.signal(n, handler)
+    assert end.value.code == 128 + number
+    what = "interrupted" if number == signal.SIGINT else "ended by SIGTERM"
+    line = f"twin: {what}; {out} holds the run up to there"
+    assert capsys.readouterr().err.splitlines()[-1] == line
+    recorded = read(out)
+    assert recorded["gimbal/command"].time[-1] == pytest.approx(0.2, abs=0.01)
+    assert any(f"run ended early: {number.name}" in e.text for e in recorded.events)

@@ -40,7 +40,7 @@ from twin.plant.authority import stroke
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
 
-TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
+TWIN = [sys.executable, "-m", "twin"]
 UNIT = 3
 
 

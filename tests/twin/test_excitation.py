@@ -221,7 +221,7 @@ def test_a_seed_repeats_itself_and_another_differs(signal):
     ("settings", "says"),
     [
         ({"signal": "sine"}, "must be one of steps, staircase"),
-        ({"amplitude": 0.2}, "--amplitude-deg 11.4592: must be from 0 to 10"),
+        ({"amplitude": -0.2}, "--amplitude-deg -11.4592: must be greater than zero"),
         ({"band": (5.0, 1.0)}, "--band-hz 5 1"),
         ({"signal": "chirp", "band": (1.0, 400.0)}, "at most 125"),
         ({"signal": "staircase", "smallest": 0.5}, "--smallest-deg"),

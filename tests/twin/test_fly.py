@@ -288,13 +288,49 @@ def test_a_step_past_the_stops_is_refused():
     [((-1.0, 1.0), "axis x by -1"), ((1.0, 57.3), r"axis y by [56].*stable for 0.057° to 2.3°")],
 )
 def test_a_model_of_the_wrong_sign_or_size_is_flown_with_consent_only(tmp_path, factors, says):
+    settings = {"gimbal": "transfer-function", "model": scaled(tmp_path, factors)}
+    settings["duration_s"] = 0.02
+    with pytest.raises(TwinError, match=says):
+        fly(Fly(**settings), recorded=False)
+    assert fly(Fly(**settings, any_gain=True), recorded=False).flight_time_s > 0.0
+
+
+def scaled(folder, factors):
+    """The shipped identified model with other gains."""
     content = json.loads((MJCF / "gimbal.json").read_text())
     for k, factor in enumerate(factors):
         channel = content["channels"][k][k]
         channel["num"] = [factor * n for n in channel["num"]]
-    file = tmp_path / "model.json"
+    file = folder / "model.json"
     file.write_text(json.dumps(content))
-    settings = {"gimbal": "transfer-function", "model": file, "duration_s": 0.02}
-    with pytest.raises(TwinError, match=says):
-        fly(Fly(**settings), recorded=False)
-    assert fly(Fly(**settings, any_gain=True), recorded=False).flight_time_s > 0.0
+    return file
+
+
+class Still:
+    def update(self, time, gimbal, vehicle):
+        return 0.0, 0.0
+
+
+@pytest.mark.parametrize(("factor", "refused"), [(5.0, False), (-1.0, True), (57.3, True)])
+def test_an_own_controller_is_not_judged_by_the_margins_of_the_attitude_loop(
+    tmp_path, factor, refused
+):
+    model = scaled(tmp_path, (factor, factor))
+    config = Fly(gimbal="transfer-function", model=model, duration_s=0.02)
+    with pytest.raises(TwinError, match="axis x"):
+        fly(config, recorded=False)
+    if not refused:
+        assert fly(config, controller=Still(), recorded=False).flight_time_s > 0.0
+        return
+    with pytest.raises(TwinError) as error:
+        fly(config, controller=Still(), recorded=False)
+    assert "attitude loop" not in str(error.value)
+
+
+@pytest.mark.parametrize("ticks", ["compiled", "loop"])
+def test_an_impact_within_a_long_tick_is_a_landing(monkeypatch, ticks):
+    """Steps of 4 ms go on to the end of the tick of 20 ms, and bend the stops meanwhile."""
+    if ticks == "loop":
+        monkeypatch.setattr("twin.experiments.fly.compiled_ticks", lambda *_: None)
+    flown = fly(Fly(control_hz=50, integrator="implicitfast", dt=0.004), recorded=False)
+    assert flown.ended == "reached the ground"

@@ -15,7 +15,7 @@ from analysis.recording import reader as recording
 from tests.conftest import ROOT
 from twin import viewer
 
-TWIN = [sys.executable, "-c", "from twin.cli.main import main; main()"]
+TWIN = [sys.executable, "-m", "twin"]
 PORTS = [
     pytest.param(
         [],

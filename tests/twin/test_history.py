@@ -13,6 +13,7 @@ from twin.experiments.step import step
 from twin.hil import nominal_calibration
 from twin.hil.history import Source, gimbal_angles
 from twin.hil.history import read as read_commands
+from twin.plant.compose import MJCF
 from twin.plant.model import ModelConfig, load
 
 TIMES, ANGLES = (0.0, 0.1, 0.35, 0.6), (0.0, 4.0, -3.0, 0.0)  # s, degrees
@@ -52,7 +53,7 @@ def test_pulses_and_shaft_angles_are_converted_by_the_calibration_and_the_ratio(
     lines = [f"{t},{a!r},{rest!r}" for t, a in zip(TIMES, pulses[:, 0].tolist(), strict=True)]
     file.write_text("\n".join(["t,p,q", *lines]))
     source = Source(file, "t", ("p", "q"), "us")
-    seen = gimbal_angles(source, read_commands(source), calibration, "both")
+    seen = gimbal_angles(source, read_commands(source), calibration, "both", None)
     np.testing.assert_allclose(seen[:, 0], wanted[:, 0], atol=2e-4)
     # 0 % is 1500 µs and 100 % is 2000 µs, so 20 % is 1600 µs
     file = table(tmp_path / "q.csv", (0.0, 20.0, -20.0, 0.0))
@@ -133,3 +134,31 @@ def test_a_model_that_does_not_exist_is_refused(capsys, tmp_path, flags, match):
     code, _, error = command(capsys, *line.split(), *flags)
     assert (code, error.count("\n")) == (2, 1)
     assert match in error
+
+
+@pytest.mark.parametrize(("degrees", "stops"), [(6.0, 5.0), (12.0, 15.0)])
+def test_commands_are_limited_by_the_stops_of_the_mechanism_that_is_commanded(
+    tmp_path, degrees, stops
+):
+    mechanism = stopped(tmp_path, stops)
+    file = table(tmp_path / "c.csv", (0.0, degrees, 0.0, 0.0))
+    of_file = {"commands": file, "time": "t", "input": "u", "input_unit": "deg", "hold_s": 0.1}
+    for settings in ({"amplitude_deg": degrees, "repeats": 1, "hold_s": 0.1}, of_file):
+        asked = Step(mechanism=mechanism, out=tmp_path / "s.rrd", axis="x", **settings)
+        if degrees < stops:
+            step(asked)
+            continue
+        with pytest.raises(TwinError, match=rf"{degrees:g}\b.*{stops:g}"):
+            step(asked)
+        assert not list(tmp_path.glob("*.rrd*"))
+
+
+def stopped(folder, degrees):
+    """The shipped direct drive with stops at this angle."""
+    file = folder / "stopped.xml"
+    text = (MJCF / "examples" / "direct_drive.xml").read_text()
+    end = np.radians(degrees)
+    for old, new in (("-0.174533 0.174533", f"{-end} {end}"), ("-0.17 0.17", f"{-end} {end}")):
+        text = text.replace(f'range="{old}"', f'range="{new}"')
+    file.write_text(text)
+    return file

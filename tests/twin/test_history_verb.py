@@ -48,11 +48,11 @@ def test_a_board_is_its_calibrations_serial_number():
 
 def test_recordings_of_several_boards_are_refused_until_one_is_named():
     runs = [(Path("a.rrd"), calibrated("01")), (Path("b.rrd"), calibrated("02"))]
-    with pytest.raises(TwinError, match=r"holds recordings of 01, 02; give one of them, or"):
-        _of_one_board(runs, History(Path("here")))
+    with pytest.raises(TwinError, match=r"the recordings are of 01, 02; give one of them, or"):
+        _of_one_board(runs, History((Path("here"),)))
     with pytest.raises(TwinError, match="--board"):
-        _of_one_board(runs, History(Path("here"), board="03"))
-    assert _of_one_board(runs, History(Path("here"), board="02")) == ("02", [runs[1]])
+        _of_one_board(runs, History((Path("here"),), board="03"))
+    assert _of_one_board(runs, History((Path("here"),), board="02")) == ("02", [runs[1]])
 
 
 def test_a_board_is_named_by_its_number_or_its_beginning():
@@ -61,9 +61,9 @@ def test_a_board_is_named_by_its_number_or_its_beginning():
     runs.append((Path("plain.rrd"), run(configuration={"gimbal": "emulator"})))
     for asked, name in {"unit-7": "unit-7", "8": "unit-81", "0000b": "0000beef",
                         "emulator": "emulator without a calibration"}.items():  # fmt: skip
-        assert _of_one_board(runs, History(Path("here"), board=asked))[0] == name
+        assert _of_one_board(runs, History((Path("here"),), board=asked))[0] == name
     with pytest.raises(TwinError, match="--board"):
-        _of_one_board(runs, History(Path("here"), board="7"))  # 7 or 70
+        _of_one_board(runs, History((Path("here"),), board="7"))  # 7 or 70
 
 
 def test_a_property_outside_three_standard_deviations_is_named():
@@ -119,7 +119,8 @@ def test_the_result_says_which_model_the_recordings_are_compared_with(
     monkeypatch.setattr(verb, "_date", lambda *_: 1.7e9)
     monkeypatch.setattr(verb, "run_drift", lambda *_: entry(0, 1.0).drift)
     monkeypatch.setattr(verb, "_fits", lambda *_: {"y": 98.0})
-    result = verb.history(History(tmp_path, out=tmp_path / "h.html"))
+    (tmp_path / "a.rrd").touch()
+    result = verb.history(History((tmp_path,), out=tmp_path / "h.html"))
     assert dict(result.rows())["model"] == result.as_dict()["model"] == model
     assert model in (tmp_path / "h.html").read_text().replace("&#x27;", "'").replace("&#39;", "'")
 
@@ -131,3 +132,20 @@ def test_a_folder_without_recordings_is_refused(capsys, tmp_path, monkeypatch, p
     assert code == 2
     assert error.count("\n") == 1
     assert not list(tmp_path.rglob("*.html"))
+
+
+def test_several_folders_and_files_are_read_each_recording_once(tmp_path):
+    for name in ("one/b.rrd", "one/a.rrd", "two/c.rrd", "two/d.csv"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    places = [tmp_path / "two" / "c.rrd", tmp_path / "one", tmp_path / "two"]
+    assert [p.name for p in verb._files(places)] == ["c.rrd", "a.rrd", "b.rrd"]
+
+
+def test_a_folder_without_recordings_among_others_is_named(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("full").mkdir()
+    Path("full/a.rrd").touch()
+    Path("empty").mkdir()
+    code, _, error = command(capsys, "history", "full", "empty")
+    assert (code, error) == (2, "twin: empty: has no recordings (.rrd)\n")

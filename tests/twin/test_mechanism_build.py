@@ -1,5 +1,6 @@
 """Mechanisms from their dimensions, printable parts of any mechanism, and the search for one."""
 
+import itertools
 import math
 import re
 import shutil
@@ -18,8 +19,9 @@ from twin.errors import TwinError
 from twin.experiments.fly import fly
 from twin.experiments.mechanism import mechanism
 from twin.experiments.mechanism import search as searching
-from twin.experiments.mechanism.build import draw
+from twin.experiments.mechanism.build import draw, write
 from twin.physics.mechanism.build import mjcf
+from twin.physics.mechanism.clearance import Clearance
 from twin.physics.mechanism.dimensions import Dimensions, read
 from twin.physics.mechanism.servo import apply_servo
 from twin.physics.mechanism.torque import holding
@@ -277,8 +279,11 @@ def test_a_description_in_place_of_a_model_names_the_command_that_builds_it(buil
 
 
 def test_a_tube_that_is_too_narrow_is_refused_with_what_is_needed(tmp_path: Path) -> None:
-    with pytest.raises(TwinError, match="the bore must be 15 mm or more wider than the motor"):
-        mechanism(Settings("search", tube_mm=30, motor_mm=24, out=tmp_path / "m.toml"))
+    with pytest.raises(TwinError, match=r"--tube-mm 60 .* must be 71 mm or more with a wall of"):
+        mechanism(Settings("search", tube_mm=60, motor_mm=54, out=tmp_path / "m.toml"))
+    motor, stroke = searching._Motor(0.054), math.radians(8.0)
+    for tube, fits in ((71.0, True), (70.0, False)):
+        assert any(searching._candidates((tube - 1.6) * 1e-3, motor, stroke)) is fits
     with pytest.raises(TwinError, match="needs --tube-mm and one of --motor and"):
         mechanism(Settings("search", tube_mm=30))
 
@@ -290,3 +295,31 @@ def test_a_hostile_model_is_not_compiled_for_its_parts(tmp_path: Path) -> None:
     with pytest.raises(TwinError, match="expands to more than"):
         draw(Meshes(mechanism=file, out=tmp_path / "parts"))
     assert not (tmp_path / "parts").exists()
+
+
+def test_a_search_without_a_result_says_which_limit_most_candidates_miss(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(searching, "CHECKED", 1)
+    out = tmp_path / "m.toml"
+    with pytest.raises(TwinError, match=r"the servos stall at 18\d N mm, 90 g takes \d+ N mm"):
+        mechanism(Settings("search", tube_mm=80, motor_mm=38, load_g=90, out=out))
+    assert not out.exists()
+    texts = [
+        "0.1 mm between a and b at 3°",
+        "0.2 mm between a and c",
+        "0.0 mm between a and b at 8°",
+    ]
+    assert searching._commonest(texts) == texts[0]
+
+
+def test_a_long_arm_and_its_rod_clear_the_bracket_of_a_wide_tube(tmp_path: Path) -> None:
+    """A motor of 54 mm: levers of 33 to 37 mm, arms of 8 to 12 mm that turn by up to 46°."""
+    for bore, kept in ((0.0784, 6), (0.0984, 0)):
+        candidates = searching._candidates(bore, searching._Motor(0.054), math.radians(8.0))
+        size = next(itertools.islice(candidates, kept, None))
+        file = tmp_path / f"{kept}.xml"
+        write(size, file)
+        solids = Clearance(load(ModelConfig(scene="bench", mechanism=file)).mj)
+        for part in ("horn_x", "rod_x_upper", "horn_y", "rod_y_upper"):
+            assert solids.gap("bracket", part, *2 * (-math.radians(10.0),)) >= 0.3e-3

@@ -80,9 +80,7 @@ def test_the_real_time_step_is_one_whose_ticks_end_in_time():
 
 def test_the_study_writes_a_page_with_the_figure_from_blue_to_green_and_red(tmp_path):
     out = tmp_path / "study.html"
-    config = replace(
-        SHORT, integrators=("ab2",), dt_ms=(10.0, 5.0), out=out, integrator="ab2", duration_s=0.4
-    )
+    config = replace(SHORT, integrators=("ab2", "rk4"), dt_ms=(10.0, 5.0), out=out, duration_s=0.4)
     result = converge(config)
     page = out.read_text()
     assert shade(0.0) in page
@@ -90,6 +88,7 @@ def test_the_study_writes_a_page_with_the_figure_from_blue_to_green_and_red(tmp_
     assert "#d62728" in page
     assert result.as_dict()["converged"] == (result.chosen.error <= 0.1)
     assert "order" in result.text()
+    assert result.integrator == "rk4"  # that of `twin fly`, not the first
     used = result.as_dict()["in_use"]
     assert (used["integrator"], used["dt_s"], used["converged"]) == ("rk4", 0.004, True)
     assert "converged with rk4 at 4 ms" in result.text()

@@ -33,6 +33,11 @@ ELSEWHERE = {  # options that are expected where there is none
     "--baud": "the line is fixed at 500000 baud",
 }
 MISTAKE = 2  # tyro's exit code for arguments that it cannot use
+CONFIG = (
+    tyro.conf.OmitArgPrefixes,
+    tyro.conf.DisallowNone,
+    tyro.conf.HelptextFromCommentsOff,  # else tyro parses the source of every class
+)
 # tyro's messages, and the same in the words of this program
 PLAINER: tuple[tuple[str, str | Callable[[re.Match[str]], str]], ...] = (
     (
@@ -133,7 +138,7 @@ def _parsed(kind: type, description: str | None, name: str, arguments: list[str]
                 prog=f"twin {name}",
                 description=description,
                 args=arguments,
-                config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
+                config=CONFIG,
             )
     except SystemExit as end:
         if end.code != MISTAKE:  # help was printed, or a signal ends the process

@@ -3,7 +3,6 @@
 import io
 import json
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -37,10 +36,6 @@ def run(arguments: Sequence[str]) -> NoReturn:
     except (DivergenceError, CheckError) as error:
         _complain(f"twin: {error}")
         sys.exit(FAILED)
-    except KeyboardInterrupt as interrupt:
-        kept = " ".join(getattr(interrupt, "__notes__", ()))  # the recorder adds where
-        _complain(f"twin: interrupted; {kept or 'nothing was recorded'}")
-        sys.exit(128 + signal.SIGINT)
     except BrokenPipeError:
         _discard_output()
         sys.exit(FAILED)

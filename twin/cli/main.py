@@ -22,24 +22,18 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         from twin.cli.command import run
 
         run(sys.argv[1:] if arguments is None else arguments)
-    except KeyboardInterrupt:
-        pass
-    except Exception:  # an extension module turns a signal during its import into an ImportError
-        if not _came:
+    except (KeyboardInterrupt, Exception) as error:
+        # an extension module turns a signal during its import into an ImportError
+        if not (_came or isinstance(error, KeyboardInterrupt)):
             raise
-        if _came[-1] == signal.SIGTERM:
-            sys.exit(128 + signal.SIGTERM)
-    print("twin: interrupted; nothing was recorded", file=sys.stderr)
-    sys.exit(128 + signal.SIGINT)
+        kept = " ".join(getattr(error, "__notes__", ()))  # the recorder adds where
+    number = _came[-1] if _came else signal.SIGINT
+    what = "ended by SIGTERM" if number == signal.SIGTERM else "interrupted"
+    print(f"twin: {what}; {kept or 'nothing was recorded'}", file=sys.stderr)
+    sys.exit(128 + number)
 
 
 def _end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001  a handler's signature
     """Leave through the `finally` blocks, so that a recording gets its footer."""
     _came.append(number)
-    if number == signal.SIGINT:
-        raise KeyboardInterrupt
-    raise SystemExit(128 + number)
-
-
-if __name__ == "__main__":
-    main()
+    raise KeyboardInterrupt(signal.Signals(number).name)

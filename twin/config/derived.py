@@ -62,11 +62,10 @@ class Converge(Output, Parameters):
     gimbal: Literal["linkage", "transfer-function"] = "transfer-function"
     """Gimbal source of the closed-loop flight."""
     integrators: tuple[Integrator, ...] = ("ab1", "ab2", "ab3", "ab4", "implicitfast", "rk4")
-    """Integrators to compare."""
+    """Integrators to compare. Figure and verdict are about the one that `twin fly` uses by default,
+    or about the first one where that is not compared."""
     dt_ms: tuple[Annotated[float, Range(1e-3, 20.0, "ms")], ...] = ()
     """Time steps [ms]; 20 to 2.5 for baseline, 4 to 0.5 for closed-loop if omitted."""
-    integrator: Integrator = "ab2"
-    """Integrator that the figure and the verdict are about."""
     tolerance_m: Annotated[float, Range(1e-9, 1e6, "m")] = 0.1
     """Largest error of the path that counts as converged [m]."""
     duration_s: Annotated[float, Range(1e-2, 3600.0, "s")] = 3.0

@@ -16,7 +16,7 @@ Milliseconds = Annotated[float, Range(0.0, 60_000.0, "ms")]
 
 @dataclass(frozen=True, kw_only=True)
 class Columns(Settings):
-    """Columns of a table (.csv, .tsv, .txt, .mat); a recording needs none of these."""
+    """Columns of a table (.csv, .log, .jsonl, .mat and others); a recording needs none of these."""
 
     group: ClassVar[str] = "table"
 
@@ -65,8 +65,8 @@ class Live(Settings):
     delay:1ms,bandwidth:3%. Names: gain, delay, bandwidth, natural-frequency, damping."""
     within_s: Annotated[float, Range(5.0, 3600.0, "s")] = 300.0
     """Longest motion [s]."""
-    amplitude_deg: Annotated[float, Range(0.1, 10.0, "°")] = 5.0
-    """Largest commanded angle, either way from zero [°]."""
+    amplitude_deg: Annotated[float, Range(0.1, 90.0, "°")] = 5.0
+    """Largest commanded angle, either way from zero [°]; at most the mechanism's stops."""
     model: Path | None = None
     """Identified model (JSON) with `--live transfer-function`; the shipped model if omitted."""
 
@@ -97,7 +97,7 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
     group: ClassVar[str] = "estimation"
 
     sources: Annotated[tuple[Path, ...], POSITIONAL] = ()
-    """Recordings (.rrd) or tables (.csv, .tsv, .txt, .mat), fitted together."""
+    """Recordings (.rrd) or tables (.csv, .txt, .log, .jsonl, .mat and others), fitted together."""
     _: KW_ONLY
     linkage: Flag = False
     """Fit servo and mechanism parameters of the MJCF model instead, for `--set-from`."""
@@ -252,11 +252,11 @@ class History(Output):
 
     group: ClassVar[str] = "history"
 
-    folder: Annotated[Path, POSITIONAL]
-    """Folder with recordings (.rrd) of a rig that has a model beside it."""
+    recordings: Annotated[tuple[Path, ...], POSITIONAL]
+    """Recordings (.rrd) of a rig that has a model beside it, or folders of such."""
     _: KW_ONLY
     board: str | None = None
-    """Serial number of the board, or its beginning, where the folder holds several boards."""
+    """Serial number of the board, or its beginning, where the recordings are of several boards."""
     mechanism: Path | None = None
     """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
     out: Path | None = None

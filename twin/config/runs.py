@@ -175,7 +175,7 @@ class Step(FaultResponse, Run):
     (chirp), a pseudo-random binary sequence (prbs), many sines at once (multisine), slow ramps
     (triangle), or ramps with a change of slope (dog-leg)."""
     amplitude_deg: Degrees = 5.0
-    """Largest angle, either way from zero [°]."""
+    """Largest angle, either way from zero [°]; at most the mechanism's stops."""
     axis: Axis = "both"
     """Axis excited; `both` excites one after the other."""
     repeats: Annotated[int, Range(1, 10_000)] = 3
@@ -196,8 +196,8 @@ class Step(FaultResponse, Run):
     control_hz: Frequency = 500.0
     """Rate of commands and of recorded rows [Hz]."""
     commands: Path | None = None
-    """Commands in place of a test signal: a recording, or a table (.csv, .tsv, .txt, .mat) with
-    `--time` and `--input`."""
+    """Commands in place of a test signal: a recording, or a table (.csv, .log, .jsonl, .mat and
+    others) with `--time` and `--input`."""
     time: str | None = None
     """Column of the time stamps of `--commands`."""
     input: str | None = None

@@ -13,6 +13,7 @@ from twin.errors import TwinError
 from twin.evaluation.inputs import seen
 from twin.hil.connect import RigOptions, calibration_of
 from twin.hil.history import Source, gimbal_angles
+from twin.plant.authority import stops
 from twin.plant.compiled import compiled
 from twin.plant.model import ModelConfig, load
 from twin.plant.plant import Plant
@@ -48,9 +49,11 @@ def beside(config: Compare) -> Beside:
     if not 0.0 < end - begin <= LONGEST:
         raise TwinError(f"{run.name}: {end - begin:.0f} s from the first command to the last angle")
     unit = "deg" if config.angle_unit or config.input_unit else "rad"  # converted already
-    angles = gimbal_angles(Source(config.recordings[0], unit=unit), run.command, None, "both")
     with compiled():
         plant = _plant(config, config.with_)
+        ends = stops(plant.twin.mj)
+        source = Source(config.recordings[0], unit=unit)
+        angles = gimbal_angles(source, run.command, None, "both", ends)
         period = plant.dt_ns * 1e-9
         steps = int((end - begin) / period) + 2
         time = np.asarray(begin + period * np.arange(steps), np.float64)
@@ -80,7 +83,7 @@ def _in_gimbal_angles(config: Compare, file: Path) -> Measurement:
         source = Source(file, unit=str(config.input_unit))
         given = replace(command, values=source.scaled(command.values))
         map_ = calibration_of(RigOptions("linkage", mechanism=config.mechanism))
-        both = gimbal_angles(source, given, map_, "both")
+        both = gimbal_angles(source, given, map_, "both", None)
         columns = ["xy".index(n) for n in command.components]
         command = replace(command, values=both[:, columns])
     else:

@@ -1,4 +1,4 @@
-"""`twin history FOLDER`: one board's recordings over time, against a model."""
+"""`twin history RECORDINGS`: one board's recordings over time, against a model."""
 
 import json
 from collections.abc import Sequence
@@ -31,9 +31,7 @@ def history(config: History) -> HistoryResult:
     TwinError, AnalysisError : no recordings of one board, in one line
     """
     out = named(config.out, "history", ".html", ".htm", force=config.force)
-    if not config.folder.is_dir():
-        raise TwinError(f"{config.folder}: must be a folder with recordings (.rrd)")
-    runs, left_out = _runs(config.folder)
+    runs, left_out = _runs(_files(config.recordings))
     board, own = _of_one_board(runs, config)
     own.sort(key=lambda run: _date(*run))
     shadow = own[0][1].properties["shadow"]
@@ -48,7 +46,7 @@ def history(config: History) -> HistoryResult:
             continue
         entries.append(Entry(file, _date(file, recording), drift, _fits(recording, drift)))
     if not entries:
-        raise TwinError(f"{config.folder}: {left_out[-1]}")
+        raise TwinError(f"no recording can be used: {left_out[-1]}")
     model = LINKAGE if shadow.get("gimbal") == "linkage" else OTHER
     result = HistoryResult(board, tuple(entries), tuple(left_out), due(entries), out, model)
     render(sections(result), f"History of {title_of(board)}", out, result.as_dict())
@@ -56,10 +54,21 @@ def history(config: History) -> HistoryResult:
     return result
 
 
-def _runs(folder: Path) -> tuple[list[tuple[Path, Recording]], list[str]]:
+def _files(places: Sequence[Path]) -> list[Path]:
+    """The recordings that are named, and those in the folders that are named, each once."""
+    files: dict[Path, Path] = {}
+    for place in places:
+        inside = [p for p in place.glob("*.rrd") if not p.is_symlink()] if place.is_dir() else None
+        if inside == []:
+            raise TwinError(f"{place}: has no recordings (.rrd)")
+        files |= {p.resolve(): p for p in sorted(inside or [place])}
+    return list(files.values())
+
+
+def _runs(files: Sequence[Path]) -> tuple[list[tuple[Path, Recording]], list[str]]:
     """Recordings of rigs with a model beside them, and what is wrong with the others."""
     found, left_out = [], []
-    for file in sorted(p for p in folder.glob("*.rrd") if not p.is_symlink()):
+    for file in files:
         try:
             recording = read(file)
         except AnalysisError as error:
@@ -70,7 +79,7 @@ def _runs(folder: Path) -> tuple[list[tuple[Path, Recording]], list[str]]:
         else:
             left_out.append(f"{file.name}: not of a rig with a model beside it")
     if not found:
-        raise TwinError(f"{folder}: no recording of a rig with a model beside it")
+        raise TwinError(f"no recording of a rig with a model beside it: {left_out[-1]}")
     return found, left_out
 
 
@@ -85,7 +94,7 @@ def _of_one_board(
     chosen = asked if asked in names else alike[0] if len(alike) == 1 else None
     if chosen is None:
         raise TwinError(
-            f"{config.folder}: holds recordings of {', '.join(names)};"
+            f"the recordings are of {', '.join(names)};"
             " give one of them, or its beginning, as --board"
         )
     return chosen, [run for run, board in zip(runs, boards, strict=True) if board == chosen]

@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 
 Axis = Literal["x", "y", "both"]
 
-LARGEST_ANGLE = math.radians(10.0)  # the mechanism's stops
 LONGEST = 3600.0  # s of one test
 CLEAN = 0.443  # a held random level's power is halved at 0.443 of its clock rate (sinc² = 1/2)
 REGISTER = (3, 16)  # stages of the shift register; SciPy has primitive polynomials for 2 to 32
@@ -42,7 +41,7 @@ class Excitation:
     Attributes
     ----------
     signal : kind of signal
-    amplitude : largest angle either way from zero [rad]
+    amplitude : largest angle either way from zero [rad]; `twin step` compares it with the stops
     axis : axis excited; `both` takes one after the other
     repeats : steps per direction, with one of half the size after every three; periods; sweeps
     hold : rest before and after, and at least between steps [s]; each is up to a pulse frame
@@ -73,9 +72,9 @@ class Excitation:
         if self.signal not in get_args(Signal):
             valid = ", ".join(get_args(Signal))
             raise TwinError(f"--signal {self.signal}: must be one of {valid}")
-        if not 0 < self.amplitude <= LARGEST_ANGLE * (1.0 + 1e-12):
+        if not self.amplitude > 0:
             raise TwinError(
-                f"--amplitude-deg {math.degrees(self.amplitude):g}: must be from 0 to 10, the stops"
+                f"--amplitude-deg {math.degrees(self.amplitude):g}: must be greater than zero"
             )
         if not 0.01 <= self.hold <= 100:
             raise TwinError(f"--hold-s {self.hold:g}: must lie in 0.01 to 100")

@@ -143,13 +143,16 @@ def _why(text: str, config: Fly, plant: Plant) -> str:
 def _judge_gain(config: Fly, plant: Plant) -> None:
     """Refuse a model with whose gain the attitude loop of the vehicle is unstable.
 
+    The margins of an own controller are not known: of its model only sign and order are judged.
+
     Raises
     ------
     TwinError : the axis and its gain
     """
     if config.any_gain or config.model is None:
         return
-    wrong = wrong_gain(TransferFunctionModel.read(config.model), plant.model)
+    loop = plant.model if config.controller is None else None
+    wrong = wrong_gain(TransferFunctionModel.read(config.model), loop)
     if wrong is not None:
         raise TwinError(
             f"--model {config.model}: {wrong}; check sign, units and order of the columns it was"

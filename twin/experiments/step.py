@@ -18,6 +18,7 @@ from twin.experiments.kept import Origin
 from twin.experiments.session import Session
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
 from twin.loop.seats import Sequence as Commands
+from twin.plant.authority import stops
 
 if TYPE_CHECKING:
     from analysis.recording import Recording
@@ -101,7 +102,12 @@ def step(
         plant = s.plant
         if plant.twin.gimbal == "fixed":
             raise TwinError(f"--scene {config.scene}: has no gimbal to step")
-        plan = commanded(config) if signal is None else signal.plan(s.tick_ns * 1e-9)
+        ends = stops(plant.twin.mj)
+        if signal is None:
+            plan = commanded(config, ends)
+        else:
+            _check_amplitude(config, ends)
+            plan = signal.plan(s.tick_ns * 1e-9)
         s.connect()
         commands = Commands(plan.times, plan.angles)
         guard = s.guard(commands, config.on_fault)
@@ -153,7 +159,15 @@ def excitation(config: Step) -> Excitation:
     )
 
 
-def commanded(config: Step) -> Plan:
+def _check_amplitude(config: Step, ends: float | None) -> None:
+    if ends is not None and math.radians(config.amplitude_deg) > ends * (1.0 + 1e-9):
+        raise TwinError(
+            f"--amplitude-deg {config.amplitude_deg:g}: must be at most {math.degrees(ends):g}°,"
+            " the stops of the mechanism"
+        )
+
+
+def commanded(config: Step, ends: float | None) -> Plan:
     """The commands of a file, in radians, dated from the first one, with a rest after the last.
 
     Raises
@@ -170,7 +184,7 @@ def commanded(config: Step) -> Plan:
     )
     given = read(source)
     calibration = rig_calibration(config) if source.pulses else None
-    angles = gimbal_angles(source, given, calibration, config.axis)
+    angles = gimbal_angles(source, given, calibration, config.axis, ends)
     changed = np.any(np.diff(angles, axis=0) != 0.0, axis=1)
     rows = np.concatenate([[0], np.flatnonzero(changed) + 1])
     duration = float(given.time[-1]) + config.hold_s

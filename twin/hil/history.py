@@ -18,7 +18,6 @@ from twin import status
 from twin.errors import TwinError
 
 Array = NDArray[np.float64]
-LARGEST_ANGLE = math.radians(10.0)  # the mechanism's stops
 CENTRE, HALF = 0.5 * (PULSES[0] + PULSES[1]), 0.5 * (PULSES[1] - PULSES[0])  # s; 0 and 100 %
 
 
@@ -98,7 +97,11 @@ def read(source: Source) -> TimeSeries:
 
 
 def gimbal_angles(
-    source: Source, commands: TimeSeries, calibration: Calibration | None, axis: str
+    source: Source,
+    commands: TimeSeries,
+    calibration: Calibration | None,
+    axis: str,
+    stops: float | None,
 ) -> Array:
     """Gimbal angles (n, 2) that commands ask for [rad].
 
@@ -106,6 +109,7 @@ def gimbal_angles(
     ----------
     calibration : map of pulses to angles; only needed for pulses
     axis : which axis one column commands, `x` or `y`; its own name if `both`
+    stops : largest angle of the mechanism [rad]; None where it has no stops
 
     Raises
     ------
@@ -119,7 +123,7 @@ def gimbal_angles(
         pairs, back = np.unique(given, axis=0, return_inverse=True)
         of_pairs = [calibration.angles((float(p), float(q))) for p, q in pairs]
         given = np.array(of_pairs, np.float64)[back.ravel()]
-    limit = LARGEST_ANGLE * (1.0 + 1e-9)
+    limit = (math.pi / 2 if stops is None else stops) * (1.0 + 1e-9)
     _check(source, commands.time, given, -limit, limit, math.degrees(1.0), "°", "between the stops")
     return given
 

@@ -55,8 +55,14 @@ def stroke(model: mujoco.MjModel) -> float:
     stated = numeric(model, STROKE)
     if stated is not None:
         return float(stated[0])
-    stops = np.abs([model.joint(f"gimbal_{a}").range for a in AXES])
-    return OF_STOPS * float(stops.min()) if stops.all() else LARGEST_COMMAND
+    ends = stops(model)
+    return LARGEST_COMMAND if ends is None else OF_STOPS * ends
+
+
+def stops(model: mujoco.MjModel) -> float | None:
+    """Angle of a mechanism's nearest stop [rad]; None where it has none."""
+    ends = np.abs([model.joint(f"gimbal_{a}").range for a in AXES])
+    return float(ends.min()) if ends.all() else None
 
 
 def command_limit(model: mujoco.MjModel) -> float:

@@ -46,13 +46,13 @@ def _loop(name: str, c: ControlConfig, gain: float) -> Loop:
     return Loop(name, tuple((gain * num).tolist()), tuple(den), 1.0 / Fly().control_hz)
 
 
-def wrong_gain(gimbal: TransferFunctionModel, model: mujoco.MjModel) -> str | None:
+def wrong_gain(gimbal: TransferFunctionModel, model: mujoco.MjModel | None) -> str | None:
     """What is wrong with the gain of an identified model, by the attitude loop of a vehicle.
 
     The loop is stable from its lower to its upper gain margin with a gimbal of gain 1; a model of
     an axis outside of that is named; gains of 1/1.5 to 1.5 are not judged. Where the loop is
-    unstable for the gimbal's delay or slowness alone, only a mirrored axis and a gain beyond a
-    factor of 10 are.
+    unstable for the gimbal's delay or slowness alone, or is not the vehicle's (None), only a
+    mirrored axis and a gain beyond a factor of 10 are.
     """
     for name in gimbal.outputs:
         if name not in gimbal.inputs or (channel := gimbal.channel(name, name)).zero:
@@ -63,13 +63,16 @@ def wrong_gain(gimbal: TransferFunctionModel, model: mujoco.MjModel) -> str | No
         text = f"a command of 1° moves axis {name} by {gain:.3g}°"
         if not 0.0 < gain < np.inf:
             return text
-        one = replace(channel, num=tuple(n / gain for n in channel.num))
-        found = margins(attitude_loops(model), TransferFunctionModel(((one,),), (name,), (name,)))
-        low, high = max(m.lower_gain for m in found), min(m.gain for m in found)
-        stable = all(m.stable for m in found)
-        if stable and not low < gain < high:
-            return f"{text}; the attitude loop is stable for {low:.2g}° to {high:.2g}°"
-        if not stable and not 0.1 < gain < 10.0:  # degrees for radians, whatever the loop
+        if model is not None:
+            one = replace(channel, num=tuple(n / gain for n in channel.num))
+            alone = TransferFunctionModel(((one,),), (name,), (name,))
+            found = margins(attitude_loops(model), alone)
+            if all(m.stable for m in found):
+                low, high = max(m.lower_gain for m in found), min(m.gain for m in found)
+                if low < gain < high:
+                    continue
+                return f"{text}; the attitude loop is stable for {low:.2g}° to {high:.2g}°"
+        if not 0.1 < gain < 10.0:  # degrees for radians, whatever the loop
             return text
     return None
 

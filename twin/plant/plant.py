@@ -275,7 +275,8 @@ class Plant:
             self._diverged()
         x, y = self.gimbal_angle.tolist()
         low_x, high_x, low_y, high_y = self._stops
-        if not (low_x <= x <= high_x and low_y <= y <= high_y):
+        inside = low_x <= x <= high_x and low_y <= y <= high_y
+        if not (inside or self.landed):  # an impact bends the stops, until the tick ends
             self._left_stops(x, y)
 
     def native(self) -> stepping.Native | None:

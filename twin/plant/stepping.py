@@ -228,7 +228,8 @@ def advance(p: Steps, fuel: Fuel, begun: int, n: int) -> tuple[int, int]:
         if not square < p.largest:
             return begun, TOO_FAST
         x, y, s = p.angle[0], p.angle[1], p.stops
-        if not (s[0] <= x <= s[1] and s[2] <= y <= s[3]):
+        inside = s[0] <= x <= s[1] and s[2] <= y <= s[3]
+        if not (inside or landed(p)):
             return begun, PAST_STOP
     return begun, ON
 

@@ -94,8 +94,9 @@ class Sink(ABC):
         """Write the rest; record the error that ended the run, if any."""
         interrupted = isinstance(error, KeyboardInterrupt)
         reached = self.reached_ns
-        if reached is not None and error is not None and not interrupted:
-            self.event(reached, f"run ended early: {one_line(error)}", "ERROR")
+        if reached is not None and error is not None:
+            level = "WARN" if interrupted else "ERROR"
+            self.event(reached, f"run ended early: {one_line(error)}", level)
         self.close()
         if interrupted:
             assert error is not None

@@ -36,18 +36,20 @@ def converge(config: Converge) -> ConvergenceResult:
     began = time.perf_counter()
     steps = _steps(config)
     out = named(config.out, "converge", ".html", ".htm", force=config.force)
-    names = tuple(dict.fromkeys((*config.integrators, config.integrator)))
+    names = tuple(dict.fromkeys(config.integrators))
     with compiled(), _quietly():
         fly = flight(config)
         studied = study(fly, names, steps, richardson(fly, REFERENCE, min(steps)))
         uneven = _jitter(config)
-        real_time = tuple(_real_time(config, fly, studied, name) for name in names)
-        chosen = next(r for r in real_time if r.budget.integrator == config.integrator)
-        step = chosen.budget.step
-        at_step = None if math.isnan(step) else fly(config.integrator, step)
         in_use = _in_use(config, fly, studied)
+        shown = in_use.integrator if in_use.integrator in names else names[0]
+        real_time = tuple(
+            _real_time(config, fly, studied, name, shown=name == shown) for name in names
+        )
+        step = next(r.budget.step for r in real_time if r.budget.integrator == shown)
+        at_step = None if math.isnan(step) else fly(shown, step)
     result = ConvergenceResult(
-        config.flight, studied, uneven, real_time, in_use, config.integrator, config.tolerance_m,
+        config.flight, studied, uneven, real_time, in_use, shown, config.tolerance_m,
         str(out), time.perf_counter() - began,
     )  # fmt: skip
     render(sections(result, at_step), "Convergence study", out, result.as_dict())
@@ -103,12 +105,14 @@ def _in_use(config: Converge, fly: Flight, studied: Study) -> InUse:
     return InUse(name, step, error)
 
 
-def _real_time(config: Converge, fly: Flight, studied: Study, name: str) -> RealTime:
+def _real_time(
+    config: Converge, fly: Flight, studied: Study, name: str, *, shown: bool
+) -> RealTime:
     """Only the figure's integrator is flown at its own step; the others follow their order."""
     afforded = budget(load_for(config), name, config)
     if math.isnan(afforded.step):
         return RealTime(afforded, math.nan, flown=False)
-    if name == config.integrator:
+    if shown:
         flown = fly(name, afforded.step)
         if flown is not None:
             return RealTime(afforded, distance(flown, studied.reference.trajectory).position, True)

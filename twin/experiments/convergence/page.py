@@ -26,16 +26,16 @@ def _verdict(result: ConvergenceResult) -> Section:
     chosen = result.chosen
     state = "has converged" if result.converged else "has not converged"
     text = (
-        f"With {result.integrator} the flight {state}: at the finest step this machine keeps up"
-        f" with, {chosen.budget.step * 1e3:.4g} ms, the path error is {chosen.error:.1e} m;"
-        f" the tolerance is {result.tolerance:g} m."
+        f"In real time, with {result.integrator}, the flight {state}: at the finest step this"
+        f" machine keeps up with, {chosen.budget.step * 1e3:.4g} ms, the path error is"
+        f" {chosen.error:.1e} m; the tolerance is {result.tolerance:g} m."
     )
     return Section(
         "verdict",
-        "Is the solution accurate enough in real time?",
+        "Is the solution accurate enough?",
         (
+            f"Default of twin fly: {result.judged_in_use()}.",
             text,
-            f"Step of twin fly: {result.judged_in_use()}.",
             "Flight: " + _FLIGHTS[result.flight],
         ),
     )

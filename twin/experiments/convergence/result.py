@@ -132,7 +132,8 @@ class ConvergenceResult(Result):
             finest = "none" if math.isnan(r.budget.step) else _ms(r.budget.step)
             cost = f"{r.budget.step_cost * 1e6:>9.1f} µs"
             rows.append((r.budget.integrator, f"{finest:>12}{error:>12}{cost}"))
-        rows += [("", ""), ("verdict", self._verdict()), ("step of twin fly", self.judged_in_use())]
+        rows += [("", ""), ("twin fly's default", self.judged_in_use())]
+        rows.append(("in real time", self._verdict()))
         return [*rows, ("report", self.page)]
 
     def judged_in_use(self) -> str:

@@ -98,18 +98,29 @@ class MechanismResult(Result):
             rows.append(("smallest gap", self.clearance.text))
         if self.bore is not None:
             rows.append(("", f"{self.bore.text} (its bore)"))
-        return rows + self._failures()
+        return rows + [("FAILED", text) for text in self.failures]
 
-    def _failures(self) -> Rows:
-        rows = []
+    @property
+    def failures(self) -> list[str]:
+        """What is not passed, with its figures, one line each."""
+        texts = []
         if self.torque.reserve < 1.0:
-            rows.append(("FAILED", f"the servos stall at {self.load_g:g} g"))
+            needed, stall = max(self.torque.needed) * 1e3, min(self.torque.stall) * 1e3
+            texts.append(
+                f"the servos stall at {stall:.0f} N mm, {self.load_g:g} g takes {needed:.0f} N mm"
+            )
         tight = [gap.text for gap in self._gaps if not self._clear(gap)]
-        return rows + [("FAILED", f"{t}; must be {self.gap_mm:g} mm or more") for t in tight]
+        return texts + [f"{text}; must be {self.gap_mm:g} mm or more" for text in tight]
 
 
-def figures(file: Path, load_g: float, gap_mm: float, *, clear: bool) -> MechanismResult:
+def figures(
+    file: Path, load_g: float, gap_mm: float, *, clear: bool, quick: bool = False
+) -> MechanismResult:
     """Figures of a mechanism's MJCF; with `clear` its clearances too.
+
+    Parameters
+    ----------
+    quick : stop measuring clearances at the first that is too small
 
     Raises
     ------
@@ -126,7 +137,8 @@ def figures(file: Path, load_g: float, gap_mm: float, *, clear: bool) -> Mechani
     most = float(own.max())
     clearance = bore = None
     if clear:
-        clearance, bore = Clearance(model).smallest()
+        until = gap_mm * 1e-3 if quick else -math.inf
+        clearance, bore = Clearance(model).smallest(until=until)
     return MechanismResult(
         file=_shown(file),
         mobility=mobility(model).text,

@@ -2,7 +2,9 @@
 
 import itertools
 import math
-from collections.abc import Iterator
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.files import write_text
+from twin import status
 from twin.config.mechanism import Mechanism as Settings
 from twin.config.paths import writable
 from twin.config.result import Result, Rows
@@ -105,29 +108,69 @@ def searched(config: Settings) -> SearchResult:
     out = config.out or Path("runs") / f"gimbal_{across}_in_{config.tube_mm:g}.toml"
     out = writable(out, ".toml", force=config.force)
     bore = (config.tube_mm - 2 * config.wall_mm) * 1e-3
-    found: list[Candidate] = []
-    with TemporaryDirectory(prefix="tvc-twin-") as folder:
-        for k, size in enumerate(_candidates(bore, motor, math.radians(config.stroke_deg))):
-            if k == CHECKED or len(found) == WANTED:
-                break
-            model = Path(folder) / f"{k}.xml"
-            try:
-                write(size, model)
-                own = figures(model, config.load_g, config.gap_mm, clear=True)
-            except TwinError:
-                continue
-            if own.passed:
-                found.append(Candidate(size, own))
+    asked = f"--tube-mm {config.tube_mm:g} with a motor of {across} mm"
+    stroke = math.radians(config.stroke_deg)
+    candidates = list(itertools.islice(_candidates(bore, motor, stroke), CHECKED))
+    if not candidates:
+        raise TwinError(f"{asked}: {_too_narrow(config, motor, stroke)}")
+    found, wrong = _checked(config, candidates)
     if not found:
         raise TwinError(
-            f"--tube-mm {config.tube_mm:g} with a motor of {across} mm: no mechanism with"
-            f" {config.stroke_deg:g}° fits; the bore must be {2e3 * SLIM:.0f} mm or more wider than"
-            " the motor: give a wider tube, a smaller stroke or a smaller --gap-mm"
+            f"{asked}: none of {len(candidates)} mechanisms with {config.stroke_deg:g}° that fit by"
+            f" their outlines passes; most often: {_commonest(wrong)}: give a wider tube, a smaller"
+            " --stroke-deg, a smaller --gap-mm or a lighter motor"
         )
     ranks = np.argsort(np.argsort([c.merits for c in found], axis=0), axis=0).sum(axis=1)
     ordered = [found[k] for k in np.argsort(ranks, kind="stable")]
     write_text(out, _toml(ordered[0].size))
     return SearchResult(str(out), tuple(ordered))
+
+
+def _checked(
+    config: Settings, candidates: Sequence[Dimensions]
+) -> tuple[list[Candidate], list[str]]:
+    """The first candidates that pass, and what is wrong with the others."""
+    found: list[Candidate] = []
+    wrong: list[str] = []
+    with TemporaryDirectory(prefix="tvc-twin-") as folder:
+        for k, size in enumerate(candidates):
+            status.say(
+                f"checking mechanism {k + 1} of {len(candidates)} that fit by their outlines,"
+                f" {len(found)} of {WANTED} found"
+            )
+            model = Path(folder) / f"{k}.xml"
+            try:
+                write(size, model)
+                own = figures(model, config.load_g, config.gap_mm, clear=True, quick=True)
+            except TwinError as error:
+                wrong.append(str(error))
+                continue
+            wrong += own.failures[:1]
+            if own.passed:
+                found.append(Candidate(size, own))
+            if len(found) == WANTED:
+                break
+    return found, wrong
+
+
+def _commonest(texts: Sequence[str]) -> str:
+    """The first text of those that are alike but for their numbers, and are most."""
+    kinds = [re.sub(r"-?\d+(\.\d+)?", "0", text) for text in texts]
+    return texts[kinds.index(Counter(kinds).most_common(1)[0][0])]
+
+
+def _too_narrow(config: Settings, motor: "_Motor", stroke: float) -> str:
+    """Which tube the motor needs, by the outlines of the parts."""
+    wall = 2e-3 * config.wall_mm
+    for k in range(1000):
+        bore = motor.diameter + 2 * SLIM + k * 1e-3
+        if any(_candidates(bore, motor, stroke)):
+            needed = math.ceil((bore + wall) * 1e3)
+            return (
+                f"too narrow for {config.stroke_deg:g}°; by the outlines of the parts it must be"
+                f" {needed} mm or more with a wall of {config.wall_mm:g} mm"
+            )
+    return f"no tube has a mechanism with {config.stroke_deg:g}°; give a smaller --stroke-deg"
 
 
 class _Motor(NamedTuple):

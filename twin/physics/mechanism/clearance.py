@@ -1,6 +1,7 @@
 """Smallest gap between the parts of a mechanism over its workspace, from the parts as solids."""
 
 import itertools
+import math
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -163,19 +164,28 @@ class Clearance:
         now = self._posed()
         return float(now[a].min_gap(now[b], FAR)) / MILLIMETRE
 
-    def smallest(self, n: int = 5) -> tuple[Gap, Gap | None]:
+    def smallest(self, n: int = 5, *, until: float = -math.inf) -> tuple[Gap, Gap | None]:
         """Smallest gap between parts and to the bore of the site `tube`, over n × n angles.
 
         The second is None where the mechanism has no such site.
+
+        Parameters
+        ----------
+        until : gap below which no further angles are tried; the corners are then tried first [m]
         """
         ranges = [self._model.joint(f"{self._before}{a}").range for a in AXES]
         between = Gap(FAR / MILLIMETRE, ("", ""), (0.0, 0.0))
         bore: Gap | None = None
-        for x, y in itertools.product(*(np.linspace(low, high, n) for low, high in ranges)):
+        poses = list(itertools.product(*(np.linspace(low, high, n) for low, high in ranges)))
+        if until > 0.0:
+            poses.sort(key=lambda pose: -math.hypot(*pose))
+        for x, y in poses:
             self._pose(float(x), float(y))
             now = self._posed()
             between = self._nearest(now, between, (float(x), float(y)))
             bore = self._in_bore(now, bore, (float(x), float(y)))
+            if min(between.distance, math.inf if bore is None else bore.distance) < until:
+                break
         return between, bore
 
     def _nearest(self, now: dict[str, Any], best: Gap, angles: tuple[float, float]) -> Gap:

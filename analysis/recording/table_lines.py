@@ -1,0 +1,187 @@
+"""Lines of a text file as lines of a table: of programs, serial monitors, plotters, and JSON."""
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import UTC, datetime
+
+SAMPLE = 8192  # characters, from which the form of a file is told
+STAMP = "monitor_time"  # column of a serial monitor's stamps
+MISSING = frozenset({"", "na", "n/a", "#n/a", "null", "none"})  # float() reads "nan" itself
+LONGEST_FIELD = 256  # characters
+_LONGEST_JSON = 4096  # characters
+_SEPARATOR = re.compile(r"\ufeff?sep=(.)\s*$")  # first line of tables that Excel is to open
+_COMMENTS = ("#", "%", "//")
+# Arduino's Serial Monitor with its stamps; its plotter takes labels before the values
+_STAMPED = re.compile(r"(\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) -> ?")
+_LABELLED = re.compile(r"([A-Za-z_][^:,\t\n]{0,63}):\s*([-+.\dA-Za-z]{1,32})\s*(?:[,\t ]\s*|$)")
+_FORTRAN = re.compile(r"[-+]?\d*\.?\d+[dD][-+]?\d+")
+
+
+class TableLines:
+    """The lines of a file, each as a line of a table; an empty one where it belongs to none.
+
+    Parameters
+    ----------
+    sample : the first `SAMPLE` characters of the file
+
+    Attributes
+    ----------
+    delimiter : between the fields of a line that is given
+    stamped : whether a serial monitor's stamps stand before the lines; they are the first field
+    names : of the fields, where every line has them
+    number : of the last line
+    comment : the last comment, without its mark
+    ended : whether the last line has its end
+    text : lines of the file that belong to no table
+    """
+
+    def __init__(self, file: Iterable[str], sample: str) -> None:
+        lines = sample.splitlines()
+        if len(sample) >= SAMPLE:
+            lines.pop()  # perhaps cut
+        self.stamped = _mostly(lambda line: _STAMPED.match(line) is not None, lines)
+        if self.stamped:
+            lines = [_STAMPED.sub("", line, count=1) for line in lines]
+        self.names: list[str] = []
+        if _mostly(lambda line: bool(_labelled(line)), lines):
+            self.names = [name for name, _ in next(filter(None, map(_labelled, lines)))]
+        self.delimiter = "," if self.names else _delimiter(lines)
+        self._begin = 0 if self.names else _first_line(lines, self.delimiter)
+        self._file = iter(file)
+        self.number, self.comment, self.ended, self.text = 0, "", True, 0
+
+    def __iter__(self) -> Iterator[str]:
+        return self
+
+    def __next__(self) -> str:
+        line = next(self._file)
+        self.number += 1
+        self.ended = line.endswith(("\n", "\r"))
+        if _SEPARATOR.match(line):
+            return "\n"
+        if line.startswith(_COMMENTS):
+            self.comment = self._aligned(line).lstrip("#%/ ").rstrip()
+            return "\n"
+        row = self._row(line) if self.number > self._begin else None
+        if row is None:
+            self.text += bool(line.strip())
+            return "\n"
+        return row
+
+    def _row(self, line: str) -> str | None:
+        stamp = ""
+        if self.stamped:
+            match = _STAMPED.match(line)
+            if match is None:
+                return None
+            stamp, line = match[1] + self.delimiter, line[match.end() :]
+        if self.names:
+            found = _labelled(line)
+            if found is None or [name for name, _ in found] != self.names:
+                return None
+            line = ",".join(value for _, value in found)
+        return stamp + self._aligned(line) if line.strip() else line
+
+    def _aligned(self, line: str) -> str:
+        """One blank between columns that are aligned by blanks."""
+        return " ".join(line.split()) if self.delimiter == " " else line
+
+
+def number(text: str, *, decimal_comma: bool) -> float:
+    """A field's value: NaN where it is empty, infinite where it is no number."""
+    text = text.strip()
+    if text.lower() in MISSING:
+        return math.nan
+    if len(text) > LONGEST_FIELD or "_" in text:
+        return math.inf
+    try:
+        value = float(text.replace(",", ".") if decimal_comma else text)
+    except ValueError:
+        if _FORTRAN.fullmatch(text):
+            return number(text.lower().replace("d", "e"), decimal_comma=decimal_comma)
+        return math.inf
+    return math.inf if math.isinf(value) else value
+
+
+def instant(text: str) -> datetime | None:
+    """Instant of an ISO 8601 date and time, or of a time of day; None where it is neither."""
+    text = text.strip()
+    try:
+        moment = datetime.fromisoformat(text if "-" in text else f"1970-01-01T{text}")
+    except ValueError:
+        return None
+    return moment.replace(tzinfo=moment.tzinfo or UTC)
+
+
+def _mostly(holds: Callable[[str], bool], lines: Sequence[str]) -> bool:
+    told = [holds(line) for line in lines if line.strip()]
+    return 2 * sum(told) > len(told)
+
+
+def _labelled(line: str) -> list[tuple[str, str]] | None:
+    """Names and values of a line that states both; None of any other."""
+    line = line.strip()
+    if line.startswith("{"):
+        return _of_json(line)
+    found, at = [], 0
+    while at < len(line):
+        match = _LABELLED.match(line, at)
+        if match is None or math.isinf(number(match[2], decimal_comma=False)):
+            return None
+        found.append((match[1].strip(), match[2]))
+        at = match.end()
+    return found or None
+
+
+def _of_json(line: str) -> list[tuple[str, str]] | None:
+    try:
+        found = json.loads(line) if len(line) <= _LONGEST_JSON else None
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(found, dict):
+        return None
+    numbers = {k: v for k, v in found.items() if v is None or type(v) in (int, float)}
+    return [(k, "" if v is None else repr(v)) for k, v in numbers.items()] or None
+
+
+def _fields(line: str, delimiter: str) -> list[str]:
+    fields = line.split() if delimiter == " " else line.split(delimiter)
+    return [f.strip().strip('"') for f in fields]
+
+
+def _numbers(line: str, delimiter: str) -> int:
+    """How many fields of a line are numbers or instants."""
+    return sum(
+        math.isfinite(number(f, decimal_comma=delimiter in ";\t")) or instant(f) is not None
+        for f in _fields(line, delimiter)
+    )
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    """The separator that makes most numbers; between semicolons or tabs they may have a comma."""
+    lines = [line for line in lines if line.strip() and not line.startswith(_COMMENTS)]
+    first = lines[0] if lines else ""
+    if stated := _SEPARATOR.match(first):
+        return stated[1]
+    candidates = (";", "\t", ",", " ")
+    counts = {c: sum(n for line in lines if (n := _numbers(line, c)) > 1) for c in candidates}
+    if any(counts.values()):
+        return max(candidates, key=lambda c: counts[c])
+    return next((c for c in candidates if c in first.strip(" \r\n")), ",")
+
+
+def _first_line(lines: Sequence[str], delimiter: str) -> int:
+    """Lines before the first of a table: above its numbers, of as many fields."""
+    begin = next((k for k, line in enumerate(lines) if _numbers(line, delimiter) > 1), 0)
+    wide = len(_fields(lines[begin].strip(), delimiter)) if lines else 0
+    found = None  # of names or units, without gaps, right above the numbers or above text there
+    for k in range(begin - 1, -1, -1):
+        if not lines[k].strip() or lines[k].startswith(_COMMENTS):
+            continue
+        if len(_fields(lines[k].strip(), delimiter)) == wide:
+            found = k
+        elif found is not None:
+            break
+    return found or 0
