@@ -246,7 +246,7 @@ class Flight:
 
     def result(self, recording: Path | None, outcome: Outcome, track: Track) -> FlightResult:
         """The flight in numbers; the time of the whole command is not known yet."""
-        plant, memory = self._plant, self.memory
+        plant, memory, landed = self._plant, self.memory, outcome.ended == GROUND
         path = track.ticks[:, POSITION]
         target = None if self._target is None else self._target - self._start
         closest = None if self._target is None else _closest(path, self._target)
@@ -270,9 +270,9 @@ class Flight:
             physics_s=plant.computing_s,
             cpu_s=0.0,
             wall_s=0.0,
-            figures=track.figures(self.burnout_ns * 1e-9, landed=plant.landed),
+            figures=track.figures(self.burnout_ns * 1e-9, landed=landed),
             warnings=plant.warnings(),
-            notes=plant.twin.notes + track.notes(landed=plant.landed),
+            notes=plant.twin.notes + track.notes(landed=landed),
             wind=wind_text(plant.model),
             static_margin=_static_margin(plant.model),
         )
@@ -316,13 +316,22 @@ def watch(time_ns: int, w: Watch) -> int:
 def over(time_ns: int, landed: bool, w: Watch) -> int:
     """Which of the ends a flight has come to; 0 while it goes on."""
     marks = w.marks
-    if landed:
+    if landed or _back(w):
         return 1
     if marks[CLOSEST_NS] >= 0 and time_ns > marks[CLOSEST_NS] + PASSED_NS:
         return 2
     if w.fixed[6] > 0.0 and marks[ON_RAMP] and time_ns > marks[MOVED_NS] + STUCK_NS:
         return 3
     return 0
+
+
+@njit(nogil=True)
+def _back(w: Watch) -> bool:
+    """Whether a vehicle that left its ramp falls back onto it, where it would stand for ever."""
+    if w.marks[ON_RAMP] or w.velocity[2] >= 0.0:
+        return False
+    x, y, z = w.position
+    return bool(_away(x, y, z, w.fixed[0:3]) < w.fixed[6])
 
 
 @njit(nogil=True)
