@@ -53,7 +53,8 @@ def _answer(study: Study, result: CampaignResult) -> Section:
     rows = [(*row, MEANINGS.get(str(row[0]), "")) for row in rows]
     head = ("statistic", "value", f"{study.confidence:.0%} interval", "runs", "meaning")
     ends = ", ".join(f"{name} {n}" for name, n in a.outcomes.items())
-    flown = f"{study.title}. {result.runs} of {result.planned} runs, by their end: {ends}."
+    title = study.title if study.title[-1:] in ".?!" else f"{study.title}."
+    flown = f"{title} {result.runs} of {result.planned} runs, by their end: {ends}."
     text = (a.text, flown)
     return Section("answer", "Answer", text, (Table(head, tuple(rows)),))
 
