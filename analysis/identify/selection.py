@@ -22,7 +22,6 @@ from analysis.identify.starts import (
     thinned,
 )
 
-_FEW = 2000  # readings that tell whether one pole less will do
 _OVERSHOOTS = 0.6  # damping of two poles below which one, which never does, need not be tried
 
 
@@ -99,7 +98,7 @@ def _evident(problem: Problem, found: Array, max_delay: float) -> tuple[int, Arr
 
 def one_pole_less(fit: AxisFit, max_delay: float) -> bool:
     """Whether one pole less explains the readings of one command as well."""
-    problem, theta = thinned(fit.problem, _FEW), fit.solution.theta
+    problem, theta = thinned(fit.problem, ROWS), fit.solution.theta
     layout = problem.layout
     if layout.inputs != 1 or layout.poles <= layout.zeros_of(0) + 1:
         return False
