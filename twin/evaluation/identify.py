@@ -286,13 +286,13 @@ def _flown(
         "files": [p.name for p in config.sources],
         "warnings": list(notes),
         "input": "pulses" if config.from_pulses else "commands",
-        "servo_structure": [b.structure for b in model.servo] if model.servo else None,
     }
     if config.both and len(model.inputs) == len(model.outputs) == 1:
         one = flown.channels[0][0]
         none = type(one)((0.0,), (1.0,))
         flown = replace(
             flown, channels=((one, none), (none, one)), inputs=("x", "y"), outputs=("x", "y"),
+            servo=flown.servos * 2 or None,
             covariance=None,  # that of one axis; two equal ones vary as one
         )  # fmt: skip
         source["both"] = f"axis {model.inputs[0]} is used for x and y"
