@@ -10,9 +10,9 @@ from analysis.identify.servo_starts import reverses
 
 SIZES = 1.5  # largest over smallest step; of less, a limit shows in the shape of one motion only
 _COUNTED = 0.02  # of the largest change of the command; smaller ones are no steps
-_SLOW = 0.2  # samples per lag of the poles: fewer tell little of the poles
+_SLOW = 0.2  # sampling periods per lag of the poles; beyond, readings tell little of them
 _SMALL = 8.0  # dead bands or plays to a step in which one shows well
-_NOMINAL = 0.01  # of the command's range: dead band or play where none was found
+NOMINAL = 0.01  # of the command's range: what intervals of smaller dead bands and plays are over
 _MOST = 30.0  # times as many steps; beyond, nobody records them
 
 
@@ -27,7 +27,7 @@ class Content:
     sizes : largest over smallest step of the command
     smallest : step of the command
     turns : whether the command ever turns back
-    coarse : sampling period over the lag of delay and poles
+    coarse : sampling period over the lag of the poles
     gyro : whether rates were measured
     undated : commands have no stamps of their own
     doubt : error of all stamps together [s], rms
@@ -95,6 +95,6 @@ def advice(what: str, value: float, half: float, bar: float, has: Content) -> st
 def _of_play(size: float, has: Content) -> list[str]:
     """What the steps lack to show a dead band or a play of some size, on the command's side."""
     found = [] if has.turns else ["steps in both directions"]
-    if has.smallest > _SMALL * max(size, _NOMINAL * has.range):
+    if has.smallest > _SMALL * max(size, NOMINAL * has.range):
         found.append("smaller steps")
     return found

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.identify import channels, progress
-from analysis.identify.advice import SIZES, Content, advice
+from analysis.identify.advice import NOMINAL, SIZES, Content, advice
 from analysis.identify.assemble import assemble
 from analysis.identify.basis import parameters_of
 from analysis.identify.evidence import Estimate
@@ -37,7 +37,6 @@ _BARS = {  # half widths of 95 % intervals; relative but for the delay [s]
 }
 _OF_SERVO = ("rate limit", "dead band", "backlash")
 _ONE_SIZE = 2.0  # of a limit that shows in the shape of one motion only
-_NOMINAL = 0.01  # of the command's range: what intervals of smaller dead bands and plays are over
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +102,7 @@ def expectations(
 def _expected(e: Estimate, has: Content) -> Expectation:
     what = e.name.partition(" ")[2]
     least = {"dead band": has.range, "backlash": has.range * abs(has.gain)}.get(what, 0.0)
-    size = max(abs(e.value), _NOMINAL * least, 1e-300)
+    size = max(abs(e.value), NOMINAL * least, 1e-300)
     half = 1.96 * e.std / (1.0 if what == "delay" else size)
     if what == "rate limit" and has.sizes < SIZES:
         half *= _ONE_SIZE
