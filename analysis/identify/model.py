@@ -124,7 +124,10 @@ class IdentifiedModel:
             blocks.append((found, passing[0].joint))
         names, values, parts = [], [], []
         for found, joint in blocks:
-            known = [i for i, e in enumerate(found) if np.isfinite(e.std) and e.std > 0.0]
+            # a value of zero is that of a dead band or backlash of which only a bound is known
+            known = [
+                i for i, e in enumerate(found) if np.isfinite(e.std) and e.std * e.value != 0.0
+            ]
             names += [found[i].name for i in known]
             values += [found[i].value for i in known]
             parts.append(joint[np.ix_(known, known)])
