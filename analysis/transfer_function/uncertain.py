@@ -167,7 +167,8 @@ def _servo(servo: Servo, axes: Sequence[str], left: dict[str, float], gain: floa
             raise ModelFileError(f"{what} is {value:g}; it must be positive")
         else:  # of the output
             value /= abs(gain)
-            name = _TURNED.get(name, name) if gain < 0.0 and servo.slew else name
+            turned = gain < 0.0 and servo.structure == "set-point"
+            name = _TURNED.get(name, name) if turned else name
         servo = replace(servo, **{name: value})  # type: ignore[arg-type]
     return servo
 

@@ -305,9 +305,7 @@ def test_an_identified_servo_is_flown_as_it_was_found_on_each_axis(structure):
     x, of_x = servo_of_gain(0.8, structure, 1.5, 1.2, 2.0)
     y, of_y = servo_of_gain(-0.5, structure, 0.9, 0.6, 0.7)
     none = nothing(x)
-    model = IdentifiedModel(
-        ("x", "y"), ("x", "y"), ((x, none), (none, y)), (of_x, of_y), ()
-    )  # fmt: skip
+    model = IdentifiedModel(("x", "y"), ("x", "y"), ((x, none), (none, y)), (of_x, of_y), ())
     flown = TransferFunctionModel.from_dict(model.to_transfer_function().to_dict())
     time = np.arange(1500) * 1e-3
     command = np.where(time < 0.7, 0.2, -0.1)[:, None] * np.ones(2)
