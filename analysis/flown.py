@@ -20,7 +20,7 @@ LONGEST: Final = 200  # characters of a stored text
 FIGURES: Final = (  # name as people read it, name in `twin fly --json`, unit, scale
     ("apogee", "apogee_m", " m", 1.0),
     ("time of the apogee", "apogee_s", " s", 1.0),
-    ("highest point", "highest_m", " m", 1.0),
+    ("highest point", "max_height_m", " m", 1.0),
     ("closest approach to the target", "closest_approach_m", " m", 1.0),
     ("static margin at launch", "margin_loaded", " calibres", 1.0),
     ("static margin, empty", "margin_empty", " calibres", 1.0),
@@ -62,15 +62,17 @@ class Flown(Plain):
 
 def flown(recording: Recording) -> Flown | None:
     """Figures of a flight; None where no vehicle flew."""
-    if POSITION not in recording.series or not len(recording[POSITION].time):
+    if POSITION not in recording.series or not len(path(recording)[0]):
         return None
     stored = recording.flight
-    numbers = {**_path(recording), **_finite(stored)}
+    shown = {name: value for name, value in _path(recording).items() if name not in stored}
+    numbers = shown | _finite(stored)
     margin = _vector(stored.get("static_margin"), 2)
     if margin is not None:
         numbers |= {"margin_loaded": margin[0], "margin_empty": margin[1]}
     if "apogee_m" in numbers:
-        numbers.pop("highest_m", None)
+        numbers.pop("max_height_m", None)
+    if {"apogee_s", "flight_time_s"} <= numbers.keys():
         numbers["descent_s"] = numbers["flight_time_s"] - numbers["apogee_s"]
     texts = {n: t[:LONGEST] for n in ("ended", "wind") if isinstance(t := stored.get(n), str) and t}
     missed = stored.get("missed")
@@ -89,10 +91,11 @@ def fast(airspeed: Array) -> NDArray[np.bool_]:
     return np.asarray(airspeed >= FAST * np.nanmax(airspeed, initial=0.0))
 
 
-def moved(recording: Recording) -> Array:
-    """Place relative to the start (n, 3) [m]."""
-    values = recording[POSITION].values
-    return np.asarray(values - values[0])
+def path(recording: Recording) -> tuple[Array, Array]:
+    """Times (n,) [s] and places relative to the first (n, 3) [m], where the place is known."""
+    place = recording[POSITION]
+    place = place.rows(np.asarray(np.isfinite(place.values).all(axis=1)))
+    return place.time, np.asarray(place.values - place.values[:1])
 
 
 def attack(recording: Recording, numbers: Mapping[str, float]) -> tuple[Array, Array]:
@@ -110,10 +113,10 @@ def attack(recording: Recording, numbers: Mapping[str, float]) -> tuple[Array, A
 
 def _path(recording: Recording) -> dict[str, float]:
     """What the path alone shows, of recordings without figures: tables, and runs cut off."""
-    time, way = recording[POSITION].time, moved(recording)
-    top = int(np.nanargmax(way[:, 2])) if np.isfinite(way[:, 2]).any() else 0
+    time, way = path(recording)
+    top = int(way[:, 2].argmax())
     found = {
-        "highest_m": float(way[top, 2]),
+        "max_height_m": float(way[top, 2]),
         "flight_time_s": float(time[-1] - time[0]),
         "downrange_m": math.hypot(way[-1, 0], way[-1, 1]),
         "end_east_m": float(way[-1, 0]),
@@ -124,8 +127,9 @@ def _path(recording: Recording) -> dict[str, float]:
     if VELOCITY in recording.series:
         velocity = recording[VELOCITY]
         climbing = velocity.values[velocity.time <= time[top]]
-        found["max_ascent_speed_m_s"] = float(np.linalg.norm(climbing, axis=1).max(initial=0.0))
-    return {name: value for name, value in found.items() if math.isfinite(value)}
+        speed = np.linalg.norm(climbing, axis=1)
+        found["max_ascent_speed_m_s"] = float(np.nanmax(speed, initial=0.0))
+    return found
 
 
 def _finite(stored: Mapping[str, object]) -> dict[str, float]:

@@ -432,7 +432,7 @@ def test_stored_figures_of_a_flight_that_are_no_numbers_are_left_out():
     found = flown(Recording({}, {POSITION: path}, flight=stored))
     assert found is not None
     assert found.numbers == {
-        "highest_m": 2.0, "flight_time_s": 2.0, "downrange_m": math.hypot(2.0, 2.0),
+        "max_height_m": 2.0, "flight_time_s": 2.0, "downrange_m": math.hypot(2.0, 2.0),
         "end_east_m": 2.0, "end_north_m": 2.0, "max_dynamic_pressure_pa": 9.0,
         "margin_loaded": 1.5, "margin_empty": 2.0,
     }  # fmt: skip

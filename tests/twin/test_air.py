@@ -231,7 +231,8 @@ def test_a_body_under_a_drogue_does_not_glide(tmp_path):
     That is the model of RocketPy and OpenRocket, without any force on the body; its drag here only
     shortens the way. As a rigid wing the body glided 0.4 m to the side for every metre down.
     """
-    file = described(tmp_path, 'parachutes = [{ diameter = "0.4 m", drag = 0.6 }]')
+    drogue = 'diameter = "0.4 m", drag = 0.6, position = "0.8 m"'  # where the body lies across
+    file = described(tmp_path, f"parachutes = [{{ {drogue} }}]")
     model = load(ModelConfig(vehicle=file, overrides=BURNT | {"ramp_position[2]": 400.0})).mj
     data = mujoco.MjData(model)
     data.qpos[3:7] = math.cos(0.4), 0.0, math.sin(0.4), 0.0

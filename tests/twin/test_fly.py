@@ -213,6 +213,22 @@ def test_a_vehicle_that_drag_keeps_on_its_ramp_ends_there(tmp_path):
     assert result.flight_time_s < 10.0
 
 
+def test_a_vehicle_that_falls_back_onto_its_ramp_has_landed(tmp_path):
+    """Straight up in a vacuum: it comes back with the speed it left the rail with."""
+    hop = (
+        *numbers("motor_time", [0.0, 0.05, 0.2, 0.25]),  # out before the rail ends
+        *numbers("motor_thrust", [0.0, 300.0, 300.0, 0.0]),
+        "motor_impulse=60", "air_enabled=0", "ramp_elevation=1.5707963",
+    )  # fmt: skip
+    rocket = MJCF / "examples" / "large_rocket.xml"
+    result = fly(Fly(vehicle=rocket, set=hop, out=tmp_path / "fly.rrd"))
+    assert result.ended == "reached the ground"
+    assert result.flight_time_s < 5.0
+    figures = result.figures
+    ticks = 2 * 9.81 * 0.004
+    assert figures.impact_speed_m_s == pytest.approx(figures.rail_exit_speed_m_s, abs=ticks)
+
+
 def test_a_missed_point_names_its_reason_and_fails_where_a_distance_was_asked_for(tmp_path):
     far = {"programme": "point", "gimbal": "transfer-function", "target_range_m": 3000.0}
     result = fly(Fly(**far, within=5.0, duration_s=17.0, out=tmp_path / "far.rrd"))

@@ -9,7 +9,6 @@ import pytest
 from twin.config import Fly
 from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
-from twin.experiments.fly import fly
 from twin.physics import native
 from twin.physics.motor import Depletion
 from twin.physics.native import ramp
@@ -163,15 +162,3 @@ def test_the_foot_of_a_rail_pushes_but_never_pulls() -> None:
     assert ramp.stop(ramp.REST / 4, -1.0, -9.0, 50.0) == pytest.approx(0.75 * 9.0)
     assert ramp.stop(ramp.REST / 4, -1.0, 9.0, 50.0) == 0.0
     assert ramp.stop(ramp.REST, -1.0, -9.0, 50.0) == 0.0
-
-
-def test_a_vehicle_that_falls_back_onto_its_own_rail_has_landed():
-    """Half the thrust, straight up in a vacuum: the rail would guide it to its foot, to rest."""
-    thrust = load(ModelConfig()).mj.numeric("motor_thrust").data
-    weak = {f"motor_thrust[{k}]": 0.5 * value for k, value in enumerate(thrust.tolist())}
-    still = {"air_enabled": 0.0, "ramp_elevation": math.pi / 2, "motor_impulse": 107.25}
-    config = Fly(gimbal="transfer-function", set=weak | still, duration_s=30.0)
-    flown = fly(config, recorded=False)
-    assert flown.ended == "reached the ground"
-    fall = math.sqrt(2.0 * G * flown.figures.apogee_m)  # with no thrust left
-    assert 0.0 < flown.figures.impact_speed_m_s < fall

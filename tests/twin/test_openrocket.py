@@ -17,8 +17,10 @@ from twin.experiments.vehicle import vehicle
 from twin.physics import openrocket
 from twin.physics.openrocket import container
 from twin.physics.vehicle import described
+from twin.plant.compose import MJCF
 from twin.plant.model import ModelConfig, load
 
+FLIGHTS = MJCF / "examples" / "flights"
 CONE = 0.3, 0.04  # length and base radius [m] of the nose, solid, 500 kg/m³
 TUBE = 0.8, 0.04, 0.002  # length, outer radius, wall [m] of the tube, 1000 kg/m³
 FIN = 0.1, 0.06, 0.08, 0.04, 0.003  # root, tip, span, sweep, thickness [m], 700 kg/m³
@@ -204,6 +206,36 @@ def test_import_writes_a_description_that_flies_and_the_figures_beside_openrocke
     shown = vehicle(Settings("show", out))
     assert shown.states[-1].mass + 0.52 == pytest.approx(shown.states[0].mass)
     assert shown.states[0].mass == pytest.approx(result.mass + 1.1, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("motor", "bore", "says"),
+    [
+        (29.0, 29.0, ""),
+        (29.2, 29.2, ""),  # less than 1 % wider
+        (30.0, 30.0, "flown as if the bore fitted"),
+        (54.0, 29.0, "54 mm wide, its bore 29 mm: no such motor goes in; give a --motor FILE.eng"),
+    ],
+)
+def test_a_motor_wider_than_its_mount_is_a_warning_with_what_to_do(
+    tmp_path: Path, motor: float, bore: float, says: str
+) -> None:
+    """A mount of 29 mm inside and 31 mm outside."""
+    mount = (
+        "<innertube><name>M</name><length>0.2</length><outerradius>0.0155</outerradius>"
+        '<thickness>0.001</thickness><motormount><motor configid="a"><manufacturer>A</manufacturer>'
+        f"<designation>X1</designation><diameter>{motor / 1e3}</diameter><length>0.1</length>"
+        "</motor></motormount></innertube>"
+    )
+    found = read(tmp_path, design(mount))
+    assert found.design.motor.diameter == pytest.approx(bore / 1e3)
+    assert len(found.warnings) == bool(says)
+    assert says in "".join(found.warnings)
+    assert not any("bore" in text for text in found.left_out)
+    if motor == 54.0:
+        wide = FLIGHTS / "bella_lui.eng"
+        with pytest.raises(TwinError, match="54 mm wide; its mount takes 29 mm: give a --motor"):
+            load(ModelConfig(vehicle=tmp_path / "r.ork", motor=wide))
 
 
 def test_a_design_flown_as_it_is_equals_its_written_description(tmp_path: Path) -> None:

@@ -380,10 +380,35 @@ def test_masses_in_each_others_place_are_told_and_the_shipped_ones_are_not() -> 
         "parachute and the gimbal overlap by 34 mm, 746 to 780 mm behind the tip",
         "avionics and the gimbal overlap by 34 mm, 746 to 780 mm behind the tip",
     )
+    moved = (payload, replace(parachute, position=0.70), replace(avionics, position=0.75))
+    assert Vehicle.of(replace(design, masses=moved)).notes[0] == (  # the largest overlap first
+        "parachute and avionics overlap by 30 mm, 730 to 760 mm behind the tip"
+    )
+    ring = replace(avionics, position=0.3, length=0.01)  # on a longer, narrower tube
+    tube = replace(parachute, diameter=0.035)
+    assert Vehicle.of(replace(design, masses=(payload, tube, ring))).notes == ()
+    solid = replace(design, masses=(tube, replace(ring, hollow=False)))
+    assert "overlap by 10 mm" in Vehicle.of(solid).notes[0]
     inside = (payload, parachute, replace(parachute, diameter=0.03, length=0.1))
     assert Vehicle.of(replace(design, masses=inside)).notes == ()
     wide = replace(design, masses=(replace(payload, diameter=0.05),))
     assert Vehicle.of(wide).notes == ("payload is 50 mm wide; the body has 44.6 mm there",)
+
+
+def test_the_pivot_that_a_vehicle_without_gimbal_is_offered_builds(tmp_path: Path) -> None:
+    text = (EXAMPLES / "reference.toml").read_text()
+    text = text.replace("../motors/", f"{EXAMPLES.parent / 'motors'}/")
+    given = next(line for line in text.splitlines() if line.startswith("gimbal"))
+    fixed = tmp_path / "fixed.toml"
+    fixed.write_text(text.replace(given, ""))
+    shown = vehicle(Settings("show", fixed))
+    assert "elevation 50°, azimuth 0° (from east to north), rail 2 m" in shown.launch
+    offered = shown.gimbal.split(";")[1].split(" puts")[0].strip()
+    assert offered == 'gimbal = { pivot = "0.8226 m" }'  # that of the shipped description
+    fixed.write_text(text.replace(given, offered))
+    assert vehicle(Settings("show", fixed)).gimbal == "pivot at 0.8226 m"
+    wide = vehicle(Settings("show", EXAMPLES / "large_rocket.toml")).gimbal
+    assert wide.startswith("none; the shipped one does not fit: motor 'Large' is 54 mm wide")
 
 
 def test_an_elevation_of_exactly_90_degrees_flies_straight_up(tmp_path: Path, rocket: Path) -> None:

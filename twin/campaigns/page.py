@@ -53,7 +53,8 @@ def _answer(study: Study, result: CampaignResult) -> Section:
     rows = [(*row, MEANINGS.get(str(row[0]), "")) for row in rows]
     head = ("statistic", "value", f"{study.confidence:.0%} interval", "runs", "meaning")
     ends = ", ".join(f"{name} {n}" for name, n in a.outcomes.items())
-    flown = f"{study.title}. {result.runs} of {result.planned} runs, by their end: {ends}."
+    title = study.title if study.title[-1:] in ".?!" else f"{study.title}."
+    flown = f"{title} {result.runs} of {result.planned} runs, by their end: {ends}."
     text = (a.text, flown)
     return Section("answer", "Answer", text, (Table(head, tuple(rows)),))
 
@@ -103,10 +104,16 @@ def _why_none(study: Study, kept: Any) -> str:  # noqa: ANN401
         return "No map: no number varies."
     together = 1 if study.kind == "star" else len(numbers)
     each = " for each parameter" if study.kind == "star" else f" over {together} parameters"
+    met, few = int(np.nansum(hits)), fewest(together)
+    if len(hits) < few:
+        do = "Give a larger n in [design]."
+    else:
+        easier, harder = "a wider limit", "a narrower limit"
+        do = f"Give {easier if met < FEWEST else harder} in [measure], or other ranges in [vary]."
     return (
-        f"No map: {np.nansum(hits):.0f} of the {len(hits)} runs that it would be about meet {name}."
-        f" It needs {fewest(together)} runs{each}, at least {FEWEST} that meet {name} and {FEWEST}"
-        " that do not."
+        f"No map: {met} of the {len(hits)} runs that it would be about meet {name}."
+        f" It needs {few} runs{each}, at least {FEWEST} that meet {name} and {FEWEST}"
+        f" that do not. {do}"
     )
 
 

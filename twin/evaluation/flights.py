@@ -108,6 +108,9 @@ def compare_flights(config: Compare, runs: list[Measurement], file: Path) -> Fli
     part = file.with_name(f"{file.name}.partial")
     write(config.recordings, part)
     part.replace(file)
-    apart = [second.numbers[k] - first.numbers[k] for k in ("end_east_m", "end_north_m")]
+    east, north = (
+        second.numbers.get(k, math.nan) - first.numbers.get(k, math.nan)
+        for k in ("end_east_m", "end_north_m")
+    )
     before, after = map(str, config.recordings)
-    return FlightsResult(before, after, (first, second), path, math.hypot(*apart), file)
+    return FlightsResult(before, after, (first, second), path, math.hypot(east, north), file)

@@ -251,8 +251,7 @@ class Flight:
 
     def result(self, recording: Path | None, outcome: Outcome, track: Track) -> FlightResult:
         """The flight in numbers; the time of the whole command is not known yet."""
-        plant, memory = self._plant, self.memory
-        landed = self.over() == GROUND
+        plant, memory, landed = self._plant, self.memory, outcome.ended == GROUND
         path = track.ticks[:, POSITION]
         target = None if self._target is None else self._target - self._start
         closest = None if self._target is None else _closest(path, self._target)

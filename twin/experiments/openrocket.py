@@ -25,6 +25,7 @@ class ImportResult(Result):
     centre_of_pressure, stored_centre_of_pressure : at small angles of attack, from the tip [m]
     motor : that the design names; it has no thrust curve
     left_out : parts and settings that a description cannot have
+    warnings : what of the design does not fit together, and what to do
     with_casing : the stored mass includes the motor's casing
     outdated : the stored figures are of a design that was changed since
     """
@@ -38,6 +39,7 @@ class ImportResult(Result):
     stored_centre_of_pressure: float | None
     motor: str
     left_out: tuple[str, ...]
+    warnings: tuple[str, ...]
     needs_motor: bool
     with_casing: bool
     outdated: bool
@@ -63,7 +65,8 @@ class ImportResult(Result):
             ("motor", self.motor or "none"),
         ]
         rows += [("left out" if k == 0 else "", text) for k, text in enumerate(self.left_out)]
-        return [*rows, ("", f"twin fly --vehicle {self.file}{flag}")]
+        rows += [("WARNING", text) for text in self.warnings]
+        return [*rows, ("next", f"twin fly --vehicle {self.file}{flag}")]
 
 
 def _beside(own: float, stored: float | None, unit: str, stale: str) -> str:
@@ -113,6 +116,7 @@ def import_design(config: Settings) -> ImportResult:
         stored_centre_of_pressure=stored.centre_of_pressure,
         motor=found.motor,
         left_out=found.left_out,
+        warnings=found.warnings,
         needs_motor=config.motor is None,
         outdated=stored.outdated,
         with_casing=stored.with_casing and config.motor is None,

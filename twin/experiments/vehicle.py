@@ -22,6 +22,7 @@ from twin.plant.authority import balance
 from twin.plant.compose import design_of, is_description
 from twin.plant.model import ModelConfig, TwinModel, load
 
+PIVOT: Final = 0.03  # m forward of the end of the body, docs/vehicles.md
 BURN: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the burn time
 ANGLES: Final = (0.0, 2.0, 5.0, 10.0)  # degrees
 NO_MACH: Final = "normal forces hold below Mach 0.6; they do not depend on the Mach number"
@@ -73,6 +74,8 @@ class VehicleResult(Result):
     parts : masses of the airframe, the motor and the gimbal; empty for an MJCF file
     tip : station of the nose's tip [m]; None for an MJCF file
     thrust : largest [N]
+    launch : direction and length of its rail, in words
+    gimbal : where its pivot is, or could be, in words
     drawn : picture that was written; None without one
     """
 
@@ -87,6 +90,8 @@ class VehicleResult(Result):
     thrust: float
     notes: tuple[str, ...] = ()
     parts: tuple[Part, ...] = ()
+    launch: str = ""
+    gimbal: str = ""
     drawn: str | None = None
 
     def as_dict(self) -> dict[str, object]:
@@ -112,6 +117,7 @@ class VehicleResult(Result):
         rows.append(("", NO_MACH))
         terms = [f"{t.name}: C_Nα {t.slope:+.3f} at {t.station:.4f} m" for t in self.terms]
         rows += _titled("normal force", terms)
+        rows += [("launch", self.launch), ("gimbal", self.gimbal)]
         rows.append(("axial drag", f"{self.drag:.3f} of π/4 ({self.diameter * 1e3:.4g} mm)²"))
         if self.drag_source:
             rows.append(("", self.drag_source))
@@ -155,7 +161,7 @@ class BuildResult(Result):
     def rows(self) -> Rows:
         """What was written, and how to fly it."""
         fly = f"twin fly --vehicle {self.file}"
-        return [("description", self.source), ("MJCF", self.file), ("", fly)]
+        return [("description", self.source), ("MJCF", self.file), ("next", fly)]
 
 
 def vehicle(config: Settings) -> VehicleResult | BuildResult | ImportResult:
@@ -236,6 +242,42 @@ def report(twin: TwinModel, name: str, built: vehicles.Vehicle | None = None) ->
         thrust=float(np.max(model.numeric("motor_thrust").data)),
         notes=twin.notes,
         parts=() if built is None else _parts(built),
+        launch=_launch(model),
+        gimbal=_gimbal(twin, built),
+    )
+
+
+def _launch(model: mujoco.MjModel) -> str:
+    elevation, azimuth, rail, altitude = (
+        float(model.numeric(name).data[0])
+        for name in ("ramp_elevation", "ramp_azimuth", "ramp_length", "air_altitude")
+    )
+    return (
+        f"elevation {math.degrees(elevation):.4g}°, azimuth {math.degrees(azimuth):.4g}° (from east"
+        f" to north), rail {rail:.4g} m, ground {altitude:.4g} m above the sea"
+    )
+
+
+def _gimbal(twin: TwinModel, built: vehicles.Vehicle | None) -> str:
+    """Where the pivot is; of a description without one, where the shipped mechanism fits."""
+    if twin.gimbal != "fixed":
+        return "pivot at the origin" if built is None else f"pivot at {built.origin:.4g} m"
+    if built is None:
+        return "none, the motor is fixed"
+    end = built.outline.end
+    design = replace(
+        built.design,
+        gimbal=vehicles.Gimbal(pivot=end - PIVOT),
+        origin=None,
+        motor=replace(built.design.motor, overhang=0.0, diameter=None),
+    )
+    try:
+        vehicles.Vehicle.of(design)
+    except vehicles.VehicleError as error:
+        return f"none; the shipped one does not fit: {str(error).rpartition('.toml: ')[2]}"
+    return (
+        f'none; gimbal = {{ pivot = "{end - PIVOT:.4g} m" }} puts the shipped one'
+        f" {1e3 * PIVOT:g} mm forward of the end of the body; motor then without overhang, diameter"
     )
 
 

@@ -64,7 +64,7 @@ def design_of(vehicle: Path, motor: Path | None = None) -> tuple["Design", tuple
             " file with --motor FILE.eng to twin fly, or import the design (twin vehicle import)"
         )
     left_out = tuple(f"left out: {item}" for item in found.left_out)
-    return vehicles.with_motor(found.design, motor), left_out
+    return vehicles.with_motor(found.design, motor), (*found.warnings, *left_out)
 
 
 def described_files(vehicle: Path) -> dict[str, Path]:

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.array import Array
-from analysis.flown import FIGURES, Flown, attack, moved
+from analysis.flown import FIGURES, Flown, attack, path
 from analysis.recording.measurements import Measurement
-from analysis.recording.series import POSITION
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Cell, Line, Panel, Plot, Section, Table, thinned
 from analysis.report.words import number
@@ -69,7 +68,8 @@ def _flights(
 
 def _lines(role: str, run: Measurement, f: Flown) -> list[Drawn]:
     """Lines of one flight, a list a panel."""
-    way, time = np.round(moved(run.recording), 2), run.recording[POSITION].time + run.shift
+    time, way = path(run.recording)
+    way = np.round(way, 2)
     across = np.hypot(way[:, 0], way[:, 1])
     paths = [(across, way[:, 2]), (way[:, 0], way[:, 1])]
     found = [[Line(run.name, *thinned(*path), role)] for path in paths]
@@ -78,7 +78,7 @@ def _lines(role: str, run: Measurement, f: Flown) -> list[Drawn]:
         name = f"target of {run.name}"
         for lines, x, y in zip(found, (np.hypot(east, north), east), (up, north), strict=True):
             lines.append(Line(name, np.array([x]), np.array([y]), role, style="rings"))
-    found.append([Line(run.name, *thinned(time, way[:, 2]), role)])
+    found.append([Line(run.name, *thinned(time + run.shift, way[:, 2]), role)])
     found.append(_over_time(run, role, *attack(run.recording, f.numbers)))
     for _, _, signal, column, scale in SIGNALS:
         series = run.recording.series.get(signal)

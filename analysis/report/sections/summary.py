@@ -1,6 +1,7 @@
 """The answer in a sentence, and a row of verdicts."""
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 from analysis.comparison.compare import Comparison
@@ -64,14 +65,15 @@ def _response(runs: Sequence[Measurement], numbers: ReportNumbers) -> Iterator[s
 
 def _flight(name: str, f: Flown) -> str:
     """A flight in a sentence: its point first where it steered to one, then apogee and end."""
-    n = {key: number(value, 3) for key, value in f.numbers.items()}
+    shown = {key: number(value, 3) for key, value in f.numbers.items()}
+    n = defaultdict(lambda: "–", shown)
     texts = []
     if "closest_approach_m" in n:
-        texts.append(f"passed its target at {n['closest_approach_m']} m")
+        texts.append(f"closest approach to its target {n['closest_approach_m']} m")
     if "apogee_m" in n:
         texts.append(f"apogee {n['apogee_m']} m after {n['apogee_s']} s")
-    elif "highest_m" in n:
-        texts.append(f"up to {n['highest_m']} m, where it ended in its climb")
+    elif "max_height_m" in n:
+        texts.append(f"up to {n['max_height_m']} m, where it ended in its climb")
     if "max_ascent_speed_m_s" in n:
         texts.append(f"up to {n['max_ascent_speed_m_s']} m/s")
     if "margin_loaded" in n:

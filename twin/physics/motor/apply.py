@@ -112,7 +112,8 @@ def _check_width(motor: Motor, bore: float) -> None:
     if motor.diameter > bore * (1 + 1e-6):
         raise MotorError(
             f"motor {motor.name!r} is {motor.diameter * 1e3:g} mm wide;"
-            f" the holder takes {bore * 1e3:g} mm"
+            f" the holder takes {bore * 1e3:g} mm: give a --motor FILE.eng of at most that, or a"
+            " vehicle with a wider one"
         )
 
 

@@ -30,6 +30,8 @@ from twin.physics.vehicle.planform import PlanForm
 from twin.physics.vehicle.read import parse, printable
 from twin.physics.vehicle.write import toml
 
+DRAWN: Final = 1.01  # of a bore: a motor not wider than this fits it
+TIGHT: Final = 1.1  # of a tube's outside: a wider motor cannot be in it, however it is drawn
 SAME: Final = 1e-5  # m, between two centres that count as one
 GRAM: Final = 1e-6  # kg; lighter parts are left out
 ROUGHNESS: Final = {  # m, of OpenRocket's surface finishes
@@ -47,11 +49,13 @@ class Imported:
     ----------
     motor : maker, designation and size of the motor that the file chooses; empty without one
     left_out : parts and settings that the description cannot have
+    warnings : what of the design does not fit together, and what to do
     """
 
     design: Design
     motor: str
     left_out: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def outline(self) -> Outline:
@@ -94,6 +98,17 @@ def described(path: Path) -> Imported:
     return replace(found, design=parse(toml(found.design), str(path), path))
 
 
+def _tight(tube: Part, bore: float, width: float) -> str:
+    """What to do about a motor that its own design has in too narrow a mount."""
+    sizes = f"{tube.name}: its motor is {1e3 * width:.4g} mm wide, its bore {1e3 * bore:.4g} mm"
+    if width <= 2 * tube.outer * TIGHT:
+        return f"{sizes}: flown as if the bore fitted; check the tube's wall in the design"
+    return (
+        f"{sizes}: no such motor goes in; give a --motor FILE.eng of at most {1e3 * bore:.4g} mm,"
+        " or the mount its true diameter, in the design or under motor in its description"
+    )
+
+
 class _Import:
     """Collects the description's tables and what was left out."""
 
@@ -105,6 +120,7 @@ class _Import:
         self._tail = self._bodies[-1].start + self._bodies[-1].length
         self._width = 2 * max(max(part.front, part.outer) for part in self._bodies)
         self._left: list[str] = []
+        self._wrong: list[str] = []
         self._masses: list[Mass] = []
         self._shells: list[Body] = []
         self._fins: list[FinSet] = []
@@ -134,7 +150,7 @@ class _Import:
             drag=self._drag(),
             roughness=ROUGHNESS.get(self._bodies[0].word("finish", "normal"), ROUGHNESS["normal"]),
         )
-        return Imported(design, motor, tuple(dict.fromkeys(self._left)))
+        return Imported(design, motor, tuple(dict.fromkeys(self._left)), tuple(self._wrong))
 
     def _weigh(self, piece: Piece) -> None:
         """Give a part its mass, or make it a mass of its own where its centre is elsewhere."""
@@ -191,17 +207,18 @@ class _Import:
         tube = loaded[0][0] if loaded else mounts[0]
         holder = Part(next(tube.element.iter("motormount")), tube.name)
         nozzle = tube.start + tube.length + holder.number("overhang")
-        bore: float | None = min(2 * tube.inner, 2 * self._bodies[-1].outer)
+        bore = min(2 * tube.inner, 2 * self._bodies[-1].outer)
         label = ""
         if loaded:
             motor = loaded[0][1]
             width, length = motor.size("diameter"), motor.size("length")
             maker, name = (motor.element.findtext(t) or "" for t in ("manufacturer", "designation"))
             label = f"{printable(f'{maker} {name}')}, {width * 1e3:.4g} mm x {length * 1e3:.4g} mm"
-            if bore is not None and width > bore:
-                self._left.append(f"{tube.name}: its bore, narrower than its motor")
-                bore = None
-        return Mount(overhang=nozzle - self._tail, diameter=bore or None), label
+            if width > bore * DRAWN:
+                self._wrong.append(_tight(tube, bore, width))
+            if width <= 2 * tube.outer * TIGHT:
+                bore = max(bore, width)
+        return Mount(overhang=round(nozzle - self._tail, 9), diameter=bore or None), label
 
     def _configuration(self) -> str | None:
         known = self._rocket.element.findall("motorconfiguration")

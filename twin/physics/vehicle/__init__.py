@@ -2,7 +2,7 @@
 
 from twin.physics.vehicle.built import Vehicle
 from twin.physics.vehicle.carrier import mechanism_file
-from twin.physics.vehicle.design import Design, VehicleError
+from twin.physics.vehicle.design import Design, Gimbal, VehicleError
 from twin.physics.vehicle.mjcf import mjcf
 from twin.physics.vehicle.read import (
     described,
@@ -16,6 +16,7 @@ from twin.physics.vehicle.write import toml
 
 __all__ = [
     "Design",
+    "Gimbal",
     "Vehicle",
     "VehicleError",
     "described",

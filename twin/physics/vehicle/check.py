@@ -196,7 +196,8 @@ def check_motor(design: Design, outline: Outline, carrier: Carrier | None) -> No
     if motor.diameter > bore * (1 + SLACK):
         raise VehicleError(
             f"motor {motor.name!r} is {motor.diameter * 1e3:g} mm wide; its mount takes"
-            f" {bore * 1e3:g} mm"
+            f" {bore * 1e3:.4g} mm: give a --motor FILE.eng of at most that, or a wider"
+            f" {'mechanism' if carrier is not None else 'mount'}"
         )
     front = outline.nozzle - motor.length
     if front < 0:

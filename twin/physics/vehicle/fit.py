@@ -11,6 +11,7 @@ from twin.physics.vehicle.design import Design, Mass
 from twin.physics.vehicle.outline import Outline
 
 LEAST: Final = 1e-3  # m, of overlap that is reported
+ROOM: Final = 0.8  # of a ring's width: a tube not wider than this passes through it
 MOST: Final = 3  # overlaps that are reported
 
 
@@ -29,19 +30,20 @@ def misfits(
 ) -> tuple[str, ...]:
     """Masses inside that overlap each other, the motor or the gimbal, or are wider than the body.
 
-    Points and discs have no volume to overlap. A hollow mass may have a narrower one inside, and
-    the motor may sit in a tube.
+    Points and discs have no volume to overlap. A hollow mass may have a narrower one inside or
+    through it, and the motor may sit in a tube. The largest overlap comes first.
     """
     masses = [_place(item, k) for k, item in enumerate(design.masses)]
     full = [place for place in masses if place.high > place.low and place.diameter > 0]
     drive = _drive(design, outline, motor, held)
     pairs = [pair for pair in combinations(full, 2) if not _inside(*pair)]
     pairs += [(a, drive) for a in full if not (a.hollow and a.diameter > drive.diameter)]
+    overlaps = [(min(a.high, b.high) - max(a.low, b.low), a, b) for a, b in pairs]
     found = [
         f"{a.name} and {b.name} overlap by {1e3 * by:.0f} mm, {1e3 * max(a.low, b.low):.0f} to"
         f" {1e3 * min(a.high, b.high):.0f} mm behind the tip"
-        for a, b in pairs
-        if (by := min(a.high, b.high) - max(a.low, b.low)) > LEAST
+        for by, a, b in sorted(overlaps, key=lambda overlap: -overlap[0])
+        if by > LEAST
     ]
     middles = np.array([item.position for item in design.masses])
     for place, room in zip(masses, (2 * outline.radius(middles)).tolist(), strict=True):
@@ -69,7 +71,9 @@ def _drive(design: Design, outline: Outline, motor: Motor, held: Carrier | None)
 
 
 def _inside(a: _Place, b: _Place) -> bool:
-    """Whether one is a shell around all of the other."""
+    """Whether one is a shell around all of the other, or a ring on it."""
     wide, narrow = (a, b) if a.diameter >= b.diameter else (b, a)
     within = wide.low - LEAST <= narrow.low and narrow.high <= wide.high + LEAST
-    return wide.hollow and wide.diameter > narrow.diameter and within
+    ring = narrow.low - LEAST <= wide.low and wide.high <= narrow.high + LEAST
+    slim = narrow.diameter < (wide.diameter if within else ROOM * wide.diameter)
+    return wide.hollow and slim and (within or ring)
