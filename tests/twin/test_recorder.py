@@ -294,11 +294,10 @@ def on_disks_of():
         def told(path, *sizes):
             print(json.dumps([str(path), [*map(str, sizes)]]), file=process.stdin, flush=True)
             lines = []
-            for line in process.stdout:
-                if line.startswith("exit "):
-                    assert line == "exit 0\n", lines
-                    break
+            while not (line := process.stdout.readline()).startswith("exit "):
+                assert line, lines
                 lines.append(line.rstrip("\n"))
+            assert line == "exit 0\n", lines
             return lines
 
         yield told
