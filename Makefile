@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long mutate abuse test-tools bench validate lint format meshes docs docs-check generated lock clean
+.PHONY: env run test test-long mutate abuse test-tools bench validate lint types style format meshes docs docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -51,16 +51,17 @@ bench: env test-tools
 validate: env
 	$(BIN)/python -m tests.validation
 
-lint: env
+# On two processes with `make --jobs=2 --output-sync lint`.
+lint: types docs style
+
+types: env
+	$(BIN)/mypy
+
+style: docs-check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/stub.py --check
-	$(BIN)/python .ci/states.py --check
-	$(BIN)/python .ci/protocol.py --check
-	$(BIN)/python .ci/docs_check.py
-	@$(MAKE) --no-print-directory docs
 	@bash .ci/test-tools cppcheck
 	@bash .ci/cppcheck
 

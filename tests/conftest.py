@@ -17,7 +17,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("suite", max_examples=25, deadline=None)
 settings.load_profile("suite")
 
+# collecting 3600 tests and simulating rigs makes many objects and hardly any garbage
+gc.set_threshold(20_000, 20, 20)
+
 ROOT = Path(__file__).resolve().parents[1]
+LONG = "test_viewer.py", "test_knowledge.py", "test_examples.py"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files of the longest tests: at the end no process waits for another's."""
+    items.sort(key=lambda item: item.path.name not in LONG)
 
 
 @pytest.fixture(scope="session")

@@ -106,7 +106,8 @@ def information(time: Array, residual: Array, sensitivity: Array) -> Information
     count = int(block[-1])  # the last one is incomplete
     if count < FEWEST:
         raise AnalysisError(
-            f"{time[-1] - time[0]:.1f} s of motion; an estimate needs {FEWEST * BLOCK:.0f} s"
+            f"{time[-1] - time[0]:.1f} s of motion; an estimate needs {FEWEST * BLOCK:.0f} s: "
+            "record more steps (twin step --repeats)"
         )
     edges = np.searchsorted(block, np.arange(count + 1))
     memory = _memory(residual, sensitivity, edges)

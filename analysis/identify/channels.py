@@ -1,6 +1,6 @@
 """Fitted parameters as transfer functions and as the figures engineers quote, with deviations."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -90,9 +90,19 @@ def _places(fit: AxisFit, j: int) -> list[int]:
 
 
 def bounded(
-    fit: ServoFit, known: Uncertainty, output: str, command: str, longest: float
+    fit: ServoFit,
+    known: Uncertainty,
+    output: str,
+    command: str,
+    longest: float,
+    most: Mapping[str, float],
 ) -> tuple[ChannelFit, ServoBounds]:
-    """Linear part and bounds of one servo; of an idle limit, its bound from below."""
+    """Linear part and bounds of one servo; of an idle limit, its bound from below.
+
+    Parameters
+    ----------
+    most : how large a dead band or backlash of zero may be, on the command's side [rad]
+    """
     n = fit.poles
     whole = np.concatenate([fit.theta, fit.linear])
     given = None if fit.problem.layout.free_delays else float(fit.theta[n])
@@ -128,9 +138,12 @@ def bounded(
     if behind and fit.gain < 0.0:  # upward of the output is downward of the command
         turned = {"rate limit": "rate limit back", "rate limit back": "rate limit"}
         least = {turned.get(n, n): v for n, v in least.items()}
+    upper = {n: v * (abs(fit.gain) if n == "backlash" else 1.0) for n, v in most.items()}
     estimates = [
         Estimate(f"{output} {what}", least[what], np.nan, unit, False, True)
         if what in least
+        else Estimate(f"{output} {what}", 0.0, upper[what] / 1.96, unit)
+        if what in upper
         else Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
         for (what, unit), v, s in zip(names, values, std, strict=False)
     ]

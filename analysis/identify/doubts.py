@@ -51,12 +51,14 @@ def evidence(
     sizes: tuple[Estimate, ...],
     smear: dict[str, float],
     own: int = 0,
+    simpler: bool = False,
 ) -> AxisEvidence:
     """What speaks for a fit; `own` is the column of the axis' own command.
 
     Parameters
     ----------
     sizes, smear : what the sizes and the scattered times of the steps change poles and delay by
+    simpler : one pole less explains the readings as well
     """
     problem = fit.problem
     residual = fit.residual if isinstance(fit, ServoFit) else fit.solution.residual
@@ -82,6 +84,7 @@ def evidence(
         tests[0], tests[1], checked, fit.converged, known.spread, stamps, known.disagree,
         known.disagree or known.colour is not None,
         repeatable(problem, residual, min(own, problem.parts[0].input.shape[1] - 1)), sizes, smear,
+        simpler,
     )  # fmt: skip
 
 
@@ -131,6 +134,12 @@ def warnings_of(
     found = []
     if not axis.converged:
         found.append(f"{name}: the search did not settle; treat the figures as a guess")
+    if axis.simpler:
+        poles = len(row[own].den) - 1
+        explain = "1 pole explains" if poles == 2 else f"{poles - 1} poles explain"
+        found.append(
+            f"{name}: {explain} the readings as well as {poles}; fit with --poles {poles - 1}"
+        )
     found += _fit_warnings(axis, name)
     found += _residual_warnings(axis, name)
     found += _smear_warnings(axis, name, row[own])

@@ -73,6 +73,7 @@ class AxisEvidence(Plain):
     sizes : what poles and delay change by from the smallest to the largest step, where the speed
         does not grow with the step
     smear : what the scatter of the steps' times changes poles and delay by
+    simpler : one pole less explains the readings as well
     """
 
     name: str
@@ -92,6 +93,7 @@ class AxisEvidence(Plain):
     repeats: float
     sizes: tuple[Estimate, ...]
     smear: dict[str, float]
+    simpler: bool = False
 
     @property
     def fit(self) -> tuple[float, ...]:

@@ -56,7 +56,7 @@ def identify_gimbal(
 
     alone = [fitted(k, servo) for k in range(len(inputs))]
     if servo is True and len({m.servo[0].structure for m in alone if m.servo}) > 1:
-        # one model has one: mean figures of another would not fit an axis' own poles and delay
+        # servos of one make: the steps of both axes tell more than those of one
         shared = shared_structure([m.servo[0].losses for m in alone if m.servo])
         alone = [
             m if m.servo and m.servo[0].structure == shared else fitted(k, shared)

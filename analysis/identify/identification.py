@@ -6,17 +6,18 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.identify import channels, checks
+from analysis.identify import channels, checks, progress
 from analysis.identify.assemble import assemble
 from analysis.identify.diagnostics import Saturation, saturation
 from analysis.identify.doubts import evidence, selection_warnings, stamp_warnings, warnings_of
 from analysis.identify.errors import IdentificationError
+from analysis.identify.fit import search
 from analysis.identify.known import known_of, known_of_servo
 from analysis.identify.layout import Layout
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.problem import Problem
-from analysis.identify.reached import idle_warnings
-from analysis.identify.selection import select
+from analysis.identify.reached import idle_warnings, left_out
+from analysis.identify.selection import one_pole_less, select
 from analysis.identify.servo import search_servo
 from analysis.identify.uncertainty import (
     whole_jacobian,
@@ -134,6 +135,7 @@ def _linear(
     rows, axes, warnings = [], [], []
     for i, problem in enumerate(problems):
         output = first.outputs[i]
+        progress.say(f"axis {output}, linear model")
         choice = select(problem, longest)
         fit, jacobian = choice.fit, whole_jacobian(choice.fit.solution)
         known, stamps = known_of(
@@ -158,7 +160,8 @@ def _linear(
         shown = checked.saturated and place >= 0
         sizes = channels.changes(fit, jacobian, place) if shown else ()
         smear = channels.smear(fit, jacobian, place, stamps)
-        axes.append(evidence(fit, output, checked, known, stamps, sizes, smear, i))
+        simpler = one_pole_less(fit, longest)
+        axes.append(evidence(fit, output, checked, known, stamps, sizes, smear, i, simpler))
         warnings += selection_warnings(problem, choice, row, first.inputs, output)
         warnings += warnings_of(axes[-1], row, longest, problem, k)
         if k in choice.columns:
@@ -187,15 +190,21 @@ def _bounded(
         alone = problem.with_layout(
             replace(problem.layout, inputs=1, delays=problem.layout.delays[:1])
         )
-        fit = search_servo(alone, i, max_delay=longest, structure=structure)
+        linear = search(problem.channels((i,), (0,)), max_delay=longest)
+        simpler = not problem.layout.zeros and one_pole_less(linear, longest)
+        with progress.about(f"axis {first.outputs[i]}, "):
+            fit = search_servo(alone, i, max_delay=longest, structure=structure)
         known, stamps = known_of_servo(fit)
-        channel, limits = channels.bounded(fit, known, first.outputs[i], first.inputs[i], longest)
+        most = left_out(fit, i, longest, known.excess)
+        channel, limits = channels.bounded(
+            fit, known, first.outputs[i], first.inputs[i], longest, most
+        )
         rows.append(
             tuple(channel if j == i else channels.nothing(channel) for j in range(len(problems)))
         )
         bounds.append(limits)
         none = Saturation(float("nan"), float("nan"), 0, 1.0, None)
-        axes.append(evidence(fit, first.outputs[i], none, known, stamps, (), {}, i))
+        axes.append(evidence(fit, first.outputs[i], none, known, stamps, (), {}, i, simpler))
         warnings += warnings_of(axes[-1], (channel,), longest, problem)
         warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])
         warnings += idle_warnings(limits, first.outputs[i])

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.identify import channels
+from analysis.identify import channels, progress
+from analysis.identify.advice import SIZES, Content, advice
 from analysis.identify.assemble import assemble
 from analysis.identify.basis import parameters_of
 from analysis.identify.evidence import Estimate
@@ -19,7 +20,7 @@ from analysis.identify.identification import identify, layout_of, longest_delay
 from analysis.identify.known import known_of_servo
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.problem import Problem
-from analysis.identify.servo_starts import reverses
+from analysis.identify.reached import left_out
 from analysis.identify.short_search import short_search
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
@@ -34,18 +35,8 @@ _BARS = {  # half widths of 95 % intervals; relative but for the delay [s]
     "dead band": 0.3,
     "backlash": 0.3,
 }
-_ADVICE = {
-    "gain": "record longer holds, or larger steps",
-    "delay": "date commands by stamps of their own, sample faster, or record more steps",
-    "natural frequency": "sample faster, add the gyro, or record more steps",
-    "damping": "sample faster, add the gyro, or record more steps",
-    "time constant": "sample faster, or record more steps",
-    "rate limit": "add steps of several sizes, up to the largest that are flown",
-    "dead band": "add steps that are small, in both directions",
-    "backlash": "add steps that reverse, in several sizes",
-}
 _OF_SERVO = ("rate limit", "dead band", "backlash")
-_SIZES = 1.5  # largest over smallest step; of less, a limit shows in the shape of one motion only
+_ONE_SIZE = 2.0  # of a limit that shows in the shape of one motion only
 _NOMINAL = 0.01  # of the command's range: what intervals of smaller dead bands and plays are over
 
 
@@ -61,8 +52,9 @@ class Expectation(Plain):
     size, unit : the value that the record suggests; of a dead band or backlash 1 % of the command's
         range or more
     at_least : `size` is a limit that the record does not reach
+    below : upper end of the interval of a dead band or backlash that may be zero, else NaN
     bar : half width that counts as determined
-    advice : what to record where it is not
+    advice : what to record where it is not, by what this record lacks
     """
 
     name: str
@@ -70,6 +62,7 @@ class Expectation(Plain):
     size: float
     unit: str
     at_least: bool
+    below: float
     bar: float
     advice: str
 
@@ -90,46 +83,50 @@ def expectations(
     """
     found: list[Expectation] = []
     for k in range(min(len(records[0].inputs), len(records[0].outputs))):
-        own = own_records(records, k)
+        own, axis = own_records(records, k), records[0].outputs[k]
         model = identify(own, poles, max_delay=max_delay)
-        found += [_expected(e) for e in model.channels[0][0].estimates]
-        found += _bounds(own, model, poles, longest_delay(own, max_delay))
+        simpler = model.axes[0].simpler
+        start = identify(own, poles - 1, max_delay=max_delay) if simpler else model
+        progress.say(f"axis {axis}, servo")
+        problem = assemble(
+            own, 0, layout_of(own, poles - 1 if simpler else poles, 0), shared_offset=False
+        )
+        estimates = [
+            *model.channels[0][0].estimates,
+            *_bounds(problem, start, longest_delay(own, max_delay)),
+        ]
+        has = Content.of(problem, model.channels[0][0], simpler)
+        found += [_expected(e, has) for e in estimates]
     return tuple(found)
 
 
-def _expected(e: Estimate, least: float = 0.0, *, shown: bool = True) -> Expectation:
+def _expected(e: Estimate, has: Content) -> Expectation:
     what = e.name.partition(" ")[2]
-    size = max(abs(e.value), least, 1e-300)
+    least = {"dead band": has.range, "backlash": has.range * abs(has.gain)}.get(what, 0.0)
+    size = max(abs(e.value), _NOMINAL * least, 1e-300)
     half = 1.96 * e.std / (1.0 if what == "delay" else size)
-    known = shown and np.isfinite(half) and half > 0.0
+    if what == "rate limit" and has.sizes < SIZES:
+        half *= _ONE_SIZE
+    known = (has.turns or what != "backlash") and np.isfinite(half) and half > 0.0
+    half = half if known else np.inf
+    open_below = what in ("dead band", "backlash") and 1.96 * e.std >= e.value
+    below = e.value + 1.96 * e.std if known and open_below else np.nan
+    bar = _BARS[what]
     return Expectation(
-        e.name, half if known else np.inf, size, e.unit, e.at_least, _BARS[what], _ADVICE[what]
+        e.name, half, size, e.unit, e.at_least, below, bar, advice(what, e.value, half, bar, has)
     )
 
 
-def _bounds(
-    records: Sequence[Measurement], model: IdentifiedModel, poles: int, longest: float
-) -> list[Expectation]:
+def _bounds(problem: Problem, model: IdentifiedModel, longest: float) -> list[Estimate]:
     """Of rate limit, dead band and backlash."""
     axis, (command,) = model.outputs[0], model.inputs
-    if poles > 2:
-        return [_expected(Estimate(f"{axis} {what}", np.nan, np.nan, "")) for what in _OF_SERVO]
-    problem = assemble(records, 0, layout_of(records, poles, 0), shared_offset=False)
+    if problem.layout.poles > 2:
+        return [Estimate(f"{axis} {what}", np.nan, np.nan, "") for what in _OF_SERVO]
     channel = model.channels[0][0]
     fit = short_search(
         problem, 0, parameters_of(np.roots(channel.den)), channel.delay, max_delay=longest
     )
-    _, servo = channels.bounded(fit, known_of_servo(fit)[0], axis, command, longest)
-    size = _NOMINAL * max(float(np.ptp(p.input)) for p in problem.parts)
-    return [
-        _expected(servo.rate_limit, shown=_sizes(problem) >= _SIZES),
-        _expected(servo.dead_band, size),
-        _expected(servo.backlash, size * abs(fit.gain), shown=reverses(problem, 0)),
-    ]
-
-
-def _sizes(problem: Problem) -> float:
-    """Largest over smallest change of the command; changes of 2 % of the largest do not count."""
-    size = np.abs(np.concatenate([np.diff(p.input[:, 0]) for p in problem.parts]))
-    size = size[size > 0.02 * size.max(initial=0.0)]
-    return float(size.max() / size.min()) if len(size) else 1.0
+    known = known_of_servo(fit)[0]
+    most = left_out(fit, 0, longest, known.excess)
+    _, servo = channels.bounded(fit, known, axis, command, longest, most)
+    return list(servo.estimates)

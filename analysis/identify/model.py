@@ -1,6 +1,5 @@
 """The identified gimbal: channels, uncertainty, evidence, and what to beware of."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.plain import plain
 from analysis.transfer_function import Channel, Covariance, Servo, TransferFunctionModel
-from analysis.transfer_function.servo import Structure
 from analysis.transfer_function.uncertain import MOST_FIGURES
 
 
@@ -88,36 +86,23 @@ class IdentifiedModel:
     def to_transfer_function(self) -> TransferFunctionModel:
         """The model file's content: what a flight with `--model` flies.
 
-        A delay below zero becomes zero: the command was only sampled. One file has one servo block,
-        so that of several axes holds the structure most of them have (at a tie that of the first)
-        and the means of the figures of those axes.
+        A delay below zero becomes zero: the command was only sampled.
         """
         channels = tuple(
             tuple(Channel(c.num, c.den, max(c.delay, 0.0)) for c in row) for row in self.channels
         )
-        servo = None
-        if self.servo is not None:
-            structure = _structure(self.servo)
-            alike = [b for b in self.servo if b.structure == structure]
-            servo = Servo(
-                _mean([b.rate_limit for b in alike]),
-                _mean([b.dead_band for b in alike]),
-                _mean([b.backlash for b in alike]),
-                structure,
-                _mean([b.rate_limit_back for b in alike]),
-                _mean([b.slew for b in alike]),
-            )
+        servos = tuple(
+            _servo(b, row[k].num[-1] / row[k].den[-1])
+            for k, (b, row) in enumerate(zip(self.servo or (), self.channels, strict=False))
+        )
         return TransferFunctionModel(
             channels,
             self.inputs,
             self.outputs,
-            servo,
+            servos or None,
             std={e.name: e.std for e in self.estimates if np.isfinite(e.std)},
             fit={a.name: plain(a.fit) for a in self.axes},
-            source={
-                "warnings": list(self.warnings),
-                "servo_structure": [b.structure for b in self.servo] if self.servo else None,
-            },
+            source={"warnings": list(self.warnings)},
             covariance=self._covariance(),
         )
 
@@ -127,20 +112,22 @@ class IdentifiedModel:
         Channels into one axis share their poles, and two zeros have no figures.
         """
         blocks: list[tuple[list[Estimate], Array]] = []
-        structure = None if self.servo is None else _structure(self.servo)
         for k, row in enumerate(self.channels):
             passing = [c for c in row if any(c.num)]
             if len(passing) != 1 or len(passing[0].num) > 2:
                 return None
             found = list(passing[0].estimates)
-            if self.servo is not None and self.servo[k].structure == structure:
+            if self.servo is not None:
                 b = self.servo[k]
                 every = (b.rate_limit, b.dead_band, b.backlash, b.rate_limit_back, b.slew)
                 found += [e for e in every if e is not None]
             blocks.append((found, passing[0].joint))
         names, values, parts = [], [], []
         for found, joint in blocks:
-            known = [i for i, e in enumerate(found) if np.isfinite(e.std) and e.std > 0.0]
+            # a value of zero is that of a dead band or backlash of which only a bound is known
+            known = [
+                i for i, e in enumerate(found) if np.isfinite(e.std) and e.std * e.value != 0.0
+            ]
             names += [found[i].name for i in known]
             values += [found[i].value for i in known]
             parts.append(joint[np.ix_(known, known)])
@@ -160,12 +147,11 @@ class IdentifiedModel:
         }
 
 
-def _mean(estimates: Sequence[Estimate | None]) -> float:
-    values = [e.value for e in estimates if e is not None]
-    return float(np.mean(values)) if values else 0.0
-
-
-def _structure(bounds: Sequence[ServoBounds]) -> Structure:
-    """The structure of most axes; at a tie that of the first."""
-    found = [b.structure for b in bounds]
-    return max(found, key=lambda s: (found.count(s), -found.index(s)))
+def _servo(bounds: ServoBounds, gain: float) -> Servo:
+    """The servo of a file, whose speeds are those ahead of the gain."""
+    every = (bounds.rate_limit, bounds.rate_limit_back, bounds.slew)
+    up, down, slew = (0.0 if e is None else e.value / abs(gain) for e in every)
+    if gain < 0.0 and bounds.structure == "set-point":
+        up, down = down, up
+    dead_band, backlash = (max(e.value, 0.0) for e in (bounds.dead_band, bounds.backlash))
+    return Servo(up, dead_band, backlash, bounds.structure, down, slew)

@@ -5,7 +5,7 @@ the residual is coloured. A zero that is not there takes the delay with it: the 
 then known to no figure.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from analysis.identify.starts import (
     one_channel,
     thinned,
 )
+
+_OVERSHOOTS = 0.6  # damping of two poles below which one, which never does, need not be tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,19 @@ def _evident(problem: Problem, found: Array, max_delay: float) -> tuple[int, Arr
         if _worth(tried[chosen], tried[zeros], zeros - chosen, colour):
             chosen = zeros
     return chosen, tried[chosen][1]
+
+
+def one_pole_less(fit: AxisFit, max_delay: float) -> bool:
+    """Whether one pole less explains the readings of one command as well."""
+    problem, theta = thinned(fit.problem, ROWS), fit.solution.theta
+    layout = problem.layout
+    if layout.inputs != 1 or layout.poles <= layout.zeros_of(0) + 1:
+        return False
+    if layout.poles == 2 and theta[0] < theta[1] / 2.0 + np.log(2.0 * _OVERSHOOTS):
+        return False
+    fewer = problem.with_layout(replace(layout, poles=layout.poles - 1))
+    found = one_channel(fewer, max_delay)
+    return not _worth((fewer, found), (problem, theta), 1, colouring(problem, theta))
 
 
 def _worth(

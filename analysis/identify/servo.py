@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.array import Array
+from analysis.identify import progress
 from analysis.identify.dead_band import static_dead_band
 from analysis.identify.errors import IdentificationError
 from analysis.identify.noise import Mask, Pair, quantisation
@@ -59,7 +60,10 @@ def search_servo(
     elif problem.layout.poles == 1 or not reverses(problem, axis):
         # steps one way only do not show what becomes of small motions to and fro
         tried = ("speed", "command")
-    fits = [_fit(alike, axis, s, max_delay, kept, floor) for s in tried]
+    fits = []
+    for s in tried:
+        progress.say(f"servo of structure {s}")
+        fits.append(_fit(alike, axis, s, max_delay, kept, floor))
     losses = {
         f.structure: loss * (1.0 if f.structure != "set-point" else 1.0 / _WORTH)
         for f, loss in fits

@@ -28,6 +28,7 @@ UNITS: Mapping[str, float] = MappingProxyType(
     }
 )  # fmt: skip
 NO_ANGLES = ("us", "percent", "counts", "1")  # pulse width [µs], of full travel, of a converter
+_TURN = 2.0**32  # of a counter such as micros()
 _SLOWEST = 0.5  # s between samples; no gimbal's motion is sampled that seldom
 
 
@@ -159,13 +160,26 @@ def _of_commands(
     if given is None:
         return None
     apart = given.begins.get(name, 0.0) - table.begins.get(name, 0.0)
-    return _unwrapped(given.column(name)) * seconds + apart
+    commands, readings = (_unwrapped(t.column(name)) for t in (given, table))
+    return (commands + _turns_apart(commands, readings)) * seconds + apart
+
+
+def _turns_apart(stamps: Array, others: Array) -> float:
+    """What the counter of a file lost that was begun behind, or before, an overflow in another."""
+    if not (len(stamps) and len(others)):
+        return 0.0
+    first, last = float(stamps.min()), float(stamps.max())
+    low, high = float(others.min()), float(others.max())
+    for turn in (0.0, _TURN, -_TURN):
+        if first + turn <= high and last + turn >= low:
+            return turn
+    return 0.0
 
 
 def _unwrapped(stamps: Array) -> Array:
     """Stamps (n,) of a counter of 32 bits through its overflows: `micros()` has one in 72 min."""
-    over = (np.diff(stamps, prepend=stamps[:1]) < -0.99 * 2.0**32) & (stamps < 2.0**32)
-    return stamps + 2.0**32 * np.cumsum(over) if over.any() else stamps
+    over = (np.diff(stamps, prepend=stamps[:1]) < -0.99 * _TURN) & (stamps < _TURN)
+    return stamps + _TURN * np.cumsum(over) if over.any() else stamps
 
 
 def _scale(unit: str) -> float:

@@ -147,7 +147,10 @@ def packed(kind: str, data: bytes) -> bytes:
     """
     found = _READERS[kind](data)
     if not found.signals:
-        raise ValueError("has no signals of a recording; `twin export` writes them")
+        raise ValueError(
+            "has no signals of a recording, which `twin export` writes; read a table of your own "
+            "by analysis.recording.load(FILE, Columns(...))"
+        )
     logs = {log: found.logs.get(log, []) for log in LOGS}
     if not all(math.isfinite(at) for lines in logs.values() for at, _, _ in lines):
         raise ValueError("has a text at a time that is not finite")

@@ -35,7 +35,7 @@ class TransferFunctionModel:
     ----------
     channels : rows are outputs, columns inputs; radians per radian
     inputs, outputs : names of the axes
-    servo : bounds of the servos, or None for a purely linear model
+    servo : bounds of the servo of each output, one that serves all, or None for a linear model
     std, fit, source : notes of whoever identified it, any JSON; kept, not used
     covariance : of its figures; None where they are not known to vary
     """
@@ -43,20 +43,22 @@ class TransferFunctionModel:
     channels: tuple[tuple[Channel, ...], ...]
     inputs: tuple[str, ...] = ("x", "y")
     outputs: tuple[str, ...] = ("x", "y")
-    servo: Servo | None = None
+    servo: Servo | tuple[Servo, ...] | None = None
     std: object = field(default=None, compare=False)
     fit: object = field(default=None, compare=False)
     source: object = field(default=None, compare=False)
     covariance: Covariance | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        if self.servo is not None and self.servo.structure != "command":
-            for c in (c for row in self.channels for c in row if not c.zero):
-                if not speed_loop(c.num, c.den)[2] and self.servo.structure == "set-point":
-                    raise ModelFileError("a servo of structure 'set-point' has two poles")
         rows = len(self.channels)
         if rows != len(self.outputs):
             raise ModelFileError(f"channels has {rows} rows for {len(self.outputs)} outputs")
+        if self.servos and len(self.servos) != rows:
+            raise ModelFileError(f"servo has {len(self.servos)} entries for {rows} outputs")
+        for servo, row in zip(self.servos, self.channels, strict=False):
+            for c in (c for c in row if servo.structure != "command" and not c.zero):
+                if not speed_loop(c.num, c.den)[2] and servo.structure == "set-point":
+                    raise ModelFileError("a servo of structure 'set-point' has two poles")
         for i, row in enumerate(self.channels):
             if len(row) != len(self.inputs):
                 raise ModelFileError(
@@ -113,7 +115,7 @@ class TransferFunctionModel:
             channels=tuple(_row(row, f"channels[{i}]") for i, row in enumerate(rows)),
             inputs=_names(content["inputs"], "inputs"),
             outputs=_names(content["outputs"], "outputs"),
-            servo=_servo(content.get("servo")),
+            servo=_servos(content.get("servo")),
             std=file.free(content.get("std"), "std"),
             fit=file.free(content.get("fit"), "fit"),
             source=file.free(content.get("source"), "source"),
@@ -122,15 +124,8 @@ class TransferFunctionModel:
 
     def to_dict(self) -> dict[str, object]:
         """Content of the file, ready for JSON."""
-        servo: dict[str, object] | None = None
-        if self.servo is not None:
-            whole = self.servo.structure == "set-point"
-            numbers = {
-                key: getattr(self.servo, name)
-                for key, name in _SERVO_KEYS.items()
-                if whole or name not in _SET_POINT_ONLY
-            }
-            servo = {**numbers, "structure": self.servo.structure}
+        blocks = [_block(s) for s in self.servos]
+        servo = None if not blocks else blocks[0] if isinstance(self.servo, Servo) else blocks
         known = {} if self.covariance is None else {"covariance": self.covariance.to_dict()}
         return {
             "schema": SCHEMA,
@@ -155,6 +150,13 @@ class TransferFunctionModel:
         ModelFileError : no such axis
         """
         return self.channels[_index(self.outputs, output)][_index(self.inputs, input_)]
+
+    @property
+    def servos(self) -> tuple[Servo, ...]:
+        """The servo of each output; none of a linear model."""
+        if isinstance(self.servo, Servo):
+            return (self.servo,) * len(self.outputs)
+        return self.servo or ()
 
     @property
     def stable(self) -> bool:
@@ -184,15 +186,20 @@ class TransferFunctionModel:
         Row k is the output at the instant command k is set; all was at rest before. The servo block
         is taken into account, as the actuator in flight does.
         """
-        if self.servo is None or self.servo.structure == "command":
-            return self.discretise(dt).simulate(commands, self.servo)
+        exact = self.discretise(dt)
+        if not self.servos:
+            return exact.simulate(commands)
         u = np.asarray(commands, dtype=np.float64)
         y = np.zeros((len(u), len(self.outputs)))
-        for i, row in enumerate(self.channels):
+        for i, (row, servo) in enumerate(zip(self.channels, self.servos, strict=True)):
+            if servo.structure == "command":
+                y[:, i] = Discrete(dt, (exact.channels[i],)).simulate(u, servo)[:, 0]
+                continue
             for j, c in enumerate(row):
                 if not c.zero:
-                    y[:, i] += self._bounded(c, u[:, j], dt, self.servo)
-        return play(y, self.servo.backlash)
+                    y[:, i] += self._bounded(c, u[:, j], dt, servo)
+            y[:, [i]] = play(y[:, [i]], servo.backlash)
+        return y
 
     @staticmethod
     def _bounded(channel: Channel, u: Array, dt: float, servo: Servo) -> Array:
@@ -260,16 +267,32 @@ def _channel(value: object, where: str) -> Channel:
         raise ModelFileError(f"{where}: {error}") from error
 
 
-def _servo(value: object) -> Servo | None:
-    if value is None:
-        return None
-    content = file.mapping(value, "servo")
-    file.keys(content, "servo", set(), {*_SERVO_KEYS, "structure"})
-    return Servo(
-        structure=content.get("structure", "command"),
-        **{
-            name: file.number(content[key], f"servo.{key}")
-            for key, name in _SERVO_KEYS.items()
-            if content.get(key) is not None
-        },
-    )
+def _servos(value: object) -> Servo | tuple[Servo, ...] | None:
+    if not isinstance(value, list):
+        return None if value is None else _servo(value, "servo")
+    blocks = file.sequence(value, "servo", file.LARGEST_SIZE)
+    return tuple(_servo(block, f"servo[{i}]") for i, block in enumerate(blocks))
+
+
+def _servo(value: object, where: str) -> Servo:
+    content = file.mapping(value, where)
+    file.keys(content, where, set(), {*_SERVO_KEYS, "structure"})
+    figures = {
+        name: file.number(content[key], f"{where}.{key}")
+        for key, name in _SERVO_KEYS.items()
+        if content.get(key) is not None
+    }
+    try:
+        return Servo(structure=content.get("structure", "command"), **figures)
+    except ModelFileError as error:
+        raise ModelFileError(f"{where}: {error}") from error
+
+
+def _block(servo: Servo) -> dict[str, object]:
+    whole = servo.structure == "set-point"
+    numbers = {
+        key: getattr(servo, name)
+        for key, name in _SERVO_KEYS.items()
+        if whole or name not in _SET_POINT_ONLY
+    }
+    return {**numbers, "structure": servo.structure}

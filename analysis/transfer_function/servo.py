@@ -25,8 +25,10 @@ class Servo:
 
     Attributes
     ----------
-    rate_limit : fastest change of the position aimed at [rad/s]; upward with `set-point`
-    rate_limit_back, slew : of `set-point`: fastest speed downward, and of the set point [rad/s]
+    rate_limit : fastest change of the position aimed at, ahead of the gain [rad/s]; upward with
+        `set-point`
+    rate_limit_back, slew : of `set-point`, ahead of the gain: fastest speed downward, and of the
+        set point [rad/s]
     dead_band : commands closer than this to the one held are ignored, half width [rad]
     backlash : total play between drive and output [rad]
     """
@@ -42,10 +44,10 @@ class Servo:
         for name in ("rate_limit", "dead_band", "backlash", "rate_limit_back", "slew"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
-                raise ModelFileError(f"servo {name} is {value:g}; it must be finite and ≥ 0")
+                raise ModelFileError(f"{name} is {value:g}; it must be finite and ≥ 0")
         if self.structure not in STRUCTURES:
             raise ModelFileError(
-                f"servo structure is {self.structure!r}; there are {', '.join(STRUCTURES)}"
+                f"structure is {self.structure!r}; there are {', '.join(STRUCTURES)}"
             )
 
     @property

@@ -1,7 +1,7 @@
 """The covariance of an identified model's figures, and the model that has other figures."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
@@ -11,6 +11,7 @@ from analysis.array import Array
 from analysis.transfer_function import file
 from analysis.transfer_function.channel import Channel
 from analysis.transfer_function.file import ModelFileError
+from analysis.transfer_function.servo import Servo
 
 if TYPE_CHECKING:
     from analysis.transfer_function.model import TransferFunctionModel
@@ -25,6 +26,7 @@ _SERVO = {
     "backlash": "backlash",
 }
 _PLAY = ("dead_band", "backlash")
+_TURNED = {"rate_limit": "rate_limit_back", "rate_limit_back": "rate_limit"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +95,7 @@ def distribution(model: "TransferFunctionModel") -> tuple[Covariance, Array]:
         for m in (model, same)
     )
     for m, numbers in ((model, a), (same, b)):
-        if m.servo is not None:
-            numbers += [getattr(m.servo, name) or 0.0 for name in _SERVO.values()]
+        numbers += [getattr(s, name) or 0.0 for s in m.servos for name in _SERVO.values()]
     if not np.allclose(a, b, rtol=1e-6, atol=1e-9):
         raise ModelFileError("covariance.values are not those of the channels and the servo")
     return known, _root(np.array(known.matrix))
@@ -118,7 +119,8 @@ def with_figures(
 ) -> "TransferFunctionModel":
     """The model with other figures, named as in its covariance; all others stay.
 
-    A delay, dead band or backlash below zero becomes zero. The servo has the means over axes.
+    A delay, dead band or backlash below zero becomes zero. One servo for all axes has their means,
+    as files had in which its speeds are not those ahead of the gain.
 
     Raises
     ------
@@ -133,18 +135,41 @@ def with_figures(
         for output, row in zip(model.outputs, model.channels, strict=True)
     )
     servo = model.servo
-    for what, name in _SERVO.items():
-        given = [left.pop(f"{o} {what}") for o in model.outputs if f"{o} {what}" in left]
-        if given and servo is not None:
-            value = max(0.0, float(np.mean(given))) if name in _PLAY else float(np.mean(given))
-            if name not in _PLAY and value <= 0.0:  # zero would be no limit
-                raise ModelFileError(f"{what} is {value:g}; it must be positive")
-            servo = replace(servo, **{name: value})  # type: ignore[arg-type]
-        elif given:
-            raise ModelFileError(f"{what}: the model has no servo")
+    if isinstance(servo, tuple):
+        servo = tuple(
+            _servo(s, (o,), left, _gain(row))
+            for s, o, row in zip(servo, model.outputs, rows, strict=True)
+        )
+    elif servo is not None:
+        servo = _servo(servo, model.outputs, left)
+    elif of_servo := {f"{o} {what}" for o in model.outputs for what in _SERVO} & set(left):
+        raise ModelFileError(f"{of_servo.pop()}: the model has no servo")
     if left:
         raise ModelFileError(f"{next(iter(left))!r} is no figure of the model")
     return replace(model, channels=rows, servo=servo)
+
+
+def _gain(row: Sequence[Channel]) -> float:
+    """Gain of the first channel of an axis that has one, else 1."""
+    return next((c.num[-1] / c.den[-1] for c in row if c.num[-1] and c.den[-1]), 1.0)
+
+
+def _servo(servo: Servo, axes: Sequence[str], left: dict[str, float], gain: float = 1.0) -> Servo:
+    """A servo with the means of its axes' figures in `left`, which are taken from there."""
+    for what, name in _SERVO.items():
+        given = [left.pop(f"{axis} {what}") for axis in axes if f"{axis} {what}" in left]
+        if not given:
+            continue
+        value = float(np.mean(given))
+        if name in _PLAY:
+            value = max(0.0, value)
+        elif value <= 0.0:  # zero would be no limit
+            raise ModelFileError(f"{what} is {value:g}; it must be positive")
+        else:  # of the output
+            value /= abs(gain)
+            name = _TURNED.get(name, name) if gain < 0.0 and servo.slew else name
+        servo = replace(servo, **{name: value})  # type: ignore[arg-type]
+    return servo
 
 
 def _channel(channel: Channel, name: str, left: dict[str, float]) -> Channel:

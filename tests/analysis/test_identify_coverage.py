@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.identify import expectations, fit_to, identify
+from analysis.identify import Estimate, expectations, fit_to, identify
+from analysis.identify.advice import Content, advice
+from analysis.identify.progress import about, say, told_to
 from analysis.identify.uncertainty import freedom_of
 from analysis.recording import measurement
 from tests.benchmarks import check_before, coverage
@@ -83,17 +85,60 @@ def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
 
 @pytest.mark.parametrize(
     ("seed", "poor", "named"),
-    [(1001, "one size", {"rate limit", "dead band"}),
+    [(1009, "one size", {"backlash"}),
      (1003, "one way", {"rate limit", "dead band", "backlash"}),
      (1005, "few", {"rate limit", "dead band", "backlash"}), (1002, "", set())],
 )  # fmt: skip
 def test_what_steps_do_not_show_of_a_bounded_servo_is_named(seed, poor, named):
-    """Short form of `tests/benchmarks/check_before.py`: what the whole fits miss, without them;
-    and the limit of one size of steps, which they do not always miss."""
-    run, _, is_poor = check_before.record(seed)
+    """Short form of `tests/benchmarks/check_before.py`: what the whole fits miss, without them.
+
+    A dead band or backlash that may be zero is a bound, and the true one lies below.
+    """
+    run, servo, is_poor = check_before.record(seed)
     assert is_poor == poor
-    bounds = [e for e in expectations([run]) if "/" not in e.name]
-    assert {e.name.removeprefix("x ") for e in bounds if not e.enough} == named
+    bounds = {e.name.removeprefix("x "): e for e in expectations([run]) if "/" not in e.name}
+    assert {name for name, e in bounds.items() if not e.enough} == named
+    if poor != "one way":  # which shows no backlash
+        assert not servo.play > bounds["backlash"].below
+        assert not servo.band > bounds["dead band"].below
+
+
+def test_a_gimbal_of_one_pole_is_told_to_be_one():
+    """A first order without bounds: the second pole is left out, and no bound is a value."""
+    rng = np.random.default_rng(3)
+    at = 0.4 + 0.3 * np.arange(12) + rng.uniform(0.0, 0.02, 12)
+    level = np.radians(5.0) * rng.permutation(np.geomspace(0.1, 1.0, 12)) * (-1.0) ** np.arange(12)
+    time = np.arange(0.0, 4.4, 0.004)
+    since = np.maximum(time[:, None] - 0.012 - at, 0.0)
+    angle = -np.expm1(-25.0 * since) @ np.diff(level, prepend=0.0)
+    angle += rng.normal(0.0, 3e-4, len(time))
+    run = measurement(time, level, command_time=at, before=[0.0], angle=angle)
+    assert any("fit with --poles 1" in w for w in identify([run]).warnings)
+    assert not identify([run], poles=1).axes[0].simpler
+    told = []
+    with told_to(told.append):
+        with about("axis y, "):
+            say("servo")
+        assert told.pop() == "axis y, servo"
+        expected = {e.name: e for e in expectations([run])}
+    assert list(dict.fromkeys(told)) == ["axis x, linear model", "axis x, servo"]
+    assert expected["x/x damping"].advice.startswith("fit with --poles 1")
+    assert expected["x rate limit"].at_least
+    for name in ("x dead band", "x backlash"):
+        assert 0.0 < expected[name].below < np.radians(0.1)
+
+
+def test_advice_is_what_the_record_lacks():
+    has = Content(0.2, 1.0, 8.0, 0.005, True, 0.05, False, False, 0.0, 0)
+    assert advice("backlash", 1e-3, 0.6, 0.3, has) == "record about 4 times as many steps"
+    one_size = replace(has, sizes=1.0, smallest=0.1)
+    wanted = "record steps of several sizes and smaller steps"
+    assert advice("backlash", 1e-3, 0.6, 0.3, one_size) == wanted
+    assert "both directions" in advice("dead band", 1e-3, 0.6, 0.3, replace(has, turns=False))
+    assert "--poles 1" in advice("delay", 0.01, 2e-3, 1e-3, replace(has, fewer=1))
+    assert "--commands" in advice("delay", 0.01, 2e-3, 1e-3, replace(has, doubt=1e-3, undated=True))
+    assert estimated(Estimate("x backlash", 0.0, 1e-3, "rad")) == "below 0.11°"
+    assert "higher rate" in advice("damping", 0.7, 0.1, 0.06, replace(has, coarse=0.5))
 
 
 def test_a_limit_that_a_linear_record_does_not_reach_is_a_bound_from_below():

@@ -141,6 +141,19 @@ def test_a_counter_of_32_bits_goes_on_behind_its_overflow(tmp_path):
     np.testing.assert_allclose(np.diff(run.angles.time), 0.01, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("first", "commanded"), [(-3, 2), (1, -1), (1, 3)])
+def test_commands_of_an_own_file_begun_on_the_other_side_of_an_overflow(tmp_path, first, commanded):
+    """Periods of 10 ms from the overflow; each file has its stamps modulo 2³²."""
+    commands = tmp_path / "commands.csv"
+    stamps = [10_000 * k % 2**32 for k in range(commanded, commanded + 3)]
+    commands.write_text("t,u\n" + "".join(f"{t},{k}\n" for k, t in enumerate(stamps)))
+    rows = "".join(f"{10_000 * k % 2**32},0\n" for k in range(first, first + 8))
+    table_ = table(tmp_path, "t,pot\n" + rows)
+    run = chosen(table_, commands=commands, before=(0.0,), time_scale=1e-6)
+    at = run.command.time[-3:] - run.angles.time[0]
+    np.testing.assert_allclose(at, 0.01 * (np.arange(3) + commanded - first), atol=1e-6)
+
+
 def test_dates_of_commands_and_readings_are_on_one_clock(tmp_path):
     commands = tmp_path / "commands.csv"
     commands.write_text("t,u\n2026-05-01 10:00:00.95,0\n2026-05-01 10:00:01.00,5\n")

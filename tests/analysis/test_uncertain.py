@@ -86,7 +86,28 @@ def test_a_model_with_other_figures_has_them():
     assert value == pytest.approx(expected, rel=1e-12)
 
 
-def test_the_servo_has_the_means_of_its_axes():
+def test_each_servo_has_the_figures_of_its_axis_ahead_of_its_gain():
+    """The figures are those of the output; y is turned, so that its upward is the servo's downward.
+
+    They come back from the file, and are the model's own in the check of the covariance.
+    """
+    x, none = PLAIN.channels[0][0], Channel((0.0,), (1.0,))
+    y = Channel((-0.5 * x.den[-1],), x.den, 0.01)
+    servo = Servo(3.0, 0.01, 0.0, "set-point", 3.0, 3.0)
+    two = TransferFunctionModel(((x, none), (none, y)), servo=(servo, servo))
+    figures = {"x rate limit": 2.2, "y rate limit": 1.0, "y rate limit back": 1.2}
+    made = with_figures(two, {**figures, "y backlash": 0.02})
+    assert made.servos[0].rate_limit == pytest.approx(2.0)
+    assert made.servos[1] == replace(servo, rate_limit=2.4, rate_limit_back=2.0, backlash=0.02)
+    known = Covariance(tuple(figures), tuple(figures.values()), tuple(map(tuple, np.eye(3))))
+    read = TransferFunctionModel.from_dict(replace(made, covariance=known).to_dict())
+    assert read == made
+    assert distribution(read)[0] == known
+    with pytest.raises(ModelFileError, match="not those of the channels and the servo"):
+        distribution(replace(read, servo=(servo, servo)))
+
+
+def test_one_servo_has_the_means_of_its_axes():
     x, none = PLAIN.channels[0][0], Channel((0.0,), (1.0,))
     two = TransferFunctionModel(((x, none), (none, x)), servo=Servo(3.0, 0.01, 0.0, "speed"))
     made = with_figures(two, {"x rate limit": 2.0, "y rate limit": 4.0, "x dead band": -0.1})

@@ -10,34 +10,49 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from unittest.mock import patch
 
+import numpy as np
 from mujoco.batch import Batch
+from numpy.typing import NDArray
 
+from analysis.compiled import njit
 from tests.benchmarks.timing import Row
 from tests.twin.campaigns import flown, linear, place, study
 from twin.campaigns.runs import Runs
 from twin.config import Fly
 from twin.experiments.assembly import make_plant
 from twin.experiments.fly import fly
+from twin.plant import plant as plants
+from twin.plant import stepping
 from twin.plant.compiled import compiled
+from twin.plant.smooth import Division, part
+
+Floats = NDArray[np.float64]
 
 TWIN = [sys.executable, "-m", "twin"]
 LONGEST_S = 12.0  # of the flights compared
 STEPS = 4  # of a control tick
 SIMS = 4
+STEADY_S = 3.0  # for which a vehicle that is not steered flies like one that is
 ROUNDS = 7
 MACHINES, CORES, FLIGHTS = 100, 2, 10_000_000
 
 
 def table() -> Iterator[Row]:
     """Lines of the table."""
-    for part in SECTIONS.values():
-        yield from part()
+    for section in SECTIONS.values():
+        yield from section()
 
 
 def physics() -> Iterator[Row]:
-    """A row against the bare steps of the same model, in processor time."""
+    """A row against the bare steps of the same model, in processor time.
+
+    A flight divides its steps where forces change within one, `twin.plant.smooth`; the bare steps
+    are whole ones, and the same parts.
+    """
     for gimbal in ("linkage", "transfer-function"):
         config = Fly(gimbal=gimbal, programme="point", off_axis_deg=(20, 5), duration_s=LONGEST_S)
         with compiled():
@@ -53,17 +68,57 @@ def physics() -> Iterator[Row]:
                 for _ in range(ticks):
                     batch.step(nstep=STEPS)
 
-            stepped, ticking, whole = [], [], []
+            lengths = _parts(config)
+            stepped, divided, ticking, whole = [], [], [], []
             for _ in range(ROUNDS):  # taking turns; noise only adds to processor time
                 stepped.append(_used(bare) / SIMS)
+                divided.append(_stepped(plant, lengths))
                 result = fly(config, recorded=False)
                 ticking.append(result.physics_s)
                 whole.append(result.cpu_s)
         base, note = min(stepped), "bare batch steps"
-        claim = f"a simulated second of a row over bare batch steps, {gimbal}"
-        yield Row(claim, min(ticking) / base, "×", most=1.2, peer=1.0, note=note)
+        claim = f"a simulated second of a row over bare steps of the same parts, {gimbal}"
+        parts = "bare steps of the same parts"
+        yield Row(claim, min(ticking) / min(divided), "×", most=1.2, peer=1.0, note=parts)
+        share = len(lengths) / (ticks * STEPS)
+        yield Row(f"parts for a whole step, {gimbal}", share, "", peer=1.0, note="undivided")
+        claim = f"a simulated second of a row over bare batch steps, undivided, {gimbal}"
+        yield Row(claim, min(ticking) / base, "×", peer=1.0, note=note)
         claim = f"the same with building the model of the row, flight of 12 s, {gimbal}"
         yield Row(claim, min(whole) / base, "×", peer=1.0, note=note)
+
+
+def _parts(config: Fly) -> Floats:
+    """Lengths of all parts of steps of a flight [s]."""
+    lengths: list[float] = []
+
+    def noted(division: Division, now: float, end: float) -> float:
+        lengths.append(part(division, now, end))
+        return lengths[-1]
+
+    with patch.object(plants, "part", noted), patch.object(stepping, "functions", lambda: None):
+        fly(config, recorded=False)
+    return np.array(lengths)
+
+
+def _stepped(plant: plants.Plant, lengths: Floats) -> float:
+    """Processor time of bare steps of these lengths [s].
+
+    An unsteered vehicle tumbles and its numbers overflow after 5 s: it starts anew before.
+    """
+    steps, used = plant._native_steps(), 0.0
+    assert steps is not None
+    for some in np.array_split(lengths, round(lengths.sum() / STEADY_S)):
+        plant.reset()
+        used += _used(partial(_bare, steps, some))
+    return used
+
+
+@njit(nogil=True)
+def _bare(p: stepping.Steps, lengths: Floats) -> None:
+    for h in lengths:
+        p.clock[0][0] = h
+        stepping.call(p.step, p.model, p.data)
 
 
 def scaling() -> Iterator[Row]:

@@ -5,8 +5,8 @@ python -m tests.benchmarks.servo_rigs [COUNT] [FIRST UNIT] [STRUCTURE]
 Each unit records a PRBS and a multisine of 5° to fit, and one of each with another seed to predict,
 from pulses, as `twin identify prbs.rrd multisine.rrd --servo --from-pulses --check other.rrd`. A
 record commands one axis after the other: the fit to all of it, which the command prints, and that
-to the stretch in which the axis is commanded. What an axis does while the other one moves is the
-coupling of the pushrods, of which its servo knows nothing.
+to the stretch in which the axis is commanded. Where an axis rests within play and dead band while
+the other one moves, its model does not know.
 """
 
 import sys

@@ -253,6 +253,19 @@ def test_speed_bounded_servo_equals_scipy_between_its_switches(integrator):
     np.testing.assert_allclose(system.simulate(commands, DT), outputs, atol=1e-12)
 
 
+def test_each_axis_flies_the_servo_of_its_own():
+    """Each as in a model in which both are of its kind."""
+    servos = Servo(2.0, 0.003, 0.01, "set-point", 1.5, 3.0), Servo(1.0, 0.02, 0.0, "command")
+    plain = TransferFunctionModel.second_order(45.0, 0.8, 0.0123)
+    commands = staircase(120, seed=6)
+    both = TransferFunctionModel(plain.channels, servo=servos)
+    outputs, _ = fly(*build(CLAMPED, both), commands)
+    for k, servo in enumerate(servos):
+        one = TransferFunctionModel(plain.channels, servo=servo).simulate(commands, DT)
+        np.testing.assert_allclose(outputs[:, k], one[:, k], atol=1e-12)
+        np.testing.assert_allclose(both.simulate(commands, DT)[:, k], one[:, k], atol=1e-15)
+
+
 def test_feedthrough_arrives_one_step_late_and_no_later():
     lead = TransferFunctionModel(((Channel((1.0,), (1.0,)), NONE), (NONE, Channel((1.0,), (1.0,)))))
     commands = staircase(60, hold=20)

@@ -504,7 +504,15 @@ def test_anybodys_tables_are_compared_and_reported_on_like_recordings(
     assert page["comparisons"][0]["axes"][0]["as_is"]["fit"] > 95.0
 
 
-def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(capsys, tmp_path):
+@pytest.fixture
+def few_places(monkeypatch):
+    """Half as many places around a linkage's minimum: enough for two or three parameters."""
+    monkeypatch.setattr("analysis.linkage.problem._PLACES", 16)
+
+
+def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(
+    capsys, few_places, tmp_path
+):
     """A weaker motor with a looser gear. 2 %: the dead band's and friction's rough loss, not noise.
 
     Two parameters on one axis keep this short; docs/identification.md tells what five come to.
@@ -533,7 +541,7 @@ def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(capsys,
     assert compared["axes"][0]["as_is"]["fit"] > 99.0
 
 
-def test_the_linkage_behind_a_rig_is_found_within_its_intervals(capsys, tmp_path):
+def test_the_linkage_behind_a_rig_is_found_within_its_intervals(capsys, few_places, tmp_path):
     """By pulses and raw potentiometers of an emulated Nano. 3.3 deviations: 99.9 %, since there are
     three values; ten rigs of five parameters: tests/benchmarks/linkage.py.
     """

@@ -1,5 +1,6 @@
 """The recorder: nothing lost, nothing different between two runs, nothing in the loop's way."""
 
+import json
 import os
 import signal
 import socket
@@ -245,7 +246,7 @@ def test_a_killed_process_loses_at_most_one_write(tmp_path):
 
 
 FULL = """
-import resource, signal, sys
+import json, os, resource, signal, sys, traceback
 from pathlib import Path
 import numpy as np
 from tests.twin.runs import SIGNALS
@@ -253,35 +254,58 @@ from twin.recorder import Recorder, RecorderError, checks, stream
 stream.FLUSH_SECONDS = 1.0
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 looks = checks._refuse_full
-for size in sys.argv[2:]:
-    checks._refuse_full, signals = looks, ["sensors/gyro"]
-    if not size.isdigit():  # a flight's disk, which fills after the check
-        checks._refuse_full, signals = (lambda *_: None), SIGNALS
-    resource.setrlimit(resource.RLIMIT_FSIZE, (int(size.strip("+")), 10**7))
-    noise = np.random.default_rng(1)
-    try:
-        with Recorder(Path(sys.argv[1]), signals=signals, properties={}) as recorder:
-            for tick in range(1000):
-                recorder.row[:] = noise.normal(size=recorder.row.size)
-                recorder.commit(tick * 4_000_000, tick)
-    except RecorderError as error:
-        print(error)
+
+def record(path, sizes):
+    for size in sizes:
+        checks._refuse_full, signals = looks, ["sensors/gyro"]
+        if not size.isdigit():  # a flight's disk, which fills after the check
+            checks._refuse_full, signals = (lambda *_: None), SIGNALS
+        resource.setrlimit(resource.RLIMIT_FSIZE, (int(size.strip("+")), 10**7))
+        noise = np.random.default_rng(1)
+        try:
+            with Recorder(Path(path), signals=signals, properties={}) as recorder:
+                for tick in range(1000):
+                    recorder.row[:] = noise.normal(size=recorder.row.size)
+                    recorder.commit(tick * 4_000_000, tick)
+        except RecorderError as error:
+            print(error, flush=True)
+
+for line in sys.stdin:
+    if (child := os.fork()) == 0:
+        signal.alarm(120)  # Rerun's race between its dead writer and a flush may end in waiting
+        try:
+            record(*json.loads(line))
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
+    print("exit", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
 ROOM = 10**7  # bytes; more than the recording takes
 
 
-def on_disks_of(path, *sizes):
-    # Rerun's race between its dead writer and a flush decides whether it fails or hangs
-    done = subprocess.run(
-        [sys.executable, "-c", FULL, path, *map(str, sizes)],
-        cwd=ROOT, capture_output=True, text=True, timeout=120.0,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr[-2000:]
-    return done.stdout.splitlines()
+@pytest.fixture(scope="module")
+def on_disks_of():
+    """Records on disks of given sizes, in a process forked from one that has all imports."""
+    command = [sys.executable, "-c", FULL]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as process:
+
+        def told(path, *sizes):
+            print(json.dumps([str(path), [*map(str, sizes)]]), file=process.stdin, flush=True)
+            lines = []
+            for line in process.stdout:
+                if line.startswith("exit "):
+                    assert line == "exit 0\n", lines
+                    break
+                lines.append(line.rstrip("\n"))
+            return lines
+
+        yield told
 
 
 @pytest.fixture(scope="module")
-def whole_size(tmp_path_factory):
+def whole_size(tmp_path_factory, on_disks_of):
     """Size of the recording on a disk with room for it."""
     path = tmp_path_factory.mktemp("disk") / "whole.rrd"
     assert on_disks_of(path, ROOM) == []
@@ -291,7 +315,9 @@ def whole_size(tmp_path_factory):
 @pytest.mark.parametrize(
     "short", [30_000, *(pytest.param(n, marks=pytest.mark.slow) for n in (20_000, 15_000)), 5000]
 )
-def test_a_full_disk_ends_in_one_line_and_never_in_a_whole_name(tmp_path, whole_size, short):
+def test_a_full_disk_ends_in_one_line_and_never_in_a_whole_name(
+    tmp_path, on_disks_of, whole_size, short
+):
     path = tmp_path / "a.rrd"
     (line,) = on_disks_of(path, whole_size - short)
     assert "cannot finish" in line
@@ -300,7 +326,7 @@ def test_a_full_disk_ends_in_one_line_and_never_in_a_whole_name(tmp_path, whole_
     assert len(recording.read(saved)["sensors/gyro"].time) > 0
 
 
-def test_a_disk_that_is_full_at_the_beginning_is_refused_in_one_line(tmp_path):
+def test_a_disk_that_is_full_at_the_beginning_is_refused_in_one_line(tmp_path, on_disks_of):
     """Also where it fills once it was looked at: `set_sinks` with a blueprint then waits for ever
     in one case of five.
     """
@@ -313,14 +339,14 @@ def test_a_disk_that_is_full_at_the_beginning_is_refused_in_one_line(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_after_one_that_could_not_be_written_is_whole(tmp_path):
+def test_a_recording_after_one_that_could_not_be_written_is_whole(tmp_path, on_disks_of):
     path = tmp_path / "a.rrd"
     (line,) = on_disks_of(path, 100_000, ROOM)
     assert "cannot finish" in line
     assert len(recording.read(path)["sensors/gyro"].time_ns) == 1000
 
 
-def test_at_the_very_edge_of_a_disk_a_whole_name_is_a_whole_file(tmp_path, whole_size):
+def test_at_the_very_edge_of_a_disk_a_whole_name_is_a_whole_file(tmp_path, on_disks_of, whole_size):
     path = tmp_path / "a.rrd"
     # Rerun cuts its chunks by the clock, so the next file may be a few bytes shorter and fit
     told = on_disks_of(path, whole_size - 10)

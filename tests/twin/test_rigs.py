@@ -92,6 +92,19 @@ class TestBenchPlant:
         assert moved(0.5, 0.2, -0.1)[0] < held[0] - radians(0.3)
         bench.set_drive(0, Drive.NORMAL)  # the model is shared
 
+    def test_a_servo_that_jams_at_full_speed_stays_there_while_the_other_moves(self, bench_twin):
+        bench, jammed = BenchPlant(bench_twin), None
+        for k in range(1500):
+            wave = np.sin(4 * np.pi * k * 1e-3)  # at 0.5 s through zero, 2.5 rad/s of the shaft
+            bench.advance(1e-3, (0.2 * wave, 0.3 * wave, 0.0))
+            if k == 500:
+                bench.set_drive(0, Drive.JAMMED)
+                jammed = np.array(bench.angles())
+            if k > 500:
+                # play of ±0.2°, and 3.5 % of the other axis' 7° through the rods
+                assert abs(bench.angles()[0] - jammed[0]) < radians(0.7)
+        bench.set_drive(0, Drive.NORMAL)  # the model is shared
+
     def test_wear_widens_the_play_adds_friction_and_takes_voltage(self, bench_twin):
         def width_and_speed(wear):
             """Angle between both directions of approach, and the fastest rate."""

@@ -109,6 +109,7 @@ def test_shades_go_from_blue_to_green():
         ({"dt_ms": (7.0, 3.5)}, "whole multiple"),
         ({"duration_s": 0.1}, "straight piece"),
         ({"duration_s": 100.0}, "duration-s"),
+        ({"gimbal": "linkage", "model": "m.json"}, "--model m.json: has no effect with --gimbal"),
         ({"control_hz": 333.0, "flight": "closed-loop"}, "control-hz"),
     ],
 )

@@ -73,9 +73,10 @@ class Settings:
             given, chosen = getattr(self, name), getattr(self, other)
             if given != defaults[name] and chosen not in values:
                 shown = " ".join(map(str, given)) if isinstance(given, tuple) else f"{given}"
+                kind = other if other == "action" else flag(other)
                 raise TwinError(
-                    f"{flag(name)} {shown}: has no effect with "
-                    f"{flag(other)} {chosen}; it is for {', '.join(values)}"
+                    f"{flag(name)} {shown}: has no effect with {kind} {chosen}; it is for"
+                    f" {', '.join(values)}"
                 )
 
     @property

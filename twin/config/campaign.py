@@ -2,6 +2,7 @@
 
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal
 
 from twin.config.options import Output
@@ -14,6 +15,13 @@ class Campaign(Output):
     """Fly a study of many flights, and answer its question from their rows."""
 
     group: ClassVar[str] = "campaign"
+    effective = MappingProxyType(
+        {
+            "workers": ("action", ("run", "resume")),
+            "fail_if": ("action", ("run", "resume", "report")),
+            "paths": ("action", ("run", "resume", "report")),
+        }
+    )
 
     action: Annotated[Literal["run", "resume", "report", "refly"], POSITIONAL]
     """run: fly the study from the beginning; resume: fly what is missing; report: write the page

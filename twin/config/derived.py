@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal, TypeVar
 
 from twin.config.options import Output, Parameters, Run
@@ -55,32 +56,37 @@ class Converge(Output, Parameters):
     """Vary the time step of a flight: error and order of each integrator, and real-time limits."""
 
     group: ClassVar[str] = "study"
+    effective = MappingProxyType({"model": ("gimbal", (TRANSFER_FUNCTION,))})
 
     flight: Literal["baseline", "closed-loop"] = "baseline"
     """Free flight with the gimbal at rest (baseline), or with the attitude loop from the launch on
     (closed-loop)."""
     gimbal: Literal["linkage", "transfer-function"] = "transfer-function"
-    """Gimbal source of the closed-loop flight."""
+    """Gimbal source: simulated servos and pushrods (linkage), or an identified model."""
     integrators: tuple[Integrator, ...] = ("ab1", "ab2", "ab3", "ab4", "implicitfast", "rk4")
     """Integrators to compare. Figure and verdict are about the one that `twin fly` uses by default,
     or about the first one where that is not compared."""
     dt_ms: tuple[Annotated[float, Range(1e-3, 20.0, "ms")], ...] = ()
-    """Time steps [ms]; 20 to 2.5 for baseline, 4 to 0.5 for closed-loop if omitted."""
+    """Time steps to compare [ms], 2 to 12 of them; 20, 10, 5 and 2.5 for baseline, 4, 2, 1 and 0.5
+    for closed-loop if omitted."""
     tolerance_m: Annotated[float, Range(1e-9, 1e6, "m")] = 0.1
     """Largest error of the path that counts as converged [m]."""
-    duration_s: Annotated[float, Range(1e-2, 3600.0, "s")] = 3.0
-    """Longest flight [s]."""
+    duration_s: Annotated[float, Range(1e-2, 60.0, "s")] = 3.0
+    """Length of the flight that is compared [s]; baseline ends earlier where its straight piece of
+    the thrust curve does."""
     control_hz: Frequency = 250.0
-    """Rate of the controller [Hz]."""
+    """Rate of the controller [Hz], whose period real time allows for the steps of one tick."""
     seed: Seed = 0
-    """Random seed."""
+    """Random seed of the wind's gusts and of the jittered steps."""
     vehicle: Path | None = None
     """Description (TOML), OpenRocket design (.ork, with --motor) or MJCF file of the vehicle; the
     reference vehicle if omitted."""
     mechanism: Path | None = None
-    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
+    """MJCF file of the gimbal mechanism; that of the vehicle's description, or else the reference
+    mechanism, if omitted."""
     model: Path | None = None
-    """Identified model (JSON) for `--gimbal transfer-function`; the shipped model if omitted."""
+    """Identified model (JSON) for `--gimbal transfer-function`; the shipped model, which is of the
+    reference mechanism, if omitted."""
     motor: Path | None = None
     """Motor file, or FILE:NAME for one of several motors in it: RASP (.eng), RockSim (.rse) or a
     thrust table of two columns (.csv); the vehicle's own motor if omitted."""

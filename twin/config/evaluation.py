@@ -33,7 +33,7 @@ class Columns(Settings):
     """Unit of the command columns: those of `--angle-unit`, us (pulse width) or percent; as
     `--angle-unit` if omitted."""
     time_scale: Annotated[float, Range(1e-12, 1e9, "s")] | None = None
-    """Seconds per unit of the time column, for example 1e-3."""
+    """Seconds per unit of the time column, for example 1e-3; 1 if omitted."""
     commands: Path | None = None
     """Table of the commands with their own time stamps; if omitted, a command begins at the sample
     that first shows it."""

@@ -2,6 +2,7 @@
 
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal
 
 from twin.config.options import Output
@@ -14,6 +15,13 @@ class Mechanism(Output):
     """Show or check a gimbal mechanism: mobility, workspace, resolution, torque, clearances."""
 
     group: ClassVar[str] = "mechanism"
+    effective = MappingProxyType(
+        {
+            "gap_mm": ("action", ("check", "search")),
+            "wall_mm": ("action", ("search",)),
+            "stroke_deg": ("action", ("search",)),
+        }
+    )
 
     action: Annotated[Literal["show", "check", "build", "search"], POSITIONAL]
     """show: print mobility, workspace, gain, coupling, resolution and torque; check: measure the

@@ -43,8 +43,8 @@ class Parameters(Settings):
     group: ClassVar[str] = "model"
 
     set: Overrides = ()
-    """NAME=VALUE: value of a named model parameter, for example gimbal_holder.mass=0.05.
-    Repeatable."""
+    """NAME=VALUE: value of a named model parameter, for example gimbal_holder.mass=0.05; `twin
+    parameters` lists the names with unit, value and meaning. Repeatable."""
     set_from: Path | None = None
     """JSON file of parameter names and values; `--set` takes precedence."""
 
@@ -78,10 +78,12 @@ class Model(Parameters):
     """Description (TOML), OpenRocket design (.ork, for verbs with --motor) or MJCF file of the
     vehicle; the reference vehicle if omitted."""
     mechanism: Path | None = None
-    """MJCF file of the gimbal mechanism; the reference mechanism if omitted."""
+    """MJCF file of the gimbal mechanism; that of the vehicle's description, or else the reference
+    mechanism, if omitted."""
     model: Path | None = None
-    """Identified model (JSON): the gimbal of `--gimbal transfer-function`, or the model of the rig
-    that its timing verdict uses; the shipped model if omitted."""
+    """Identified model (JSON): the gimbal of `--gimbal transfer-function` or `--shadow
+    transfer-function`, or the model of a rig that its timing verdict uses; the shipped model, which
+    is of the reference mechanism, if omitted."""
     integrator: Integrator | None = None
     """Numerical integrator of the physics; if omitted, rk4 for simulated flights, implicitfast with
     a rig, on an elastic rail and for other verbs."""
@@ -97,8 +99,9 @@ class SimulatedRig(Settings):
     group: ClassVar[str] = "rig"
 
     fault: Texts = ()
-    """Fault of a simulated rig, TARGET:KIND[:VALUE][@START[-END]], for example
-    potentiometer_x_a:glitch:0.2. Repeatable."""
+    """Fault of a simulated rig, TARGET:KIND[:VALUE][@START[-END]] with times in s, for example
+    potentiometer_x_a:glitch:0.2@3; an unknown target or kind is answered with those there are.
+    Repeatable."""
     unit: Unit | None = None
     """Serial number of a simulated rig with random tolerances; the nominal rig if omitted."""
 

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
+from twin.config.base import flag
 from twin.config.options import Output, Parameters, Run, SimulatedRig
 from twin.config.seats import is_rig
-from twin.config.types import Duration, Flag, Frequency, Kind, Port, Range, Seed
+from twin.config.types import TRANSFER_FUNCTION, Duration, Flag, Frequency, Kind, Port, Range, Seed
 from twin.config.types import Step as TimeStep
 from twin.errors import TwinError
 
@@ -25,7 +26,7 @@ class Rig(SimulatedRig, Parameters):
     port: Port | None = None
     """TCP port on 127.0.0.1, 0 for a free one; a pseudo-terminal if omitted."""
     link: Path | None = None
-    """Name of a symbolic link to the pseudo-terminal, for example /tmp/rig."""
+    """Symbolic link to make to the pseudo-terminal while it is served, for example /tmp/rig."""
     scene: Literal["bench", "turntable"] = "bench"
     """Clamped (bench), or on a base that a third servo turns (turntable)."""
     mechanism: Path | None = None
@@ -33,7 +34,7 @@ class Rig(SimulatedRig, Parameters):
     seed: Seed = 0
     """Random seed of the sensor noise."""
     minimal: Flag = False
-    """A rig without potentiometers: one IMU on the holder."""
+    """Serve a rig without potentiometers, with one IMU on the holder."""
     potentiometer_deg: Track = TRACK_DEG
     """Travel of the potentiometers' tracks [°]."""
     duration_s: Duration | None = None
@@ -59,6 +60,7 @@ def _has_tracks(*, minimal: bool, track: float) -> None:
         raise TwinError("--potentiometer-deg is of potentiometers; it excludes --minimal")
 
 
+OF_A_RIG = ("gimbal", "fault", "unit", "calibration", "no_check", "shadow", "shadow_set")
 SwitchAngle = Annotated[float, Range(-45.0, 45.0, "°")]
 
 
@@ -81,7 +83,7 @@ class Calibrate(SimulatedRig, Output):
     potentiometer_deg: Track = TRACK_DEG
     """Travel of the potentiometers' tracks by their data sheet [°], for example 300 or 333."""
     repeats: Annotated[int, Range(1, 100)] = 3
-    """Approaches per switch and position of the other servo."""
+    """Number of approaches to each switch, at each of the other servo's positions."""
     seed: Seed = 0
     """Random seed: noise of a simulated rig, and order of the approaches."""
     out: Path = Path("calibration.json")
@@ -134,8 +136,21 @@ class Mirror(Run):
                 f"--gimbal {self.gimbal}: twin mirror needs a rig (emulator, firmware or a port)"
                 " or --playback FILE"
             )
-        if self.playback is not None and self.steer is not None:
+        if self.model is not None and self.shadow != TRANSFER_FUNCTION:
+            raise TwinError(
+                f"--model {self.model}: twin mirror simulates it beside the rig with --shadow"
+                " transfer-function only"
+            )
+        if self.playback is not None:
+            self._check_playback()
+
+    def _check_playback(self) -> None:
+        """Refuse what is of a rig: the recording takes its place."""
+        if self.steer is not None:
             raise TwinError(f"--steer {self.steer}: a recording cannot be steered")
+        for name in OF_A_RIG:
+            if getattr(self, name) != getattr(Mirror, name):
+                raise TwinError(f"{flag(name)}: needs a rig; --playback takes its place")
 
     @property
     def real_time(self) -> bool:

@@ -210,7 +210,7 @@ class Step(FaultResponse, Run):
     """Gimbal angle per servo shaft angle, where the columns are shaft angles; they are gimbal
     angles if omitted."""
     time_scale: Annotated[float, Range(1e-12, 1e9, "s")] | None = None
-    """Seconds per unit of the time column, for example 1e-3."""
+    """Seconds per unit of the time column, for example 1e-3; 1 if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.

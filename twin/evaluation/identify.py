@@ -20,6 +20,7 @@ from analysis.identify import (
     fit_to,
     identify_gimbal,
 )
+from analysis.identify.progress import told_to
 from analysis.plain import plain
 from analysis.recording import Measurement
 from analysis.transfer_function import Margins, TransferFunctionModel, margins
@@ -29,7 +30,7 @@ from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 from twin.evaluation.inputs import Given, given
-from twin.evaluation.words import estimated, quantity
+from twin.evaluation.words import below, estimated, quantity
 from twin.plant.loops import attitude_loops
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ def _unexplained(a: AxisEvidence) -> Rows:
     if a.repeats >= 0.005:
         text = f"another linear model explains {100 * a.repeats:.0f} % of it"
         rows.append((f"{a.name} residual", text))
-    if a.disagree:
+    if a.disagree and not a.simpler:  # a pole too many has a deviation that means nothing
         value = f"scatter {a.spread:.1f} times more than noise"
         if a.stamps > 0.0:
             value += f", as if commands were dated {1e3 * a.stamps:.2g} ms off"
@@ -153,8 +154,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
     source = given(config, config.sources)
     runs = source.runs
     held_back = [given(config, (file,)).runs[0] for file in config.check]
-    status.say(f"fitting {sum(len(r.command.time) for r in runs)} samples")
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), told_to(status.say):
         warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are reported as unknown
         poles, zeros, scores = _order(config, runs)
         model = identify_gimbal(
@@ -206,21 +206,25 @@ class InformationResult(Result):
         rows = [("can determine", ", ".join(self.sources))]
         for e in self.expected:
             scale, unit = (1e3, "ms") if e.name.endswith("delay") else (100.0, "%")
-            text = "nothing"
+            text = "not determined"
             if e.at_least:
                 text = estimated(Estimate(e.name, e.size, math.nan, e.unit, False, True))
+            elif np.isfinite(e.below):
+                text = below(e.below, e.unit)
             elif np.isfinite(e.half):
                 value = quantity(e.size, math.nan, e.unit).partition(",")[0]
                 text = f"± {scale * e.half:.2g} {unit} of {value}"
+                if not e.enough:
+                    text += f", not determined (± {scale * e.bar:.2g} {unit} is)"
             if not e.enough:
-                text += f", not determined (± {scale * e.bar:.2g} {unit} is): {e.advice}"
+                text += f": {e.advice}"
             rows.append((e.name, text))
         return rows + [("WARNING", w) for w in self.warnings]
 
 
 def _information(config: Identify) -> InformationResult:
     source = given(config, config.sources)
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), told_to(status.say):
         warnings.simplefilter("ignore", RuntimeWarning)
         found = expectations(source.runs, config.poles, max_delay=longest(config))
     notes = tuple(f"{r.name}: {r.note}" for r in source.runs if r.note)
@@ -282,13 +286,13 @@ def _flown(
         "files": [p.name for p in config.sources],
         "warnings": list(notes),
         "input": "pulses" if config.from_pulses else "commands",
-        "servo_structure": [b.structure for b in model.servo] if model.servo else None,
     }
     if config.both and len(model.inputs) == len(model.outputs) == 1:
         one = flown.channels[0][0]
         none = type(one)((0.0,), (1.0,))
         flown = replace(
             flown, channels=((one, none), (none, one)), inputs=("x", "y"), outputs=("x", "y"),
+            servo=flown.servos * 2 or None,
             covariance=None,  # that of one axis; two equal ones vary as one
         )  # fmt: skip
         source["both"] = f"axis {model.inputs[0]} is used for x and y"

@@ -12,7 +12,15 @@ def estimated(e: Estimate) -> str:
     if e.at_least:
         scale, unit = _READ_AS.get(e.unit, (1.0, f" {e.unit}"))
         return f"at least {scale * e.value:.3g}{unit} (never reached in this record)"
+    if e.value == 0.0 and e.name.endswith(("dead band", "backlash")):
+        return below(1.96 * e.std, e.unit)
     return quantity(e.value, 1.96 * e.std, e.unit, determined=e.determined)
+
+
+def below(value: float, unit: str) -> str:
+    """The upper end of an interval that begins at zero, as people read it."""
+    scale, unit = _READ_AS.get(unit, (1.0, f" {unit}"))
+    return f"below {scale * value:.2g}{unit}"
 
 
 def quantity(value: float, half: float, unit: str, *, determined: bool = True) -> str:

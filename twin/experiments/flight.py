@@ -20,6 +20,7 @@ from twin.experiments.track import POSITION, Figures, Track
 from twin.experiments.wind import wind_text
 from twin.loop.loop import Outcome
 from twin.physics.aerodynamics.stability import margins
+from twin.physics.native.ramp import ASIDE, rail
 from twin.plant.plant import Plant
 
 if TYPE_CHECKING:
@@ -158,7 +159,7 @@ class Watch(NamedTuple):
     Attributes
     ----------
     position, velocity, closure : views of the plant's state
-    fixed : (7,) launch point, point steered to (NaN without), length of the ramp [m]
+    fixed : (10,) launch point, point steered to (NaN without), ramp: length [m] and direction
     times : (2,) of burnout and ignition [ns]
     most : (6,) largest speed squared, largest closure, closest distance, place of the burnout
     marks : (6,) `ON_RAMP` to `BURNT`
@@ -203,10 +204,14 @@ class Flight:
         self.burnout_ns = round(_burnout(plant.model) * 1e9)
         ignition_ns = round(float(_numeric(plant.model, "motor_ignition")[0]) * 1e9)
         ramp = float(_numeric(plant.model, "ramp_length")[0])
+        elevation, azimuth = (
+            float(_numeric(plant.model, f"ramp_{n}")[0]) for n in ("elevation", "azimuth")
+        )
         self._mass = float(plant.model.body_subtreemass[plant.model.body("vehicle").id])
         aim = (math.nan,) * 3 if target is None else target
         self.memory = Watch(
-            plant.position, plant.velocity, plant.closure, np.array([*self._start, *aim, ramp]),
+            plant.position, plant.velocity, plant.closure,
+            np.array([*self._start, *aim, ramp, *rail(elevation, azimuth)]),
             np.array([self.burnout_ns, ignition_ns]), np.array([0.0, 0.0, math.inf, 0.0, 0.0, 0.0]),
             np.array([1, 0, -1, self.burnout_ns, 0, 0]),
         )  # fmt: skip
@@ -316,7 +321,7 @@ def watch(time_ns: int, w: Watch) -> int:
 def over(time_ns: int, landed: bool, w: Watch) -> int:
     """Which of the ends a flight has come to; 0 while it goes on."""
     marks = w.marks
-    if landed or _back(w):
+    if landed or _back_on_ramp(w):
         return 1
     if marks[CLOSEST_NS] >= 0 and time_ns > marks[CLOSEST_NS] + PASSED_NS:
         return 2
@@ -326,12 +331,16 @@ def over(time_ns: int, landed: bool, w: Watch) -> int:
 
 
 @njit(nogil=True)
-def _back(w: Watch) -> bool:
-    """Whether a vehicle that left its ramp falls back onto it, where it would stand for ever."""
-    if w.marks[ON_RAMP] or w.velocity[2] >= 0.0:
+def _back_on_ramp(w: Watch) -> bool:
+    """Whether a vehicle came down on its own rail, which would guide it to its foot again."""
+    if w.marks[ON_RAMP] or w.marks[RISING] or w.fixed[6] <= 0.0:
         return False
-    x, y, z = w.position
-    return bool(_away(x, y, z, w.fixed[0:3]) < w.fixed[6])
+    x, y, z = w.position[0] - w.fixed[0], w.position[1] - w.fixed[1], w.position[2] - w.fixed[2]
+    ux, uy, uz = w.fixed[7:10]
+    travel = x * ux + y * uy + z * uz
+    if not 0.0 <= travel < w.fixed[6]:
+        return False
+    return _away(x, y, z, travel * w.fixed[7:10]) < 2.0 * ASIDE
 
 
 @njit(nogil=True)

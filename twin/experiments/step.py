@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from analysis.timing import Verdict
 
 SMALLER = 0.9  # of the largest step: other steps are only in --json and in the report
+FEW = 4  # steps; of fewer, Student's t widens intervals twofold or more
 IN_FULL = ("peak", "peak time")  # only with --json and in the report; a screen is small
 
 
@@ -243,4 +244,10 @@ def lines(figures: "Sequence[AxisFigures]") -> Rows:
             (name, "".join(f"{c:<{w}}" for c, w in zip(cells, widths, strict=True)).rstrip())
             for name, cells in zip(["", *shown] if shown else (), table, strict=False)
         ]
+    counts = [f.n for a in figures for f in a.figures if split(f.name)[1] and f.n > 1]
+    if min(counts, default=FEW) < FEW:
+        text = (
+            f"intervals of {min(counts)} steps are wide, whatever they show; record {FEW} or more"
+        )
+        rows.append(("note", f"{text} of a size (--repeats)"))
     return rows + [(f"note on {a.axis}", note) for a in figures for note in a.notes]

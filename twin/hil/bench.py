@@ -13,7 +13,9 @@ from twin.physics.mechanism.servo import GAIN, VOLTAGE
 from twin.plant.model import TwinModel
 from twin.plant.plant import LARGEST_SPEED
 
-JAM = 1e3  # N·m·s/rad: a blocked gear train turns 0.01°/s by the servo's 0.18 N·m
+# kg·m², N·m·s/rad: a blocked gear train turns 0.01°/s by the 0.02 N·m of a leaning motor. Damping
+# alone, which MuJoCo's solver does not see, lets the rods of a moving gimbal diverge.
+JAM = 1.0, 100.0
 LIMP_GROUP = 30  # of actuators, MuJoCo's last; switched off
 TURN = "turntable"  # joint and actuator that turn the base
 
@@ -45,7 +47,7 @@ class BenchPlant:
         # views of the state; MuJoCo never moves its arrays
         self._ctrl, self._qpos, self._qvel = self.data.ctrl, self.data.qpos, self.data.qvel
         self._dt = model.opt.timestep
-        self._damping: dict[int, float] = {}
+        self._free: dict[int, Pair] = {}  # inertia and damping of servos that are not jammed
         self._new: dict[int, Pair] = {}  # friction and half backlash of servos
         self._supply, self._worn = 1.0, np.ones(2)  # voltages over the nominal ones
         self._servos = [int(model.actuator(f"gimbal_servo_{a}").id) for a in AXES]
@@ -100,8 +102,12 @@ class BenchPlant:
         """Change how servo 0 (x) or 1 (y) is driven from now on."""
         model, actuator = self.model, self._servos[servo]
         dof = int(model.joint(f"gimbal_servo_{AXES[servo]}").dofadr[0])
-        damping = self._damping.setdefault(dof, float(model.dof_damping[dof]))
-        model.dof_damping[dof] = JAM if drive is Drive.JAMMED else damping
+        free = float(model.dof_armature[dof]), float(model.dof_damping[dof])
+        free = self._free.setdefault(dof, free)
+        jammed = drive is Drive.JAMMED
+        model.dof_armature[dof], model.dof_damping[dof] = JAM if jammed else free
+        if jammed:
+            self._qvel[dof] = 0.0
         model.opt.disableactuator |= 1 << LIMP_GROUP
         model.actuator_group[actuator] = 0 if drive is Drive.NORMAL else LIMP_GROUP
 

@@ -72,8 +72,6 @@ def _steps(config: Converge) -> tuple[float, ...]:
     steps = tuple(ms * 1e-3 for ms in config.dt_ms) or STEPS[config.flight]
     if not 2 <= len(set(steps)) <= MOST_STEPS:
         raise TwinError(f"--dt-ms: {len(set(steps))} different steps; must be 2 to {MOST_STEPS}")
-    if not 0 < config.duration_s <= 60:
-        raise TwinError(f"--duration-s {config.duration_s:g}: must lie in 0 to 60")
     return steps
 
 

@@ -52,7 +52,7 @@ def packed(model: TransferFunctionModel, axis: str, dt: float) -> tuple[list[flo
     TwinError
         A speed-bounded servo is faster than any servo is, and would take a flight for ever.
     """
-    servo = model.servo or Servo()
+    servo = model.servos[model.outputs.index(axis)] if model.servos else Servo()
     at_speed = servo.structure != "command"
     bounds = (0.0, 0.0) if at_speed else (servo.rate_limit, servo.dead_band)
     data: list[float] = [*bounds, servo.backlash]
