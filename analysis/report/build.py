@@ -57,7 +57,8 @@ def report(
     answers = [simulated(named[0], name, model) for name, model in models.items()]
     runs = aligned((*named, *answers))
     if title is None:
-        title = "Flight report" if all(run.in_flight for run in runs) else "Gimbal report"
+        flights = all(run.in_flight or run.recording.passive for run in runs)
+        title = "Flight report" if flights else "Gimbal report"
     numbers = numbers_of(runs, title, whose)
     entries = (replace(n, source=s) for n, s in zip(numbers.runs, sources, strict=True))
     numbers = replace(

@@ -57,6 +57,13 @@ def test_the_page_draws_the_boundary_between_the_two_smallest_margins(tmp_path):
     missing = next(part for part in sections(s, made, few) if part.name == "map")
     # three for each of 1, x, y, x², y², xy
     assert "needs 18 runs over 2 parameters" in missing.text[0]
+    assert missing.text[0].endswith("Give a larger n in [design].")
+    hits = table.filter(table["hit"])  # enough of them, and none that misses
+    made = replace(made, answers=answers(s, runs, hits))
+    missing = next(part for part in sections(s, made, hits) if part.name == "map")
+    assert missing.text[0].endswith(
+        "Give a narrower limit in [measure], or other ranges in [vary]."
+    )
 
 
 def test_a_threshold_that_part_of_the_resamples_lack_has_an_open_end():

@@ -108,8 +108,8 @@ def _why_none(study: Study, kept: Any) -> str:  # noqa: ANN401
     if len(hits) < few:
         do = "Give a larger n in [design]."
     else:
-        easier, harder = "a wider limit", "a narrower limit"
-        do = f"Give {easier if met < FEWEST else harder} in [measure], or other ranges in [vary]."
+        limit = "wider" if met < FEWEST else "narrower"
+        do = f"Give a {limit} limit in [measure], or other ranges in [vary]."
     return (
         f"No map: {met} of the {len(hits)} runs that it would be about meet {name}."
         f" It needs {few} runs{each}, at least {FEWEST} that meet {name} and {FEWEST}"

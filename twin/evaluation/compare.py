@@ -30,12 +30,12 @@ from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.config.seats import SIMULATED
 from twin.errors import TwinError
+from twin.evaluation.flights import FlightsResult, compare_flights
 from twin.evaluation.inputs import seen
 
 if TYPE_CHECKING:
     from twin.evaluation.drift import RunDrift
     from twin.evaluation.explain import RunExplanation
-    from twin.evaluation.flights import FlightsResult
 
 Array = NDArray[np.float64]
 
@@ -145,7 +145,7 @@ class _Pair:
         return self.other_run.shift if self.other_run else 0.0
 
 
-def compare(config: Compare) -> "CompareResult | FlightsResult":
+def compare(config: Compare) -> CompareResult | FlightsResult:
     """Compare two motions of a gimbal, or flights without one, and write both into one recording.
 
     Raises
@@ -156,8 +156,6 @@ def compare(config: Compare) -> "CompareResult | FlightsResult":
     runs = _runs(config)
     status.say("comparing")
     if any(run.recording.passive for run in runs):
-        from twin.evaluation.flights import compare_flights
-
         file = named(config.out, "compare", ".rrd", force=config.force)
         flights = compare_flights(config, runs, file)
         point_latest(file)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from analysis.comparison import PathDifference, flight_path, path_difference
 from analysis.flown import FIGURES, Flown, flown
+from analysis.plain import plain
 from analysis.recording import Measurement
 from twin.config import Compare
 from twin.config.result import Result, Rows
@@ -42,7 +43,7 @@ class FlightsResult(Result):
             "other": {"file": self.other, **self.flights[1].to_dict()},
             "difference": {name: b[name] - a[name] for name in a if name in b},
             "path": self.path.to_dict(),
-            "ends_apart_m": self.ends_apart,
+            "ends_apart_m": plain(self.ends_apart),
             "recording": str(self.file),
         }
 

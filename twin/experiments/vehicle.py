@@ -18,7 +18,7 @@ from twin.experiments.vehicle_drawing import drawing
 from twin.physics import vehicle as vehicles
 from twin.physics.aerodynamics.stability import ROOT, Stability
 from twin.physics.vehicle.barrowman import Term
-from twin.plant.authority import balance
+from twin.plant.authority import balance, numeric
 from twin.plant.compose import design_of, is_description
 from twin.plant.model import ModelConfig, TwinModel, load
 
@@ -248,10 +248,11 @@ def report(twin: TwinModel, name: str, built: vehicles.Vehicle | None = None) ->
 
 
 def _launch(model: mujoco.MjModel) -> str:
-    elevation, azimuth, rail, altitude = (
-        float(model.numeric(name).data[0])
-        for name in ("ramp_elevation", "ramp_azimuth", "ramp_length", "air_altitude")
-    )
+    names = ("ramp_elevation", "ramp_azimuth", "ramp_length", "air_altitude")
+    given = [values[0] for name in names if (values := numeric(model, name)) is not None]
+    if len(given) < len(names):
+        return "no rail"
+    elevation, azimuth, rail, altitude = given
     return (
         f"elevation {math.degrees(elevation):.4g}°, azimuth {math.degrees(azimuth):.4g}° (from east"
         f" to north), rail {rail:.4g} m, ground {altitude:.4g} m above the sea"
