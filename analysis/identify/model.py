@@ -10,7 +10,7 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.plain import plain
 from analysis.transfer_function import Channel, Covariance, Servo, TransferFunctionModel
-from analysis.transfer_function.uncertain import MOST_FIGURES
+from analysis.transfer_function.covariance import MOST_FIGURES
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """The identified model of a gimbal: its file, its exact discretisation, its responses."""
 
 from analysis.transfer_function.channel import Channel
+from analysis.transfer_function.covariance import Covariance
 from analysis.transfer_function.discrete import (
     Discrete,
     DiscreteChannel,
@@ -12,7 +13,7 @@ from analysis.transfer_function.file import SCHEMA, ModelFileError
 from analysis.transfer_function.margins import Loop, Margins, margins
 from analysis.transfer_function.model import TransferFunctionModel
 from analysis.transfer_function.servo import Servo, speed_loop
-from analysis.transfer_function.uncertain import Covariance, distribution, with_figures
+from analysis.transfer_function.uncertain import distribution, with_figures
 
 __all__ = [
     "SCHEMA",

@@ -12,10 +12,10 @@ from analysis.array import Array
 from analysis.files import write_text
 from analysis.transfer_function import file
 from analysis.transfer_function.channel import Channel
+from analysis.transfer_function.covariance import Covariance
 from analysis.transfer_function.discrete import Discrete, discretise_channel, whole_steps
 from analysis.transfer_function.file import SCHEMA, ModelFileError
 from analysis.transfer_function.servo import Servo, play, speed_loop
-from analysis.transfer_function.uncertain import Covariance
 
 _SERVO_KEYS = {
     "rate_limit_rad_s": "rate_limit",

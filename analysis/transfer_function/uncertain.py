@@ -2,21 +2,17 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from dataclasses import replace
 
 import numpy as np
 
 from analysis.array import Array
-from analysis.transfer_function import file
 from analysis.transfer_function.channel import Channel
+from analysis.transfer_function.covariance import Covariance
 from analysis.transfer_function.file import ModelFileError
+from analysis.transfer_function.model import TransferFunctionModel
 from analysis.transfer_function.servo import Servo
 
-if TYPE_CHECKING:
-    from analysis.transfer_function.model import TransferFunctionModel
-
-MOST_FIGURES = 64
 _POLES = re.compile(r"(natural frequency|damping|time constant)( \d+)?")
 _SERVO = {
     "rate limit": "rate_limit",
@@ -29,56 +25,7 @@ _PLAY = ("dead_band", "backlash")
 _TURNED = {"rate_limit": "rate_limit_back", "rate_limit_back": "rate_limit"}
 
 
-@dataclass(frozen=True, slots=True)
-class Covariance:
-    """Figures of a model and their covariance.
-
-    Attributes
-    ----------
-    names : `x/x gain`, `delay`, `natural frequency`, `damping`, `time constant`, `zero` of a
-        channel OUTPUT/INPUT, numbered where it has several; `x rate limit`, `dead band`,
-        `backlash` and so on of the servo of an axis
-    values : (n,), in SI and radians
-    matrix : (n, n)
-    """
-
-    names: tuple[str, ...]
-    values: tuple[float, ...]
-    matrix: tuple[tuple[float, ...], ...]
-
-    @classmethod
-    def from_dict(cls, value: object) -> Self:
-        """Covariance from the content of a file.
-
-        Raises
-        ------
-        ModelFileError : sizes that do not fit, a name twice, numbers that are none
-        """
-        content = file.mapping(value, "covariance")
-        file.keys(content, "covariance", {"names", "values", "matrix"}, set())
-        names, values, matrix = (
-            file.sequence(content[key], f"covariance.{key}", MOST_FIGURES)
-            for key in ("names", "values", "matrix")
-        )
-        size = len(names)
-        if len({str(n) for n in names}) < size:
-            raise ModelFileError("covariance.names repeats a name")
-        rows = [file.sequence(r, f"covariance.matrix[{i}]", size) for i, r in enumerate(matrix)]
-        if {len(values), len(rows), *(len(r) for r in rows)} != {size}:
-            raise ModelFileError(f"covariance: {size} names need {size} values and a square matrix")
-        return cls(
-            tuple(str(n) for n in names),
-            tuple(file.number(v, "covariance.values") for v in values),
-            tuple(tuple(file.number(v, "covariance.matrix") for v in row) for row in rows),
-        )
-
-    def to_dict(self) -> dict[str, object]:
-        """Content of the file, ready for JSON."""
-        return {"names": list(self.names), "values": list(self.values),
-                "matrix": [list(row) for row in self.matrix]}  # fmt: skip
-
-
-def distribution(model: "TransferFunctionModel") -> tuple[Covariance, Array]:
+def distribution(model: TransferFunctionModel) -> tuple[Covariance, Array]:
     """The covariance of a model's figures, and its lower triangular root (n, n).
 
     Raises
@@ -115,8 +62,8 @@ def _root(matrix: Array) -> Array:
 
 
 def with_figures(
-    model: "TransferFunctionModel", figures: Mapping[str, float]
-) -> "TransferFunctionModel":
+    model: TransferFunctionModel, figures: Mapping[str, float]
+) -> TransferFunctionModel:
     """The model with other figures, named as in its covariance; all others stay.
 
     A delay, dead band or backlash below zero becomes zero. One servo for all axes has their means,
