@@ -8,7 +8,7 @@ import pytest
 from tests.abuse import endurance, runs, texts
 from tests.abuse.__main__ import KINDS
 from tests.abuse.attempt import Attempt, abuse, save, table
-from tests.twin.test_mutations import KINDS as FILES
+from tests.twin.cli.test_mutations import KINDS as FILES
 from twin.errors import TwinError
 
 SAMPLE = {

@@ -7,7 +7,7 @@ from analysis.schema import AnalysisError as AnalysisError
 from hardware.frames import HardwareError as HardwareError
 from twin.errors import DivergenceError as DivergenceError
 from twin.errors import TwinError as TwinError
-from twin.campaigns.result import CampaignResult
+from twin.campaigns.results.result import CampaignResult
 from twin.cli.doctor import DoctorResult
 from twin.cli.parameters import ParametersResult
 from twin.evaluation.compare import CompareResult
@@ -20,16 +20,16 @@ from twin.evaluation.linkage import PhysicsResult
 from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
-from twin.experiments.flight import FlightResult
+from twin.experiments.flight.flight import FlightResult
 from twin.experiments.mechanism.figures import MechanismResult
 from twin.experiments.mechanism.search import SearchResult
 from twin.experiments.mirror import MirrorResult
-from twin.experiments.openrocket import ImportResult
+from twin.experiments.vehicle.openrocket import ImportResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
-from twin.experiments.vehicle import BuildResult
-from twin.experiments.vehicle import VehicleResult
+from twin.experiments.vehicle.vehicle import BuildResult
+from twin.experiments.vehicle.vehicle import VehicleResult
 from twin.workflows.demo.result import DemoResult
 from twin.workflows.live.result import LiveResult
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from analysis.array import Array
 from analysis.comparison.motion import FEWEST, bridged, in_gap, unbroken
-from analysis.identify.noise import clipped_rms, resolution
+from analysis.identify.problem.noise import clipped_rms, resolution
 from analysis.plain import Plain, plain
 from analysis.recording.series import TimeSeries
 from analysis.schema import AnalysisError

@@ -2,7 +2,7 @@
 
 from analysis.identify.design import FIGURES, Plant, Wish, remaining
 from analysis.identify.errors import IdentificationError
-from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
+from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.identify.gimbal import cross_gains, identify_gimbal, own_records
 from analysis.identify.identification import identify
 from analysis.identify.information import Expectation, expectations

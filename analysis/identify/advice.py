@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.identify.evidence import ChannelFit
-from analysis.identify.problem import Problem
-from analysis.identify.servo_starts import reverses
+from analysis.identify.evidence.evidence import ChannelFit
+from analysis.identify.problem.problem import Problem
+from analysis.identify.servo.starts import reverses
 
 SIZES = 1.5  # largest over smallest step; of less, a limit shows in the shape of one motion only
 _COUNTED = 0.02  # of the largest change of the command; smaller ones are no steps

@@ -7,13 +7,13 @@ from functools import partial
 import numpy as np
 
 from analysis.array import Array
-from analysis.identify.basis import denominator
-from analysis.identify.evidence import ChannelFit, Estimate, ServoBounds
-from analysis.identify.fit import AxisFit
-from analysis.identify.problem import Problem
-from analysis.identify.servo_fit import ServoFit
-from analysis.identify.uncertainty import Uncertainty, propagated, slope_of
-from analysis.identify.unexplained import over_sizes, smeared
+from analysis.identify.evidence.evidence import ChannelFit, Estimate, ServoBounds
+from analysis.identify.evidence.uncertainty import Uncertainty, propagated, slope_of
+from analysis.identify.evidence.unexplained import over_sizes, smeared
+from analysis.identify.linear.fit import AxisFit
+from analysis.identify.problem.basis import denominator
+from analysis.identify.problem.problem import Problem
+from analysis.identify.servo.fit import ServoFit
 
 _STEP = 1e-3  # deviation of a parameter for slopes, as in `slope_of`
 _TRACE = 1e-9  # of a variance

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.array import Array
 from analysis.identify.errors import IdentificationError
-from analysis.identify.noise import resolution
+from analysis.identify.problem.noise import resolution
 from analysis.recording.measurements import Measurement
 
 DEGREES = 180.0 / np.pi

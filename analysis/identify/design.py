@@ -13,8 +13,8 @@ from types import MappingProxyType
 import numpy as np
 
 from analysis.array import Array
-from analysis.identify.basis import denominator
-from analysis.identify.evidence import ChannelFit
+from analysis.identify.evidence.evidence import ChannelFit
+from analysis.identify.problem.basis import denominator
 
 _STEP = 1e-4  # of a parameter, for slopes
 _DECAY = 12.0  # time constants after which a motion is over

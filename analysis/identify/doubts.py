@@ -4,16 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.identify.diagnostics import Saturation, residual_tests
-from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate
-from analysis.identify.fit import AxisFit
+from analysis.identify.evidence.diagnostics import Saturation, residual_tests
+from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate
+from analysis.identify.evidence.uncertainty import Uncertainty
+from analysis.identify.evidence.unexplained import repeatable
+from analysis.identify.linear.fit import AxisFit
+from analysis.identify.linear.selection import Choice
 from analysis.identify.prediction import nrmse_fit
-from analysis.identify.problem import Problem
-from analysis.identify.selection import Choice
-from analysis.identify.servo_fit import ServoFit
-from analysis.identify.states import Part
-from analysis.identify.uncertainty import Uncertainty
-from analysis.identify.unexplained import repeatable
+from analysis.identify.problem.problem import Problem
+from analysis.identify.problem.states import Part
+from analysis.identify.servo.fit import ServoFit
 from analysis.recording.measurements import Measurement
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.identify.channels import nothing
-from analysis.identify.evidence import ChannelFit
+from analysis.identify.evidence.evidence import ChannelFit
 from analysis.identify.identification import identify
 from analysis.identify.model import IdentifiedModel
 from analysis.identify.prediction import predict

@@ -7,21 +7,21 @@ from typing import Literal
 import numpy as np
 
 from analysis.identify import channels, checks, progress
-from analysis.identify.assemble import assemble
-from analysis.identify.diagnostics import Saturation, saturation
 from analysis.identify.doubts import evidence, selection_warnings, stamp_warnings, warnings_of
 from analysis.identify.errors import IdentificationError
-from analysis.identify.fit import search
-from analysis.identify.known import known_of, known_of_servo
-from analysis.identify.layout import Layout
-from analysis.identify.model import IdentifiedModel
-from analysis.identify.problem import Problem
-from analysis.identify.reached import idle_warnings, left_out
-from analysis.identify.selection import one_pole_less, select
-from analysis.identify.servo import search_servo
-from analysis.identify.uncertainty import (
+from analysis.identify.evidence.diagnostics import Saturation, saturation
+from analysis.identify.evidence.uncertainty import (
     whole_jacobian,
 )
+from analysis.identify.linear.fit import search
+from analysis.identify.linear.selection import one_pole_less, select
+from analysis.identify.model import IdentifiedModel
+from analysis.identify.problem.assemble import assemble
+from analysis.identify.problem.layout import Layout
+from analysis.identify.problem.problem import Problem
+from analysis.identify.servo.known import known_of, known_of_servo
+from analysis.identify.servo.reached import idle_warnings, left_out
+from analysis.identify.servo.search import search_servo
 from analysis.recording.measurements import Measurement
 from analysis.transfer_function.file import LONGEST_DELAY
 from analysis.transfer_function.servo import Structure

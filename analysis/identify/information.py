@@ -12,16 +12,16 @@ import numpy as np
 
 from analysis.identify import channels, progress
 from analysis.identify.advice import NOMINAL, SIZES, Content, advice
-from analysis.identify.assemble import assemble
-from analysis.identify.basis import parameters_of
-from analysis.identify.evidence import Estimate
+from analysis.identify.evidence.evidence import Estimate
 from analysis.identify.gimbal import own_records
 from analysis.identify.identification import identify, layout_of, longest_delay
-from analysis.identify.known import known_of_servo
 from analysis.identify.model import IdentifiedModel
-from analysis.identify.problem import Problem
-from analysis.identify.reached import left_out
-from analysis.identify.short_search import short_search
+from analysis.identify.problem.assemble import assemble
+from analysis.identify.problem.basis import parameters_of
+from analysis.identify.problem.problem import Problem
+from analysis.identify.servo.known import known_of_servo
+from analysis.identify.servo.reached import left_out
+from analysis.identify.servo.short_search import short_search
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 

@@ -7,7 +7,7 @@ from scipy.linalg import block_diag
 
 from analysis.array import Array
 from analysis.identify.errors import IdentificationError
-from analysis.identify.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
+from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.plain import plain
 from analysis.transfer_function import Channel, Covariance, Servo, TransferFunctionModel
 from analysis.transfer_function.covariance import MOST_FIGURES

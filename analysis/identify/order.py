@@ -8,13 +8,13 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.identify import checks
-from analysis.identify.assemble import assemble
 from analysis.identify.errors import IdentificationError
-from analysis.identify.fit import search
 from analysis.identify.identification import check_order, layout_of, longest_delay
+from analysis.identify.linear.fit import search
 from analysis.identify.prediction import nrmse_fit
-from analysis.identify.problem import Problem
-from analysis.identify.segments import Mask, step_folds
+from analysis.identify.problem.assemble import assemble
+from analysis.identify.problem.problem import Problem
+from analysis.identify.problem.segments import Mask, step_folds
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
 

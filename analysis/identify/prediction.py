@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.array import Array
-from analysis.identify.basis import Denominator, denominator, over_single, parameters_of
 from analysis.identify.errors import IdentificationError
-from analysis.identify.layout import Layout
-from analysis.identify.modal import modal_response
 from analysis.identify.model import IdentifiedModel
-from analysis.identify.servo_response import servo_motion_of
-from analysis.identify.states import free_motion
-from analysis.identify.weights import free_weights
+from analysis.identify.problem.basis import Denominator, denominator, over_single, parameters_of
+from analysis.identify.problem.layout import Layout
+from analysis.identify.problem.modal import modal_response
+from analysis.identify.problem.states import free_motion
+from analysis.identify.problem.weights import free_weights
+from analysis.identify.servo.response import servo_motion_of
 from analysis.recording.measurements import Measurement
 
 

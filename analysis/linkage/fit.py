@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.array import Array
-from analysis.identify.evidence import Estimate
-from analysis.identify.uncertainty import of_steps
+from analysis.identify.evidence.evidence import Estimate
+from analysis.identify.evidence.uncertainty import of_steps
 from analysis.linkage.problem import (
     DELAY,
     HELD_OUT,

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tests.abuse import endurance, runs, texts
 from tests.abuse.attempt import Kind, Row, abuse, save, table
-from tests.twin.test_mutations import KINDS as FILES
+from tests.twin.cli.test_mutations import KINDS as FILES
 
 SLOW = {"mat": 4, "parquet": 4, "model": 4, "recording": 150}  # a process for each, or megabytes
 MANY = 350  # of any other kind of file

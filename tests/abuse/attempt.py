@@ -16,7 +16,7 @@ from multiprocessing.context import ForkProcess
 from pathlib import Path
 from typing import Any
 
-from tests.twin.test_mutations import REFUSED
+from tests.twin.cli.test_mutations import REFUSED
 from twin.errors import CheckError, DivergenceError
 
 LONGEST = 10.0  # s of processor time

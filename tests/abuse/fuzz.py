@@ -1,7 +1,7 @@
 """Coverage-guided fuzzing of a reader: python -m tests.abuse.fuzz KIND [SECONDS]
 
-KIND is one of the files in `KINDS` of tests/twin/test_mutations.py. Needs atheris, for Python 3.11
-on Linux (`pip install atheris`), and says so where it is missing. A failing input is kept in the
+KIND is one of `KINDS` in tests/twin/cli/test_mutations.py. Needs atheris, for Python 3.11 on Linux
+ (`pip install atheris`), and says so where it is missing. A failing input is kept in the
 working folder; the process ends as libFuzzer does, with 0 if nothing failed.
 """
 
@@ -14,7 +14,7 @@ READERS = (  # are instrumented; all that they import would take minutes
     "analysis.recording",
     "analysis.transfer_function",
     "hardware.calibration.file",
-    "twin.campaigns.study",
+    "twin.campaigns.sampling.study",
     "twin.config.overrides",
     "twin.physics.motor",
     "twin.physics.openrocket",
@@ -29,7 +29,7 @@ def main() -> None:
     except ImportError:
         sys.exit("tests.abuse.fuzz: atheris is not installed; pip install atheris")
     with atheris.instrument_imports(include=list(READERS)):
-        from tests.twin.test_mutations import KINDS, REFUSED
+        from tests.twin.cli.test_mutations import KINDS, REFUSED
     kind, seconds = sys.argv[1], int(sys.argv[2]) if sys.argv[2:] else 60
     suffix, make, read, _ = KINDS[kind]
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))

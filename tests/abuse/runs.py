@@ -22,9 +22,9 @@ from hardware.emulator.injection import VALID
 from tests.abuse.attempt import Attempt
 from tests.abuse.children import Children
 from tests.hardware import strangers
-from tests.twin import test_outputs as outputs_of
-from tests.twin.test_mechanism_build import LARGE
-from tests.twin.test_mutations import mutated
+from tests.twin.cli import test_outputs as outputs_of
+from tests.twin.cli.test_mutations import mutated
+from tests.twin.physics.test_mechanism_build import LARGE
 from twin.cli.main import main
 
 WRITES = {

@@ -12,8 +12,8 @@ import numpy as np
 from hardware.protocol import Unknown, encode
 from tests.abuse.attempt import Attempt, Kind
 from tests.hardware.test_protocol import _decode, _telemetry
-from tests.twin import test_mutations as mutations
-from tests.twin import test_settings as of_settings
+from tests.twin.cli import test_mutations as mutations
+from tests.twin.cli import test_settings as of_settings
 
 # what is read from these has no empty places, so no number in it may be NaN or infinite
 COMPLETE = ("motor", "rocksim", "identified", "calibration", "parameters", "mechanism")

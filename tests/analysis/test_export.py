@@ -16,7 +16,7 @@ from analysis.export import kml, scene, tables
 from analysis.recording import exported, unpacking
 from analysis.recording.series import Event, Recording, TimeSeries
 from analysis.schema import AnalysisError
-from tests.twin import runs
+from tests.twin.recorder import runs
 
 NAMES = ("gimbal/command", "gimbal/measured", "vehicle/thrust", "vehicle/attitude")
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)

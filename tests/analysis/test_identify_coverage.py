@@ -7,8 +7,8 @@ import pytest
 
 from analysis.identify import Estimate, expectations, fit_to, identify
 from analysis.identify.advice import Content, advice
+from analysis.identify.evidence.uncertainty import freedom_of
 from analysis.identify.progress import about, say, told_to
-from analysis.identify.uncertainty import freedom_of
 from analysis.recording import measurement
 from tests.benchmarks import check_before, coverage
 from tests.benchmarks.identification import Gimbal, moved, random_steps

@@ -18,11 +18,11 @@ from analysis.identify import (
     own_records,
     select_order,
 )
-from analysis.identify.assemble import assemble
-from analysis.identify.basis import denominator, parameters_of
-from analysis.identify.layout import Layout
+from analysis.identify.evidence.uncertainty import propagated
 from analysis.identify.prediction import fit_to, nrmse_fit, predict
-from analysis.identify.uncertainty import propagated
+from analysis.identify.problem.assemble import assemble
+from analysis.identify.problem.basis import denominator, parameters_of
+from analysis.identify.problem.layout import Layout
 from analysis.recording import measurement
 from analysis.transfer_function import TransferFunctionModel
 

@@ -17,17 +17,17 @@ from analysis.identify import (
     identify,
     identify_gimbal,
 )
-from analysis.identify.assemble import assemble
 from analysis.identify.channels import changes, nothing
-from analysis.identify.fit import search
+from analysis.identify.evidence.uncertainty import whole_jacobian
 from analysis.identify.gimbal import shared_structure
 from analysis.identify.identification import layout_of
-from analysis.identify.layout import Layout
+from analysis.identify.linear.fit import search
 from analysis.identify.prediction import fit_to, predict
-from analysis.identify.ramps import ramps
-from analysis.identify.servo_motion import play, speed_servo
-from analysis.identify.servo_starts import command_unit, limits, scaled, scales
-from analysis.identify.uncertainty import whole_jacobian
+from analysis.identify.problem.assemble import assemble
+from analysis.identify.problem.layout import Layout
+from analysis.identify.problem.ramps import ramps
+from analysis.identify.servo.motion import play, speed_servo
+from analysis.identify.servo.starts import command_unit, limits, scaled, scales
 from analysis.recording import measurement
 from analysis.transfer_function import TransferFunctionModel
 from analysis.transfer_function.servo import play as reference_play

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from analysis import schema
 from analysis.recording import RecordingError, TimeSeries, rrd
 from analysis.recording import reader as recording
-from tests.twin import runs
+from tests.twin.recorder import runs
 from twin import viewer
 from twin.recorder import Recorder
 from twin.viewer import process

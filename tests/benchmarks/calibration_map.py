@@ -22,7 +22,7 @@ from hardware.rig import in_process
 from tests.hardware.linkage import GRID
 from twin.hil import RigOptions, device, mechanism_map
 from twin.physics import native
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 
 PLAIN = {"gimbal_backlash": 0.0, "gimbal_servo_dead_band": 0.0}
 SIDE = np.radians(1.5)  # of the approach, on both axes

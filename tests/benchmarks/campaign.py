@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 
 from analysis.compiled import njit
 from tests.benchmarks.timing import Row
-from tests.twin.campaigns import flown, linear, place, study
-from twin.campaigns.runs import Runs
+from tests.twin.campaigns.studies import flown, linear, place, study
+from twin.campaigns.flying.runs import Runs
 from twin.config import Fly
 from twin.experiments.assembly import make_plant
-from twin.experiments.fly import fly
+from twin.experiments.flight.fly import fly
 from twin.plant import plant as plants
-from twin.plant import stepping
 from twin.plant.compiled import compiled
-from twin.plant.smooth import Division, part
+from twin.plant.steps import stepping
+from twin.plant.steps.smooth import Division, part
 
 Floats = NDArray[np.float64]
 
@@ -50,8 +50,8 @@ def table() -> Iterator[Row]:
 def physics() -> Iterator[Row]:
     """A row against the bare steps of the same model, in processor time.
 
-    A flight divides its steps where forces change within one, `twin.plant.smooth`; the bare steps
-    are whole ones, and the same parts.
+    A flight divides its steps where forces change within one, `twin.plant.steps.smooth`; the bare
+    steps are whole ones, and the same parts.
     """
     for gimbal in ("linkage", "transfer-function"):
         config = Fly(gimbal=gimbal, programme="point", off_axis_deg=(20, 5), duration_s=LONGEST_S)

@@ -11,8 +11,8 @@ from tests.benchmarks.timing import Row
 from twin.config import Fly
 from twin.control import AttitudeController
 from twin.experiments.assembly import make_plant
-from twin.experiments.fly import fly
-from twin.experiments.own_controller import OwnController, load
+from twin.experiments.flight.fly import fly
+from twin.experiments.flight.own_controller import OwnController, load
 from twin.experiments.programme import setpoint
 from twin.gym import GimbalEnv
 from twin.loop.loop import Controller

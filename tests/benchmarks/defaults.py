@@ -20,7 +20,7 @@ from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
 from twin.plant.authority import control_config
 from twin.plant.compiled import compiled
-from twin.plant.compose import MJCF
+from twin.plant.model.compose import MJCF
 
 Array = np.ndarray
 EVERY_NS = 200_000_000

@@ -16,7 +16,7 @@ from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
 from twin.physics import native
 from twin.plant.authority import control_config, launch_of
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 from twin.plant.plant import Plant
 from twin.recorder import Recorder
 from twin.recorder.rows import Rows

@@ -10,7 +10,7 @@ import numpy as np
 
 from hardware.frames import AXES
 from twin.physics import native
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 from twin.plant.plant import Plant
 
 ANGLE = math.radians(4.0)

@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.twin.test_reference_gimbal import apart, flights
+from tests.twin.plant.test_reference_gimbal import apart, flights
 
 SECONDS = 15.0
 PROGRAMMES = {

@@ -14,10 +14,10 @@ import control
 import numpy as np
 
 from analysis.identify import identify
-from analysis.identify.assemble import assemble
+from analysis.identify.evidence.uncertainty import covariance, whole_jacobian
 from analysis.identify.identification import layout_of
-from analysis.identify.problem import Problem
-from analysis.identify.uncertainty import covariance, whole_jacobian
+from analysis.identify.problem.assemble import assemble
+from analysis.identify.problem.problem import Problem
 from analysis.recording import measurement
 
 LSB = math.radians(240.0 / 1023.0)  # 10 bits over a potentiometer of 240°

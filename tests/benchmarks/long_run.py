@@ -23,7 +23,7 @@ from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Sequence, SimulatedGimbal
 from twin.physics import native
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 from twin.plant.plant import Plant
 from twin.recorder import Recorder
 from twin.recorder.rows import Rows

@@ -5,9 +5,9 @@ RocketPy is flown with the same description, thrust curve, drag and air where an
 """  # noqa: E501
 
 from tests.benchmarks.rocketpy_flights import peer
-from tests.twin.test_measured_flights import FLIGHTS, PUBLIC, Public
+from tests.twin.experiments.test_measured_flights import FLIGHTS, PUBLIC, Public
 from twin.config import Fly
-from twin.experiments.fly import fly
+from twin.experiments.flight.fly import fly
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from tests.twin.test_guidance import closest, random_case
+from tests.twin.loop.test_guidance import closest, random_case
 
 
 def main(first: int = 1000, count: int = 40, gimbal: str = "transfer-function") -> None:

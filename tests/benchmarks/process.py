@@ -23,7 +23,8 @@ def table() -> Iterator[Row]:
         whole = statistics.median(seconds for seconds, _ in flights)
         numbers = json.loads(flights[-1][1])
         yield Row("twin fly, prompt to prompt, warm", whole, "s", most=4)
-        ours, theirs = (_imported(names) for names in ("twin.cli.main, twin.experiments.fly", PEER))
+        program = "twin.cli.main, twin.experiments.flight.fly"
+        ours, theirs = (_imported(names) for names in (program, PEER))
         yield Row("its imports", ours, "s", most=1.5, peer=theirs, note=f"import {PEER}")
         minute = out.stat().st_size / numbers["flight_time_s"] * 60 / 1e6
         yield Row("recording per simulated minute", minute, "MB", most=20)

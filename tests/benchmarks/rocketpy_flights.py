@@ -18,9 +18,9 @@ from typing import Any
 
 from tests.benchmarks.timing import Row
 from twin.config import Fly
-from twin.experiments.fly import fly
-from twin.plant import reuse
-from twin.plant.compose import MJCF
+from twin.experiments.flight.fly import fly
+from twin.plant.model import reuse
+from twin.plant.model.compose import MJCF
 
 PEER = Path(__file__).with_name("rocketpy_peer.py")
 VALETUDO = MJCF / "examples" / "flights" / "valetudo.toml"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.config import Fly, Step
-from twin.experiments.fly import fly
+from twin.experiments.flight.fly import fly
 from twin.experiments.step import step
 
 KINDS = ("none", "linkage")

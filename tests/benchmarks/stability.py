@@ -13,7 +13,7 @@ from twin.physics import aerodynamics as air
 from twin.physics import native
 from twin.physics.aerodynamics.stability import Stability
 from twin.plant.authority import control_config, fixed_point, launch_of, thrust_curve
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 from twin.plant.plant import Plant
 
 PERIOD, STEPS = 0.004, 4

@@ -73,7 +73,7 @@ def test_reference_vehicle_is_1_m_by_54_mm_around_the_gimbal_pivot() -> None:
 
 
 def test_reference_vehicle_is_stable_by_at_most_one_calibre_as_the_angle_goes_to_zero() -> None:
-    """Barrowman's terms alone; tests/twin/test_stability.py has what crossflow makes of it."""
+    """Barrowman's terms alone; what crossflow makes of it: tests/twin/physics/test_stability.py."""
     model = load("flight.xml")
     margins = []
     for t in (0.0, 99.0):

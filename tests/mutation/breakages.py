@@ -6,9 +6,9 @@ the whole suite stayed green; their tests have an independent truth.
 
 from tests.mutation.runner import Mutant
 
-_NATIVE = "tests/twin/test_native.py"
-_AERO = "tests/twin/test_aerodynamics.py"
-_CONTROL = "tests/twin/test_control.py"
+_NATIVE = "tests/twin/physics/test_native.py"
+_AERO = "tests/twin/physics/test_aerodynamics.py"
+_CONTROL = "tests/twin/loop/test_control.py"
 _FUSION = "tests/hardware/test_fusion.py"
 _CALIBRATION = "tests/hardware/test_calibration.py"
 _FAULTS = "tests/hardware/test_faults.py"
@@ -17,7 +17,7 @@ _CORE = "tests/hardware/test_firmware_core.py"
 _PROTOCOL = "tests/hardware/test_protocol.py"
 _PI = "tests/hardware/test_raspberry_pi.py"
 _PARTS = "tests/hardware/test_parts.py"
-_FLIGHT = "tests/twin/test_one_axis.py"
+_FLIGHT = "tests/twin/physics/test_one_axis.py"
 _AVR = "hardware/firmware/tvc_gimbal/"
 
 PLANTED = (
@@ -35,13 +35,13 @@ PLANTED = (
     ),
     Mutant(
         "covariance of every identified model × 0.25",
-        "analysis/identify/uncertainty.py",
+        "analysis/identify/evidence/uncertainty.py",
         "return np.asarray(slope @ cov @ slope.T)", "return np.asarray(slope @ cov @ slope.T) / 4",
         ("tests/analysis/test_identify_fit.py", "-k", "propagated"),
     ),
     Mutant(
         "covariance of the white noise × 0.25",
-        "analysis/identify/uncertainty.py",
+        "analysis/identify/evidence/uncertainty.py",
         "hermitian=True) / np.outer(scale, scale))",
         "hermitian=True) / np.outer(scale, scale)) / 4",
         ("tests/analysis/test_identify_coverage.py", "-k", "scores or uncertain"),
@@ -49,7 +49,7 @@ PLANTED = (
     Mutant(
         "shipped gimbal with 10 ms more delay",
         "mjcf/gimbal.json", "0.017966642773786703", "0.0279666427737867",
-        ("tests/twin/test_hil.py", "-k", "fly_alike"),
+        ("tests/twin/hil/test_hil.py", "-k", "fly_alike"),
     ),
     Mutant(
         "no ω×r in the normal force",
@@ -75,17 +75,17 @@ PLANTED = (
         "inertia of the propellant never updated",
         "twin/physics/motor/depletion.py",
         "    fuel.inertia[0] = transverse\n    fuel.inertia[1] = transverse\n", "",
-        ("tests/twin/test_motor.py", "-k", "mass_matrix or books"),
+        ("tests/twin/physics/test_motor.py", "-k", "mass_matrix or books"),
     ),
     Mutant(
         "masses above the propellant never updated",
         "twin/physics/motor/depletion.py", "fuel.subtree[fuel.chain[k]] += change", "pass",
-        ("tests/twin/test_motor.py", "-k", "mass_matrix or books"),
+        ("tests/twin/physics/test_motor.py", "-k", "mass_matrix or books"),
     ),
     Mutant(
         "friction of the gimbal × 4",
         "mjcf/mechanism.xml", 'frictionloss="0.001"', 'frictionloss="0.004"',
-        ("tests/twin/test_plant_gimbal.py", "-k", "triangle"),
+        ("tests/twin/plant/test_plant_gimbal.py", "-k", "triangle"),
     ),
     Mutant(
         "no conditional integration",
@@ -102,13 +102,13 @@ PLANTED = (
         "vehicle follows the oldest estimate of a tick",
         "twin/hil/gimbal.py",
         "state = self.readings.states[-1] if", "state = self.readings.states[0] if",
-        ("tests/twin/test_rig_gimbal.py",),
+        ("tests/twin/hil/test_rig_gimbal.py",),
     ),
     Mutant(
         "controller is given the rate of the simulation",
         "twin/hil/turntable.py",
         "self.rate[0] = rate[0] + faster * bx", "self.rate[0] = rate[0]",
-        ("tests/twin/test_turntable.py", "-k", "rate_given"),
+        ("tests/twin/hil/test_turntable.py", "-k", "rate_given"),
     ),
     Mutant(
         "sign of the gyro-bias correction in calibration",
@@ -178,7 +178,8 @@ PLANTED = (
            (_NATIVE, "-k", "formulas or recorded_flow")),
     Mutant("dead band of a servo twice as wide", "twin/physics/native/servo.py",
            "max(-half, min(half, error))", "max(-2 * half, min(2 * half, error))",
-           ("tests/twin/test_actuator.py", "tests/twin/test_mechanism.py", "-k", "dead or servo")),
+           ("tests/twin/physics/test_actuator.py", "tests/twin/physics/test_mechanism.py",
+            "-k", "dead or servo")),
     Mutant("gyro's delay left out of the filter", "hardware/fusion/kalman.py",
            "e = exp(-dt / delay) if delay > 0 else 0.0\n    return", "e = 0.0\n    return",
            (_FUSION, "-k", "discretisation")),

@@ -8,7 +8,8 @@ import pytest
 
 from hardware.fusion import BaseMap
 from twin.hil import connect
-from twin.recorder import lifetime, poses
+from twin.recorder import lifetime
+from twin.recorder.scene import poses
 
 CHECK, MEASURE = connect.check_motion, connect.measure_base
 BODIES, MESHES = poses.bodies, {}

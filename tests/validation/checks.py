@@ -13,17 +13,16 @@ from tests.analysis import test_margins, test_response, test_transfer_function
 from tests.benchmarks import coverage, rig_studies
 from tests.hardware import test_calibration_map
 from tests.mjcf import test_mechanism_clearance
-from tests.twin import (
+from tests.twin.experiments import test_measured_flights
+from tests.twin.experiments.test_measured_flights import PUBLIC
+from tests.twin.physics import (
     test_aerodynamics,
     test_air,
     test_free_flight,
-    test_integrators,
-    test_measured_flights,
     test_one_axis,
-    test_reference_gimbal,
     test_vehicle_shape,
 )
-from tests.twin.test_measured_flights import PUBLIC
+from tests.twin.plant import test_integrators, test_reference_gimbal
 from tests.validation.check import Check
 from twin.hil import mechanism_map
 from twin.physics.aerodynamics import density

@@ -12,24 +12,24 @@ from typing import Any
 import numpy as np
 
 from analysis.report import render
-from twin.campaigns.answers import answers
-from twin.campaigns.cluster import Cluster
-from twin.campaigns.engine import Engine, Work, lost_row
-from twin.campaigns.page import sections
-from twin.campaigns.parameters import Binding, binding
+from twin.campaigns.flying.cluster import Cluster
+from twin.campaigns.flying.engine import Engine, Work, lost_row
+from twin.campaigns.flying.runs import Runs, flown
+from twin.campaigns.flying.store import Store, column, counted, study_of
 from twin.campaigns.progress import Progress
-from twin.campaigns.result import CampaignResult, Verdict
-from twin.campaigns.reweight import reweighted
-from twin.campaigns.runs import Runs, flown
-from twin.campaigns.statistic import FEWEST, Condition, Estimate, condition
-from twin.campaigns.store import Store, column, counted, study_of
-from twin.campaigns.study import Stop, Study, read
-from twin.campaigns.vary import shown
+from twin.campaigns.results.answers import answers
+from twin.campaigns.results.page import sections
+from twin.campaigns.results.result import CampaignResult, Verdict
+from twin.campaigns.results.reweight import reweighted
+from twin.campaigns.sampling.parameters import Binding, binding
+from twin.campaigns.sampling.study import Stop, Study, read
+from twin.campaigns.sampling.vary import shown
+from twin.campaigns.statistics.statistic import FEWEST, Condition, Estimate, condition
 from twin.config.campaign import Campaign
 from twin.config.paths import dated
 from twin.errors import TwinError
-from twin.experiments.flight import FlightResult
-from twin.experiments.fly import fly
+from twin.experiments.flight.flight import FlightResult
+from twin.experiments.flight.fly import fly
 
 WARM_UP_S = 0.05  # of a flight that loads what all others need
 
@@ -185,7 +185,7 @@ def _with_paths(
     count: int, study: Study, runs: Runs, store: Store, made: CampaignResult
 ) -> CampaignResult:
     """The result with a recording of some paths."""
-    from twin.campaigns.bundle import bundle  # imports Rerun
+    from twin.campaigns.flying.bundle import bundle  # imports Rerun
 
     bound, out = binding(study.fly, study.vary, study.folder), store.folder / "paths.rrd"
     figure, about = made.answers.figure, f"# {study.title}\n\n{made.answers.text}"

@@ -3,7 +3,7 @@
 import time
 
 from twin import status
-from twin.campaigns.statistic import Estimate
+from twin.campaigns.statistics.statistic import Estimate
 
 
 class Progress:

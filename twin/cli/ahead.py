@@ -8,7 +8,7 @@ from analysis.compiled import cache_folder
 from twin import status
 from twin.cli.python import function
 from twin.config import Fly
-from twin.experiments.fly import fly as unrecorded
+from twin.experiments.flight.fly import fly as unrecorded
 
 
 def compile_all() -> tuple[float, str]:

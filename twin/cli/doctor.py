@@ -109,7 +109,7 @@ def doctor(config: Doctor) -> DoctorResult:
         return DoctorResult(tuple(Finding(*row) for row in examined(config.port)))
     if config.vehicle is None and config.mechanism is None:
         return DoctorResult(tuple(examine()))
-    from twin.plant.inspection import inspect_mechanism, inspect_vehicle
+    from twin.plant.model.inspection import inspect_mechanism, inspect_vehicle
 
     states: list[tuple[str, str]] = []
     if config.vehicle is not None:

@@ -8,9 +8,9 @@ from twin.config import ListParameters
 from twin.config.result import Result, Rows
 from twin.physics.native.names import ALL, Numeric
 from twin.plant.compiled import compiled
-from twin.plant.model import ModelConfig, load
-from twin.plant.overrides import DECIDED
-from twin.plant.overrides import parameters as values_of
+from twin.plant.model.model import ModelConfig, load
+from twin.plant.model.overrides import DECIDED
+from twin.plant.model.overrides import parameters as values_of
 
 MOST_SHOWN = 4  # values of one parameter
 NOT_SIMULATED = "gimbal_print_", "print_"  # dimensions of printed parts

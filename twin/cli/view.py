@@ -21,7 +21,7 @@ def view(config: View) -> int:
         raise TwinError("view: name one or more recordings (.rrd)")
     if len(config.recordings) == 1:
         return int(viewer.view(config.recordings[0], web=config.web, port=config.port) or 0)
-    from twin.recorder.together import write
+    from twin.recorder.layout.together import write
 
     with tempfile.TemporaryDirectory(prefix="twin-view-") as folder:
         both = Path(folder) / "together.rrd"

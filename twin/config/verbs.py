@@ -59,7 +59,7 @@ VERBS = (
     Verb("campaign", Campaign, "twin.campaigns.campaign:campaign"),
     Verb("replay", Replay, "twin.experiments.replay:replay"),
     Verb("rig", Rig, "twin.experiments.serve:rig"),
-    Verb("vehicle", Vehicle, "twin.experiments.vehicle:vehicle"),
+    Verb("vehicle", Vehicle, "twin.experiments.vehicle.vehicle:vehicle"),
     Verb("parameters", ListParameters, "twin.cli.parameters:parameters"),
     Verb("mechanism", Mechanism, "twin.experiments.mechanism:mechanism"),
     Verb("meshes", Meshes, "twin.experiments.mechanism.build:draw"),

@@ -15,7 +15,7 @@ from twin.hil.connect import RigOptions, calibration_of
 from twin.hil.history import Source, gimbal_angles
 from twin.plant.authority import stops
 from twin.plant.compiled import compiled
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 from twin.plant.plant import Plant
 
 SETTLE_STEPS = 500  # of 1 ms: the model rests at the first command before the record begins

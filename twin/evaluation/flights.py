@@ -102,7 +102,7 @@ def compare_flights(config: Compare, runs: list[Measurement], file: Path) -> Fli
     if any(f is None for f in found):
         still = runs[found.index(None)].name
         raise TwinError(f"compare: nothing flies in {still}; the other is a flight without gimbal")
-    from twin.recorder.together import write
+    from twin.recorder.layout.together import write
 
     first, second = (f for f in found if f is not None)
     path = path_difference(*(flight_path(r.recording) for r in runs), whole=True)

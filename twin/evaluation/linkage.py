@@ -22,9 +22,9 @@ from twin.evaluation.linkage_data import moves_of
 from twin.evaluation.words import quantity
 from twin.physics import native
 from twin.physics.mechanism.servo import apply_servo
-from twin.plant import overrides
 from twin.plant.compiled import compiled
-from twin.plant.model import ModelConfig, load
+from twin.plant.model import overrides
+from twin.plant.model.model import ModelConfig, load
 
 if TYPE_CHECKING:
     from analysis.linkage.fit import LinkageFit

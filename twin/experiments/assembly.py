@@ -11,11 +11,11 @@ import mujoco
 from twin.config import TURNTABLE, Fly, Run
 from twin.config.seats import MODELS, OF_SERVOS, is_rig
 from twin.errors import TwinError
-from twin.plant import integrators
-from twin.plant.model import ModelConfig, Seat, load
+from twin.plant.model.model import ModelConfig, Seat, load
 from twin.plant.plant import Plant
 from twin.plant.release import Release
-from twin.plant.smooth import MOVING, applies, longest_step, on_elastic_rail
+from twin.plant.steps import integrators
+from twin.plant.steps.smooth import MOVING, applies, longest_step, on_elastic_rail
 
 if TYPE_CHECKING:
     from hardware.calibration import Calibration
@@ -79,7 +79,7 @@ def _chooses(config: Run) -> TypeGuard[Fly]:
 
 
 def _divided(config: Run, model: mujoco.MjModel) -> TypeGuard[Fly]:
-    """Whether a run takes Runge-Kutta steps if nothing else is asked for, `twin.plant.smooth`."""
+    """Whether a run takes the Runge-Kutta steps of `twin.plant.steps.smooth` by default."""
     if applies(model):
         return isinstance(config, Fly)
     return _chooses(config) and longest_step(model) >= max(FINEST, config.dt or 0.0)

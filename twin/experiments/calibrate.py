@@ -16,7 +16,7 @@ from twin.config.seats import is_port
 from twin.errors import TwinError
 from twin.hil import RigGimbal, RigOptions, mechanism_map, open_rig, switch_angles
 from twin.plant.compiled import compiled
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 
 COMMAND_NS = 10_000_000
 STEP_NS = 2_000_000

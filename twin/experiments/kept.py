@@ -15,8 +15,8 @@ from analysis.recording import Recording
 from twin.config import Run
 from twin.errors import TwinError
 from twin.physics.motor import split_name
-from twin.plant.compose import OPENROCKET, SCENES, described_files, is_description
-from twin.plant.packing import MAIN, packed, unpack
+from twin.plant.model.compose import OPENROCKET, SCENES, described_files, is_description
+from twin.plant.model.packing import MAIN, packed, unpack
 
 R = TypeVar("R", bound=Run)
 LARGEST_KEPT = 200_000  # bytes of a text

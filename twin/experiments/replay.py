@@ -20,14 +20,14 @@ from twin.config.result import Result, Rows
 from twin.config.seats import MODELS, is_port, is_rig
 from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
-from twin.experiments.flight import FlightResult
-from twin.experiments.fly import fly
+from twin.experiments.flight.flight import FlightResult
+from twin.experiments.flight.fly import fly
 from twin.experiments.kept import Origin, origin, restored
 from twin.experiments.provenance import VERSIONS
 from twin.experiments.step import StepResult, step
-from twin.plant import integrators
 from twin.plant.compiled import compiled
 from twin.plant.plant import Plant
+from twin.plant.steps import integrators
 
 RECORDED_ANGLES = "(the rig's recorded angles do not react to a difference, so it grows)"
 CLOCKED = "timing/"  # signals that the wall clock alone decides

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from twin.config import OBJECT, Fly
 from twin.config.types import LARGEST_SEED
 from twin.errors import TwinError
-from twin.experiments.flight import PASSED
+from twin.experiments.flight.flight import PASSED
 from twin.gym.episode import Episode
 from twin.gym.observation import HIGH, LOW, Observation
 from twin.loop.loop import TIME_UP

@@ -8,7 +8,7 @@ from hardware.frames import GimbalState, Pair
 from twin.config import Fly
 from twin.control import AttitudeController
 from twin.errors import DivergenceError, TwinError
-from twin.experiments.flight import Flight
+from twin.experiments.flight.flight import Flight
 from twin.experiments.programme import setpoint
 from twin.experiments.session import Session
 from twin.gym.observation import Observation, Observer

@@ -10,7 +10,7 @@ from hardware.emulator import Drive, Wear
 from hardware.frames import AXES, Pair, Triple
 from twin.errors import DivergenceError, TwinError
 from twin.physics.mechanism.servo import GAIN, VOLTAGE
-from twin.plant.model import TwinModel
+from twin.plant.model.model import TwinModel
 from twin.plant.plant import LARGEST_SPEED
 
 # kg·m², N·m·s/rad: a blocked gear train turns 0.01°/s by the 0.02 N·m of a leaning motor. Damping

@@ -26,7 +26,7 @@ from twin.hil.gimbal import RigGimbal
 from twin.hil.simulated import Device, make_device, nominal_calibration, parameters
 from twin.hil.tolerances import vary
 from twin.hil.turntable import measure_base
-from twin.plant.model import ModelConfig, TwinModel, load
+from twin.plant.model.model import ModelConfig, TwinModel, load
 from twin.plant.plant import Plant
 
 OWN = (

@@ -14,8 +14,8 @@ from hardware.frames import AXES
 from twin.config.recorded import typed
 from twin.errors import TwinError
 from twin.hil.shadow import FIRST_NS, FRAME_NS, WIRE_NS, frame_after, rested, steps_of
-from twin.plant.model import ModelConfig, load
-from twin.plant.overrides import value
+from twin.plant.model.model import ModelConfig, load
+from twin.plant.model.overrides import value
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]

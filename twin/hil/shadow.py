@@ -15,7 +15,7 @@ from hardware.frames import Pair
 from hardware.protocol import BAUD, Command, Encoder, constants
 from twin.errors import DivergenceError, TwinError
 from twin.loop.readings import Readings
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]

@@ -5,8 +5,8 @@ import numpy as np
 
 from hardware.frames import AXES, Pair
 from twin.physics.mechanism import Kinematics
-from twin.plant.model import TwinModel
-from twin.plant.stepping import Drive, drive
+from twin.plant.model.model import TwinModel
+from twin.plant.steps.stepping import Drive, drive
 
 ACTUATORS = {
     "linkage": "gimbal_servo_{}",

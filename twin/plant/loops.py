@@ -11,7 +11,7 @@ from twin.config import Fly
 from twin.control.attitude import ControlConfig
 from twin.physics.motor import Depletion
 from twin.plant.authority import control_config, lever_and_inertia
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.model import ModelConfig, load
 
 _USUAL = 1.5  # gains up to this factor from 1 need no look at the loop, which imports for a second
 

@@ -13,13 +13,13 @@ from hardware.frames import AXES, GimbalState, Pair
 from twin.errors import DivergenceError, TwinError
 from twin.physics.mechanism import closure_limit
 from twin.physics.motor import Depletion
-from twin.plant import integrators, stepping
 from twin.plant.actuation import Actuation
 from twin.plant.flow import Flow
-from twin.plant.model import TwinModel
+from twin.plant.model.model import TwinModel
 from twin.plant.release import Release
 from twin.plant.rods import Rods
-from twin.plant.smooth import SAME, division, longest_step, part, undivided
+from twin.plant.steps import integrators, stepping
+from twin.plant.steps.smooth import SAME, division, longest_step, part, undivided
 
 Array = NDArray[np.float64]
 

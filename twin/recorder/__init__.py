@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from twin.recorder.checks import RecorderError
-from twin.recorder.detached import DetachedRecorder
+from twin.recorder.process.detached import DetachedRecorder
 from twin.recorder.sink import Sink
 
 if TYPE_CHECKING:

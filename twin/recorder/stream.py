@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import schema
 from analysis.recording import rrd
-from twin.recorder import blueprint, columns, lifetime
+from twin.recorder import columns, lifetime
 from twin.recorder.checks import (
     RecorderError,
     checked,
@@ -20,9 +20,10 @@ from twin.recorder.checks import (
     refuse_taken,
     title,
 )
-from twin.recorder.held import THRUST, in_force, since_1970
-from twin.recorder.look import Look
-from twin.recorder.poses import Poses
+from twin.recorder.layout import blueprint
+from twin.recorder.layout.held import THRUST, in_force, since_1970
+from twin.recorder.layout.look import Look
+from twin.recorder.scene.poses import Poses
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
 from twin.viewer.process import LOOPBACK
 

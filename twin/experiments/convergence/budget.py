@@ -9,7 +9,7 @@ import numpy as np
 from hardware.frames import GimbalCommand
 from twin.config import Converge
 from twin.experiments.convergence.flights import Loop, tick_of
-from twin.plant.model import TwinModel
+from twin.plant.model.model import TwinModel
 
 TICKS = 150
 WARM = 20

@@ -18,11 +18,11 @@ from twin.experiments.programme import setpoint
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
 from twin.loop.seats import Pilot, SimulatedGimbal
-from twin.plant.adams_bashforth import AdamsBashforth
 from twin.plant.authority import control_config
-from twin.plant.compose import MJCF
-from twin.plant.model import ModelConfig, TwinModel, load
+from twin.plant.model.compose import MJCF
+from twin.plant.model.model import ModelConfig, TwinModel, load
 from twin.plant.plant import Plant
+from twin.plant.steps.adams_bashforth import AdamsBashforth
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from twin.physics.mechanism import Kinematics, mobility
 from twin.physics.mechanism.clearance import Clearance, Gap
 from twin.physics.mechanism.torque import Torque, holding
 from twin.plant.authority import numeric, stroke
-from twin.plant.compose import MJCF
-from twin.plant.model import ModelConfig, load
+from twin.plant.model.compose import MJCF
+from twin.plant.model.model import ModelConfig, load
 
 MICROSECOND = 1e-6  # s, step of a servo's pulse
 REFERENCE = MJCF / "mechanism.xml"

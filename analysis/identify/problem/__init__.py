@@ -1,0 +1,1 @@
+"""The least-squares problem of one axis: samples, parameters, weights, columns."""

@@ -1,0 +1,1 @@
+"""Servos of bounded speed, with dead band and backlash: motion, search, fit."""

@@ -1,0 +1,175 @@
+"""Fit of a bounded servo: linear part and delay together with rate limit, dead band and backlash.
+
+Three places for the bound are tried, because servos differ in it, and the one that predicts steps
+held out best is kept. `speed`: the servo's own loop saturates (`servo_motion`). `command`: the
+command is limited to ramps ahead of the linear part (`ramps`). `set-point`: as `speed`, behind a
+set point of bounded speed, with a limit each way. Gain, offsets and biases enter linearly and are
+solved for in every step.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.array import Array
+from analysis.identify import progress
+from analysis.identify.errors import IdentificationError
+from analysis.identify.linear.starts import ROWS, thinned
+from analysis.identify.problem.noise import Mask, Pair, quantisation
+from analysis.identify.problem.problem import Problem
+from analysis.identify.problem.segments import step_folds
+from analysis.identify.servo.dead_band import static_dead_band
+from analysis.identify.servo.descent import descend, in_units, loss_of, prepared, project, settled
+from analysis.identify.servo.fit import ServoFit
+from analysis.identify.servo.reached import without_idle_limits
+from analysis.identify.servo.starts import grid_of_starts, reverses, scales, with_values
+from analysis.transfer_function.servo import Structure
+
+_FOLLOWED = 3
+_FOLDS = 4
+_WORTH = 0.97  # of the held-out loss: what a parameter more must save
+
+
+def search_servo(
+    problem: Problem,
+    axis: int,
+    *,
+    max_delay: float,
+    structure: Structure | None = None,
+    keep: Mask | None = None,
+) -> ServoFit:
+    """Fit a bounded servo to one axis, driven by the command of the same number.
+
+    Raises
+    ------
+    IdentificationError : the layout has zeros or more than two poles, which no bounded servo here
+        has
+    """
+    if problem.layout.zeros or problem.layout.poles not in (1, 2):
+        raise IdentificationError(
+            f"servo: fitted with 1 or 2 poles and no zeros, not {problem.layout.poles} and "
+            f"{problem.layout.zeros}; leave zeros away or fit without the servo"
+        )
+    kept = np.ones(len(problem.measured), dtype=bool) if keep is None else keep
+    floor = quantisation(problem)
+    problem, alike, unit = prepared(problem, axis, kept, floor)
+    tried: tuple[Structure, ...] = ("speed", "command", "set-point")
+    if structure is not None:
+        tried = (structure,)
+    elif problem.layout.poles == 1 or not reverses(problem, axis):
+        # steps one way only do not show what becomes of small motions to and fro
+        tried = ("speed", "command")
+    fits = []
+    for s in tried:
+        progress.say(f"servo of structure {s}")
+        fits.append(_fit(alike, axis, s, max_delay, kept, floor))
+    losses = {
+        f.structure: loss * (1.0 if f.structure != "set-point" else 1.0 / _WORTH)
+        for f, loss in fits
+    }
+    best = min((f for f, _ in fits), key=lambda f: losses[f.structure])
+    best = without_idle_limits(best, axis, max_delay)
+    return replace(in_units(best, problem, unit), losses=losses)
+
+
+def _fit(
+    problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair
+) -> tuple[ServoFit, float]:
+    """Judge a grid of starts, follow the best few, settle the noise; also the loss held out."""
+    poles = problem.layout.poles
+    starts = grid_of_starts(problem, max_delay, structure)
+    if not reverses(problem, axis):
+        starts = [with_values(s, [poles + 3], np.zeros(1)) for s in starts]
+    few = thinned(problem, ROWS)
+    tight = _always(problem, axis, structure)
+    theta = _best(few, axis, structure, starts, max_delay, tight)
+    static = static_dead_band(problem, axis)
+    free, theta, held_out = _worth_having(few, axis, structure, theta, starts, max_delay, static)
+    fit = settled(problem, axis, structure, theta, free, max_delay, kept, floor)
+    return fit, held_out
+
+
+def _best(
+    problem: Problem,
+    axis: int,
+    structure: Structure,
+    starts: list[Array],
+    max_delay: float,
+    free: NDArray[np.intp],
+) -> Array:
+    """Where the best few of the starts lead, the lowest of them."""
+    ranked = sorted(starts, key=lambda t: loss_of(problem, axis, structure, t))[:_FOLLOWED]
+    ended = [descend(problem, axis, structure, t, max_delay, free)[0] for t in ranked]
+    return min(ended, key=lambda t: loss_of(problem, axis, structure, t))
+
+
+def _always(problem: Problem, axis: int, structure: Structure) -> NDArray[np.intp]:
+    """Parameters that are always searched: of `set-point` all that a motion shows, else no play."""
+    poles = problem.layout.poles
+    if structure != "set-point":
+        return np.arange(poles + 2)
+    every = np.arange(poles + 6)
+    return every if reverses(problem, axis) else np.delete(every, poles + 3)
+
+
+def _worth_having(
+    problem: Problem,
+    axis: int,
+    structure: Structure,
+    theta: Array,
+    starts: list[Array],
+    max_delay: float,
+    static: float,
+) -> tuple[NDArray[np.intp], Array, float]:
+    """Which parameters to free, and where to start: dead band and backlash if they predict steps.
+
+    On the steps it is fitted to, a second excuse for a static error always helps; so steps held
+    out decide. Where the gimbal settled, the dead band is read off there (`static_dead_band`).
+    Backlash shows only where the motion reverses: elsewhere it is gain by another name.
+    """
+    poles = problem.layout.poles
+    tight = _always(problem, axis, structure)
+    band, play_ = poles + 2, poles + 3
+    if structure == "speed":
+        theta = with_values(theta, [band], np.array([static]))
+    choices = [(tight, theta)]
+    extra = [[band]] if structure == "speed" else []
+    if structure != "set-point" and reverses(problem, axis):
+        extra += [[play_], [band, play_]] if structure == "speed" else [[play_]]
+    least = scales(problem, structure)
+    for more in extra:
+        free = np.concatenate([tight, more])
+        # settled angles fall short by a dead band or by half of a backlash: they cannot tell which
+        shares = [static / len(more) if k == band else 2.0 * static / len(more) for k in more]
+        values = np.maximum(shares, least[more])
+        begins = [
+            with_values(with_values(t, [band], np.zeros(1)), more, values) for t in (theta, *starts)
+        ]
+        choices.append((free, _best(problem, axis, structure, begins, max_delay, free)))
+    folds = step_folds(problem, axis, _FOLDS)
+    losses = []
+    for free, start in choices:
+        loss = 0.0
+        for fold in folds:
+            training = problem.weighed(np.where(fold, 0.0, problem.weight))
+            found, _ = descend(training, axis, structure, start, max_delay, free)
+            loss += _held_out(problem, project(training, axis, structure, found)[2], fold)
+        losses.append(loss)
+    best = int(np.argmin(losses))
+    if losses[best] >= _WORTH * losses[0]:
+        best = 0
+    return *choices[best], losses[best]
+
+
+def _held_out(problem: Problem, residual: Array, fold: Mask) -> float:
+    """Weighted squares of the held-out residual around each record's own offset."""
+    total = 0.0
+    for index in range(len(problem.parts)):
+        for is_rate in (False, True):
+            rows = fold & (problem.owner == index) & (problem.is_rate == is_rate)
+            rows &= problem.weight > 0.0
+            if rows.any():
+                centred = residual[rows] - residual[rows].mean()
+                total += float(np.sum((centred * problem.weight[rows]) ** 2))
+    return total

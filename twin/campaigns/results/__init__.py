@@ -1,0 +1,1 @@
+"""Answers of a study, for people and machines."""

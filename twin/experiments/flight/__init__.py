@@ -1,0 +1,1 @@
+"""`twin fly`: one flight, what it passes through, its result."""

@@ -1,0 +1,1 @@
+"""From MJCF files and settings to the compiled model of a run."""

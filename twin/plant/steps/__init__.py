@@ -1,0 +1,1 @@
+"""Integrators: how a plant advances in time."""

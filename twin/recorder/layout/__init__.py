@@ -1,0 +1,1 @@
+"""What the viewer shows of a recording: views, plots, states, colours."""
