@@ -33,7 +33,13 @@ def main() -> int:
     """Write or check the stub."""
     text = written()
     if "--check" in sys.argv:
-        return int(STUB.read_text(encoding="utf-8") != text)
+        old = STUB.read_text(encoding="utf-8") != text
+        print(
+            f"{STUB.name}: out of date; run python .ci/stub.py"
+            if old
+            else f"{STUB.name}: up to date"
+        )
+        return int(old)
     STUB.write_text(text, encoding="utf-8")
     return 0
 

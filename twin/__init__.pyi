@@ -24,10 +24,10 @@ from twin.experiments.flight.flight import FlightResult
 from twin.experiments.mechanism.figures import MechanismResult
 from twin.experiments.mechanism.search import SearchResult
 from twin.experiments.mirror import MirrorResult
-from twin.experiments.vehicle.openrocket import ImportResult
 from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
+from twin.experiments.vehicle.openrocket import ImportResult
 from twin.experiments.vehicle.vehicle import BuildResult
 from twin.experiments.vehicle.vehicle import VehicleResult
 from twin.workflows.demo.result import DemoResult
