@@ -72,8 +72,9 @@ def flown(recording: Recording) -> Flown | None:
         numbers |= {"margin_loaded": margin[0], "margin_empty": margin[1]}
     if "apogee_m" in numbers:
         numbers.pop("max_height_m", None)
-    if {"apogee_s", "flight_time_s"} <= numbers.keys():
-        numbers["descent_s"] = numbers["flight_time_s"] - numbers["apogee_s"]
+    known = _finite(stored)
+    if {"apogee_s", "flight_time_s"} <= known.keys():
+        numbers["descent_s"] = known["flight_time_s"] - known["apogee_s"]
     texts = {n: t[:LONGEST] for n in ("ended", "wind") if isinstance(t := stored.get(n), str) and t}
     missed = stored.get("missed")
     if isinstance(missed, list) and missed:
@@ -124,6 +125,7 @@ def _path(recording: Recording) -> dict[str, float]:
     }
     if 0 < top < len(time) - 1:
         found |= {"apogee_m": float(way[top, 2]), "apogee_s": float(time[top])}
+        found["descent_s"] = float(time[-1] - time[top])
     if VELOCITY in recording.series:
         velocity = recording[VELOCITY]
         climbing = velocity.values[velocity.time <= time[top]]
@@ -139,7 +141,8 @@ def _finite(stored: Mapping[str, object]) -> dict[str, float]:
 
 
 def _number(value: object) -> float | None:
-    fits = isinstance(value, int | float) and abs(value) < LARGEST  # neither inf nor NaN
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    fits = number and abs(value) < LARGEST  # type: ignore[arg-type]  # neither inf nor NaN
     return float(value) if fits else None  # type: ignore[arg-type]
 
 

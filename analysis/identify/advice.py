@@ -68,6 +68,8 @@ class Content:
 
 def advice(what: str, value: float, half: float, bar: float, has: Content) -> str:
     """What would bring the half width of an interval down to its bar."""
+    if np.isnan(value):
+        return "fit with --poles 2: bounds of a servo are fitted with 1 or 2 poles"
     linear = what in ("delay", "natural frequency", "damping", "time constant")
     if linear and has.fewer:
         return f"fit with --poles {has.fewer}, which explains the readings as well"

@@ -142,7 +142,9 @@ def bounded(
     estimates = [
         Estimate(f"{output} {what}", least[what], np.nan, unit, False, True)
         if what in least
-        else Estimate(f"{output} {what}", 0.0, upper[what] / 1.96, unit)
+        else Estimate(
+            f"{output} {what}", 0.0, upper[what] / 1.96, unit, bool(np.isfinite(upper[what]))
+        )
         if what in upper
         else Estimate(f"{output} {what}", float(v), float(s), unit, not 1.96 * s > abs(v) > 0.0)
         for (what, unit), v, s in zip(names, values, std, strict=False)

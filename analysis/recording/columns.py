@@ -81,6 +81,7 @@ def measurement_of_table(
     AnalysisError : unknown columns and units, stamps that are hardly in seconds, and what no
         `Measurement` may hold
     """
+    table = table.dated(columns.time)
     unit = columns.unit or "rad"
     input_unit = columns.input_unit or unit
     scale, own = _scale(unit), _scale(input_unit)
@@ -90,7 +91,9 @@ def measurement_of_table(
     if seconds is None:
         _check_seconds(table.source, columns.time, table.column(columns.time))
         seconds = 1.0
-    given = None if columns.commands is None else tables.read(columns.commands)
+    given = None
+    if columns.commands is not None:
+        given = tables.read(columns.commands).dated(columns.time)
     commands, held = _filled(given or table, columns.inputs)
     run = measurement(
         _unwrapped(table.column(columns.time)) * seconds,
@@ -127,7 +130,7 @@ def commands_of_table(
     AnalysisError : unknown columns, stamps that do not increase or are hardly in seconds, and
         commands that are not finite
     """
-    table = tables.read(path)
+    table = tables.read(path).dated(time)
     stamps = _unwrapped(table.column(time))
     if time_scale is None:
         _check_seconds(table.source, time, stamps)

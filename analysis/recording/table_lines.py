@@ -3,10 +3,11 @@
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 
-SAMPLE = 8192  # characters, from which the form of a file is told
+SAMPLE = 8192  # characters, from which the form of a file follows
 STAMP = "monitor_time"  # column of a serial monitor's stamps
 MISSING = frozenset({"", "na", "n/a", "#n/a", "null", "none"})  # float() reads "nan" itself
 LONGEST_FIELD = 256  # characters
@@ -38,15 +39,16 @@ class TableLines:
     """
 
     def __init__(self, file: Iterable[str], sample: str) -> None:
-        lines = sample.splitlines()
-        if len(sample) >= SAMPLE:
+        lines = re.split(r"\r\n?|\n", sample)  # as the file's lines, which other marks do not end
+        if len(sample) >= SAMPLE and len(lines) > 1:
             lines.pop()  # perhaps cut
         self.stamped = _mostly(lambda line: _STAMPED.match(line) is not None, lines)
         if self.stamped:
             lines = [_STAMPED.sub("", line, count=1) for line in lines]
         self.names: list[str] = []
         if _mostly(lambda line: bool(_labelled(line)), lines):
-            self.names = [name for name, _ in next(filter(None, map(_labelled, lines)))]
+            found = Counter(tuple(f) for f in map(_labelled, lines) if f)
+            self.names = list(found.most_common(1)[0][0])
         self.delimiter = "," if self.names else _delimiter(lines)
         self._begin = 0 if self.names else _first_line(lines, self.delimiter)
         self._file = iter(file)
@@ -62,8 +64,7 @@ class TableLines:
         if _SEPARATOR.match(line):
             return "\n"
         if line.startswith(_COMMENTS):
-            self.comment = self._aligned(line).lstrip("#%/ ").rstrip()
-            return "\n"
+            return self._commented(line)
         row = self._row(line) if self.number > self._begin else None
         if row is None:
             self.text += bool(line.strip())
@@ -77,12 +78,20 @@ class TableLines:
             if match is None:
                 return None
             stamp, line = match[1] + self.delimiter, line[match.end() :]
+            if line.startswith(_COMMENTS):
+                return self._commented(line)
         if self.names:
             found = _labelled(line)
-            if found is None or [name for name, _ in found] != self.names:
+            if found is None:
                 return None
-            line = ",".join(value for _, value in found)
+            line = ",".join(found.get(name, "") for name in self.names)
+            if not found.keys() >= set(self.names):
+                line += ",0,0"  # a row of another length
         return stamp + self._aligned(line) if line.strip() else line
+
+    def _commented(self, line: str) -> str:
+        self.comment = self._aligned(line).lstrip("#%/ ").rstrip()
+        return "\n"
 
     def _aligned(self, line: str) -> str:
         """One blank between columns that are aligned by blanks."""
@@ -116,26 +125,27 @@ def instant(text: str) -> datetime | None:
 
 
 def _mostly(holds: Callable[[str], bool], lines: Sequence[str]) -> bool:
-    told = [holds(line) for line in lines if line.strip()]
-    return 2 * sum(told) > len(told)
+    held = [holds(line) for line in lines if line.strip()]
+    return 2 * sum(held) > len(held)
 
 
-def _labelled(line: str) -> list[tuple[str, str]] | None:
+def _labelled(line: str) -> dict[str, str] | None:
     """Names and values of a line that states both; None of any other."""
     line = line.strip()
     if line.startswith("{"):
         return _of_json(line)
-    found, at = [], 0
+    found: dict[str, str] = {}
+    at = 0
     while at < len(line):
         match = _LABELLED.match(line, at)
         if match is None or math.isinf(number(match[2], decimal_comma=False)):
             return None
-        found.append((match[1].strip(), match[2]))
+        found[match[1].strip()] = match[2]
         at = match.end()
     return found or None
 
 
-def _of_json(line: str) -> list[tuple[str, str]] | None:
+def _of_json(line: str) -> dict[str, str] | None:
     try:
         found = json.loads(line) if len(line) <= _LONGEST_JSON else None
     except (ValueError, RecursionError):
@@ -143,7 +153,7 @@ def _of_json(line: str) -> list[tuple[str, str]] | None:
     if not isinstance(found, dict):
         return None
     numbers = {k: v for k, v in found.items() if v is None or type(v) in (int, float)}
-    return [(k, "" if v is None else repr(v)) for k, v in numbers.items()] or None
+    return {k: "" if v is None else repr(v) for k, v in numbers.items()} or None
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
@@ -174,13 +184,17 @@ def _delimiter(lines: Sequence[str]) -> str:
 
 def _first_line(lines: Sequence[str], delimiter: str) -> int:
     """Lines before the first of a table: above its numbers, of as many fields."""
-    begin = next((k for k, line in enumerate(lines) if _numbers(line, delimiter) > 1), 0)
+    counts = [_numbers(line, delimiter) for line in lines]
+    usual = Counter(c for c in counts if c > 1).most_common(1)
+    begin = counts.index(usual[0][0]) if usual else 0
     wide = len(_fields(lines[begin].strip(), delimiter)) if lines else 0
     found = None  # of names or units, without gaps, right above the numbers or above text there
     for k in range(begin - 1, -1, -1):
+        if found is not None and not lines[k].strip():
+            break
         if not lines[k].strip() or lines[k].startswith(_COMMENTS):
             continue
-        if len(_fields(lines[k].strip(), delimiter)) == wide:
+        if len(_fields(lines[k].strip(), delimiter)) == wide and not counts[k]:
             found = k
         elif found is not None:
             break

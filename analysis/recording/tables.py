@@ -4,7 +4,7 @@ import csv
 import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -14,7 +14,7 @@ from analysis import limited
 from analysis.array import Array
 from analysis.files import opened
 from analysis.recording.table_lines import SAMPLE, TableLines
-from analysis.recording.text_table import columns_of
+from analysis.recording.text_table import STRAY, columns_of
 from analysis.schema import AnalysisError, unknown
 
 LARGEST_FILE = 1 << 30  # bytes
@@ -58,6 +58,22 @@ class Table:
         if name in self.unusable:
             raise AnalysisError(self.unusable[name])
         return self.columns[name]
+
+    def dated(self, time: str) -> "Table":
+        """The table without the rows that have no stamp, with a note; as it is if they are many.
+
+        Raises
+        ------
+        AnalysisError : as `column`
+        """
+        stamped = ~np.isnan(self.column(time))
+        lost = len(stamped) - int(stamped.sum())
+        if not 0 < lost <= STRAY * len(stamped):
+            return self
+        columns = {n: c[stamped] if len(c) == len(stamped) else c for n, c in self.columns.items()}
+        said = f"{lost} row{'s' * (lost > 1)} without a stamp in '{time}' left out"
+        note = f"{self.note}; {said}" if self.note else said
+        return replace(self, columns=MappingProxyType(columns), note=note)
 
     def stack(self, names: Sequence[str]) -> Array:
         """Several columns of one length (n, len(names)).

@@ -83,6 +83,8 @@ def _check_names(source: str, names: Sequence[str]) -> None:
             f"{source}: the first row holds numbers; it must name the columns, {example}"
         )
     for name in names:
+        if any(ord(c) < 32 or ord(c) == 127 for c in name):
+            raise AnalysisError(f"{source}: a column is called {name!r}, with control characters")
         if names.count(name) > 1:
             raise AnalysisError(f"{source}: two columns are called '{name}'")
 

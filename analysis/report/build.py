@@ -107,7 +107,7 @@ def simulated(reference: Measurement, name: str, model: TransferFunctionModel) -
     if missing or set(model.inputs) - {a.component for a in reference.axes}:
         raise AnalysisError(
             f"model {name} moves {', '.join(model.inputs)}; {reference.name} has "
-            f"{', '.join(a.component for a in reference.axes)}"
+            f"{', '.join(a.component for a in reference.axes) or 'no gimbal that moved'}"
         )
     time = reference.command.time
     dt = float(np.median(np.diff(time)))

@@ -140,7 +140,8 @@ def _numbers(
             responses[axis.component] = frequency_response(axis)
         except AnalysisError:
             continue  # the figures' note says it already
-    time = run.angles.time
+    time = run.angles.known().time
+    time = time if len(time) else run.angles.time
     return RunNumbers(
         run.name,
         run.motion,

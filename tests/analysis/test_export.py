@@ -168,7 +168,10 @@ def test_the_path_on_the_map_is_that_of_an_independent_conversion(flight, tmp_pa
     export.write(export.FORMATS["kml"], flight, path, export.Origin(*origin))
     names = [e.text for e in ET.parse(path).iter(f"{{{kml.NAMESPACE}}}name")]
     assert names[:2] == ["flight", "path"]
-    assert names[3].startswith("highest point, 2.0 s, ")
+    height = recording.read(flight)["vehicle/position"].values[:, 2]
+    assert (
+        names[3] == f"highest point, 2.0 s, {height.max() - height[0]:.0f} m above the launch point"
+    )
 
 
 def test_a_map_leaves_out_places_that_are_not_known(tmp_path):

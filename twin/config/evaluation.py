@@ -189,7 +189,7 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
 
 @dataclass(frozen=True)
 class Compare(Columns, Output, Parameters):
-    """Compare two motions of a gimbal, for example simulated and measured."""
+    """Compare two motions of a gimbal (simulated and measured), or flights without a gimbal."""
 
     group: ClassVar[str] = "comparison"
 
@@ -217,7 +217,7 @@ class Compare(Columns, Output, Parameters):
     longest_delay_ms: Milliseconds = 250.0
     """Longest delay of one motion behind the other that is searched [ms]."""
     out: Path | None = None
-    """Recording of both and their difference; runs/compare-DATE-TIME.rrd if omitted."""
+    """Recording of both, and of gimbals their difference; runs/compare-DATE-TIME.rrd if omitted."""
 
     def validate(self) -> None:
         """Refuse settings without effect or in contradiction.

@@ -17,6 +17,7 @@ class Mechanism(Output):
     group: ClassVar[str] = "mechanism"
     effective = MappingProxyType(
         {
+            "load_g": ("action", ("show", "check", "search")),
             "gap_mm": ("action", ("check", "search")),
             "wall_mm": ("action", ("search",)),
             "stroke_deg": ("action", ("search",)),

@@ -7,7 +7,7 @@ from pathlib import Path
 from analysis.comparison import PathDifference, flight_path, path_difference
 from analysis.flown import FIGURES, Flown, flown
 from analysis.plain import plain
-from analysis.recording import Measurement
+from analysis.recording import Measurement, rrd
 from twin.config import Compare
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
@@ -90,6 +90,7 @@ def compare_flights(config: Compare, runs: list[Measurement], file: Path) -> Fli
         ("--fail-below", config.fail_below is not None),
         ("--drift", config.drift),
         ("--explain", config.explain),
+        ("--longest-delay-ms", config.longest_delay_ms != Compare.longest_delay_ms),
     ):
         if given:
             passive = next(r.name for r in runs if r.recording.passive)
@@ -108,6 +109,9 @@ def compare_flights(config: Compare, runs: list[Measurement], file: Path) -> Fli
     path = path_difference(*(flight_path(r.recording) for r in runs), whole=True)
     part = file.with_name(f"{file.name}.partial")
     write(config.recordings, part)
+    if not rrd.complete(part):
+        part.unlink(missing_ok=True)
+        raise TwinError(f"cannot finish {file}: its end is missing; is the disk full?")
     part.replace(file)
     east, north = (
         second.numbers.get(k, math.nan) - first.numbers.get(k, math.nan)

@@ -30,6 +30,8 @@ def history(config: History) -> HistoryResult:
     ------
     TwinError, AnalysisError : no recordings of one board, in one line
     """
+    if not config.recordings:
+        raise TwinError("history: name recordings (.rrd), or folders of them")
     out = named(config.out, "history", ".html", ".htm", force=config.force)
     runs, left_out = _runs(_files(config.recordings))
     board, own = _of_one_board(runs, config)

@@ -20,7 +20,7 @@ from analysis.identify import (
     fit_to,
     identify_gimbal,
 )
-from analysis.identify.progress import told_to
+from analysis.identify.progress import reported_to
 from analysis.plain import plain
 from analysis.recording import Measurement
 from analysis.transfer_function import Margins, TransferFunctionModel, margins
@@ -154,7 +154,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
     source = given(config, config.sources)
     runs = source.runs
     held_back = [given(config, (file,)).runs[0] for file in config.check]
-    with warnings.catch_warnings(), told_to(status.say):
+    with warnings.catch_warnings(), reported_to(status.say):
         warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are reported as unknown
         poles, zeros, scores = _order(config, runs)
         model = identify_gimbal(
@@ -224,7 +224,7 @@ class InformationResult(Result):
 
 def _information(config: Identify) -> InformationResult:
     source = given(config, config.sources)
-    with warnings.catch_warnings(), told_to(status.say):
+    with warnings.catch_warnings(), reported_to(status.say):
         warnings.simplefilter("ignore", RuntimeWarning)
         found = expectations(source.runs, config.poles, max_delay=longest(config))
     notes = tuple(f"{r.name}: {r.note}" for r in source.runs if r.note)

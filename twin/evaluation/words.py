@@ -12,7 +12,7 @@ def estimated(e: Estimate) -> str:
     if e.at_least:
         scale, unit = _READ_AS.get(e.unit, (1.0, f" {e.unit}"))
         return f"at least {scale * e.value:.3g}{unit} (never reached in this record)"
-    if e.value == 0.0 and e.name.endswith(("dead band", "backlash")):
+    if e.determined and e.value == 0.0 and e.name.endswith(("dead band", "backlash")):
         return below(1.96 * e.std, e.unit)
     return quantity(e.value, 1.96 * e.std, e.unit, determined=e.determined)
 

@@ -161,10 +161,11 @@ def excitation(config: Step) -> Excitation:
 
 
 def _check_amplitude(config: Step, ends: float | None) -> None:
-    if ends is not None and math.radians(config.amplitude_deg) > ends * (1.0 + 1e-9):
+    limit = math.pi / 2 if ends is None else ends
+    if math.radians(config.amplitude_deg) > limit * (1.0 + 1e-9):
         raise TwinError(
-            f"--amplitude-deg {config.amplitude_deg:g}: must be at most {math.degrees(ends):g}°,"
-            " the stops of the mechanism"
+            f"--amplitude-deg {config.amplitude_deg:g}: must be at most {math.degrees(limit):g}°,"
+            f" {'the stops of the mechanism' if ends else 'of a mechanism without stops'}"
         )
 
 

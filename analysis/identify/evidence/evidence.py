@@ -38,6 +38,8 @@ class Estimate(Plain):
         """Interval of 95 % confidence."""
         if self.at_least:
             return self.value, np.inf
+        if self.value == 0.0 and self.name.endswith(("dead band", "backlash")):
+            return 0.0, 1.96 * self.std  # neither is negative
         return self.value - 1.96 * self.std, self.value + 1.96 * self.std
 
     def to_dict(self) -> dict[str, object]:

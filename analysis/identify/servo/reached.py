@@ -84,7 +84,8 @@ def left_out(fit: ServoFit, axis: int, max_delay: float, excess: float) -> dict[
                     high = middle
                     continue
             low, near = middle, at
-        found[name] = float(np.exp(high))
+        shown = high < np.log(highest[place])  # else nothing speaks against the largest
+        found[name] = float(np.exp(high)) if shown else np.inf
     return found
 
 

@@ -1,10 +1,10 @@
 """Fit of a bounded servo: linear part and delay together with rate limit, dead band and backlash.
 
 Three places for the bound are tried, because servos differ in it, and the one that predicts steps
-held out best is kept. `speed`: the servo's own loop saturates (`servo_motion`). `command`: the
-command is limited to ramps ahead of the linear part (`ramps`). `set-point`: as `speed`, behind a
-set point of bounded speed, with a limit each way. Gain, offsets and biases enter linearly and are
-solved for in every step.
+held out best is kept. `speed`: the servo's own loop saturates (`servo.motion`). `command`: the
+command is limited to ramps ahead of the linear part (`problem.ramps`). `set-point`: as `speed`,
+behind a set point of bounded speed, with a limit each way. Gain, offsets and biases enter linearly
+and are solved for in every step.
 """
 
 from dataclasses import replace

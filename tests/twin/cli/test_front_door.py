@@ -169,7 +169,7 @@ def test_every_verb_returns_a_result_with_rows_and_numbers(verb):
     names = re.findall(r"[A-Za-z]*Result", inspect.formatannotation(returned))
     assert names
     # imported when asked for
-    for late in ("evaluation.linkage", "evaluation.flights", "campaigns.result"):
+    for late in ("evaluation.linkage", "evaluation.flights", "campaigns.results.result"):
         import_module(f"twin.{late}")
     everything = {c.__name__: c for c in _below(Result)}
     for name in names:

@@ -211,7 +211,6 @@ KILLED = """
 import time, sys
 from pathlib import Path
 from twin.recorder import Recorder
-from tests.twin import runs
 every = int(sys.argv[2])
 recorder = Recorder(Path(sys.argv[1]), signals=["vehicle/mass"], properties={}, drain_ns=every)
 start = time.time_ns()
@@ -543,7 +542,7 @@ def test_a_closed_recording_leaves_no_thread_behind(tmp_path):
 
 def test_shared_memory_of_a_killed_process_is_deleted_at_the_next_start():
     program = (
-        "import os, signal; from twin.recorder import ring;"
+        "import os, signal; from twin.recorder.process import ring;"
         "print(ring.make(4, 2).path, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
     )
     killed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)

@@ -105,7 +105,7 @@ def _why_none(study: Study, kept: Any) -> str:  # noqa: ANN401
     together = 1 if study.kind == "star" else len(numbers)
     each = " for each parameter" if study.kind == "star" else f" over {together} parameters"
     met, few = int(np.nansum(hits)), fewest(together)
-    if len(hits) < few:
+    if len(hits) < few * (len(numbers) if study.kind == "star" else 1):
         do = "Give a larger n in [design]."
     else:
         limit = "wider" if met < FEWEST else "narrower"

@@ -284,6 +284,24 @@ class Flight:
 
 
 @njit(nogil=True)
+def _away(x: float, y: float, z: float, point: Array) -> float:
+    return math.sqrt((x - point[0]) ** 2 + (y - point[1]) ** 2 + (z - point[2]) ** 2)
+
+
+@njit(nogil=True)
+def _back_on_ramp(w: Watch) -> bool:
+    """Whether a vehicle came down on its own rail, which would guide it to its foot again."""
+    if w.marks[ON_RAMP] or w.marks[RISING] or w.fixed[6] <= 0.0:
+        return False
+    x, y, z = w.position[0] - w.fixed[0], w.position[1] - w.fixed[1], w.position[2] - w.fixed[2]
+    ux, uy, uz = w.fixed[7:10]
+    travel = x * ux + y * uy + z * uz
+    if travel < 0.0 or x * x + y * y + z * z > w.fixed[6] ** 2:
+        return False
+    return _away(x, y, z, travel * w.fixed[7:10]) < 2.0 * ASIDE
+
+
+@njit(nogil=True)
 def watch(time_ns: int, w: Watch) -> int:
     """Record what the result needs of a tick; gives its events."""
     x, y, z = w.position
@@ -328,24 +346,6 @@ def over(time_ns: int, landed: bool, w: Watch) -> int:
     if w.fixed[6] > 0.0 and marks[ON_RAMP] and time_ns > marks[MOVED_NS] + STUCK_NS:
         return 3
     return 0
-
-
-@njit(nogil=True)
-def _back_on_ramp(w: Watch) -> bool:
-    """Whether a vehicle came down on its own rail, which would guide it to its foot again."""
-    if w.marks[ON_RAMP] or w.marks[RISING] or w.fixed[6] <= 0.0:
-        return False
-    x, y, z = w.position[0] - w.fixed[0], w.position[1] - w.fixed[1], w.position[2] - w.fixed[2]
-    ux, uy, uz = w.fixed[7:10]
-    travel = x * ux + y * uy + z * uz
-    if not 0.0 <= travel < w.fixed[6]:
-        return False
-    return _away(x, y, z, travel * w.fixed[7:10]) < 2.0 * ASIDE
-
-
-@njit(nogil=True)
-def _away(x: float, y: float, z: float, point: Array) -> float:
-    return math.sqrt((x - point[0]) ** 2 + (y - point[1]) ** 2 + (z - point[2]) ** 2)
 
 
 def _static_margin(model: mujoco.MjModel) -> tuple[float, float] | None:

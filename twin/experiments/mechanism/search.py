@@ -165,7 +165,7 @@ def _too_narrow(config: Settings, motor: "_Motor", stroke: float) -> str:
     for k in range(1000):
         bore = motor.diameter + 2 * SLIM + k * 1e-3
         if any(_candidates(bore, motor, stroke)):
-            needed = math.ceil((bore + wall) * 1e3)
+            needed = math.ceil(round((bore + wall) * 1e3, 6))
             return (
                 f"too narrow for {config.stroke_deg:g}°; by the outlines of the parts it must be"
                 f" {needed} mm or more with a wall of {config.wall_mm:g} mm"

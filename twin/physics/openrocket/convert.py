@@ -30,8 +30,8 @@ from twin.physics.vehicle.planform import PlanForm
 from twin.physics.vehicle.read import parse, printable
 from twin.physics.vehicle.write import toml
 
-DRAWN: Final = 1.01  # of a bore: a motor not wider than this fits it
-TIGHT: Final = 1.1  # of a tube's outside: a wider motor cannot be in it, however it is drawn
+FITS: Final = 1.01  # of a bore: a motor not wider than this fits it
+TIGHT: Final = 1.1  # of a tube's outside: a motor not wider than this is in it, its bore an error
 SAME: Final = 1e-5  # m, between two centres that count as one
 GRAM: Final = 1e-6  # kg; lighter parts are left out
 ROUGHNESS: Final = {  # m, of OpenRocket's surface finishes
@@ -98,10 +98,10 @@ def described(path: Path) -> Imported:
     return replace(found, design=parse(toml(found.design), str(path), path))
 
 
-def _tight(tube: Part, bore: float, width: float) -> str:
+def _tight(tube: Part, bore: float, width: float, *, flown: bool) -> str:
     """What to do about a motor that its own design has in too narrow a mount."""
     sizes = f"{tube.name}: its motor is {1e3 * width:.4g} mm wide, its bore {1e3 * bore:.4g} mm"
-    if width <= 2 * tube.outer * TIGHT:
+    if flown:
         return f"{sizes}: flown as if the bore fitted; check the tube's wall in the design"
     return (
         f"{sizes}: no such motor goes in; give a --motor FILE.eng of at most {1e3 * bore:.4g} mm,"
@@ -214,9 +214,10 @@ class _Import:
             width, length = motor.size("diameter"), motor.size("length")
             maker, name = (motor.element.findtext(t) or "" for t in ("manufacturer", "designation"))
             label = f"{printable(f'{maker} {name}')}, {width * 1e3:.4g} mm x {length * 1e3:.4g} mm"
-            if width > bore * DRAWN:
-                self._wrong.append(_tight(tube, bore, width))
-            if width <= 2 * tube.outer * TIGHT:
+            flown = width <= min(2 * tube.outer * TIGHT, 2 * self._bodies[-1].outer)
+            if width > bore * FITS:
+                self._wrong.append(_tight(tube, bore, width, flown=flown))
+            if flown:
                 bore = max(bore, width)
         return Mount(overhang=round(nozzle - self._tail, 9), diameter=bore or None), label
 

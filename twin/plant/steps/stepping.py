@@ -207,6 +207,19 @@ def step_divided(p: Steps, fuel: Fuel, begun: int, n: int) -> None:
 
 
 @njit(nogil=True)
+def landed(p: Steps) -> bool:
+    """`Plant.landed`."""
+    first = size(p.data, _CONTACT)
+    for k in range(integer(p.data, _NCON)):
+        one = integer(first, k * _STRIDE + _GEOM)
+        other = integer(first, k * _STRIDE + _GEOM + 4)
+        outer = (p.own[one] and p.fixed[other]) or (p.fixed[one] and p.own[other])
+        if one >= 0 and other >= 0 and outer:
+            return True
+    return bool(p.height[0] < 0.0)
+
+
+@njit(nogil=True)
 def advance(p: Steps, fuel: Fuel, begun: int, n: int) -> tuple[int, int]:
     """Take `n` steps after `begun` ones; gives the steps taken by then, and how it ended."""
     while n > 0:
@@ -255,16 +268,3 @@ def derive(p: Native, time: float) -> bool:
             return False
     blow(p.air, time)
     return True
-
-
-@njit(nogil=True)
-def landed(p: Steps) -> bool:
-    """`Plant.landed`."""
-    first = size(p.data, _CONTACT)
-    for k in range(integer(p.data, _NCON)):
-        one = integer(first, k * _STRIDE + _GEOM)
-        other = integer(first, k * _STRIDE + _GEOM + 4)
-        outer = (p.own[one] and p.fixed[other]) or (p.fixed[one] and p.own[other])
-        if one >= 0 and other >= 0 and outer:
-            return True
-    return bool(p.height[0] < 0.0)
