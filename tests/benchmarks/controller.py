@@ -42,8 +42,9 @@ def table() -> Iterator[Row]:
         }
         gimbal = SimulatedGimbal(plant)
         spent: dict[str, list[int]] = {name: [] for name in seats}
+        steps = round(4_000_000 / plant.dt_ns)
         for _ in range(TICKS):
-            plant.advance(4)
+            plant.advance(steps)
             for name, seat in seats.items():
                 spent[name].append(_update(seat, plant.time_ns * 1e-9, gimbal))
     median = {name: float(np.median(values)) * 1e-3 for name, values in spent.items()}
