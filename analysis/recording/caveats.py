@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from analysis.recording.measurements import FOLLOWED, MEASURED, SIMULATED, Measurement
 from analysis.recording.series import Recording
 
@@ -15,6 +17,7 @@ OLD = (
     "recorded by an earlier version: its gimbal/simulated follows the measured angle and is not a"
     " model's; record or replay it again to compare them"
 )
+ALIKE = 2e-3  # rad, between commands that count as the same
 LONGEST, MOST = 200, 5  # characters of one caveat, and caveats of one kind
 
 
@@ -77,7 +80,12 @@ def _different(reference: Measurement, other: Measurement) -> list[str]:
         for k, ours, theirs in asked
         if None not in (ours, theirs) and ours != theirs
     ]
-    return [f"{label} was asked for {', '.join(different)} as {name}"] if different else []
+    if different:
+        return [f"{label} was asked for {', '.join(different)} as {name}"]
+    a, b = reference.command.values, other.command.values
+    if commands[0] == "fly" and not (a.shape == b.shape and np.allclose(a, b, atol=ALIKE)):
+        return [f"{label} and {name} are flights: each commanded its gimbal by its own attitude"]
+    return []
 
 
 def _short(text: str) -> str:

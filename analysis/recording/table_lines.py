@@ -17,6 +17,11 @@ _COMMENTS = ("#", "%", "//")
 # Arduino's Serial Monitor with its stamps; its plotter takes labels before the values
 _STAMPED = re.compile(r"(\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) -> ?")
 _LABELLED = re.compile(r"([A-Za-z_][^:,\t\n]{0,63}):\s*([-+.\dA-Za-z]{1,32})\s*(?:[,\t ]\s*|$)")
+_UNITS = frozenset({
+    "", "-", "1", "%", "s", "ms", "us", "µs", "rad", "mrad", "deg", "degree", "degrees", "°",
+    "turn", "rad/s", "deg/s", "°/s", "v", "mv", "volt", "volts", "a", "ma", "percent", "counts",
+    "lsb", "m", "mm", "m/s", "m/s²", "m/s2", "g", "n",
+})  # fmt: skip  # of a row below the names
 _FORTRAN = re.compile(r"[-+]?\d*\.?\d+[dD][-+]?\d+")
 
 
@@ -157,8 +162,8 @@ def _of_json(line: str) -> dict[str, str] | None:
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
-    fields = line.split() if delimiter == " " else line.split(delimiter)
-    return [f.strip().strip('"') for f in fields]
+    fields = line.strip(" ").split(delimiter)
+    return [f.strip().strip('"') for f in fields if f or delimiter != " "]
 
 
 def _numbers(line: str, delimiter: str) -> int:
@@ -176,26 +181,25 @@ def _delimiter(lines: Sequence[str]) -> str:
     if stated := _SEPARATOR.match(first):
         return stated[1]
     candidates = (";", "\t", ",", " ")
-    counts = {c: sum(n for line in lines if (n := _numbers(line, c)) > 1) for c in candidates}
+    alike = {c: Counter(n for line in lines if (n := _numbers(line, c)) > 1) for c in candidates}
+    counts = {c: max((n * k for n, k in found.items()), default=0) for c, found in alike.items()}
     if any(counts.values()):
         return max(candidates, key=lambda c: counts[c])
     return next((c for c in candidates if c in first.strip(" \r\n")), ",")
 
 
 def _first_line(lines: Sequence[str], delimiter: str) -> int:
-    """Lines before the first of a table: above its numbers, of as many fields."""
-    counts = [_numbers(line, delimiter) for line in lines]
-    usual = Counter(c for c in counts if c > 1).most_common(1)
-    begin = counts.index(usual[0][0]) if usual else 0
-    wide = len(_fields(lines[begin].strip(), delimiter)) if lines else 0
-    found = None  # of names or units, without gaps, right above the numbers or above text there
-    for k in range(begin - 1, -1, -1):
-        if found is not None and not lines[k].strip():
-            break
-        if not lines[k].strip() or lines[k].startswith(_COMMENTS):
-            continue
-        if len(_fields(lines[k].strip(), delimiter)) == wide and not counts[k]:
-            found = k
-        elif found is not None:
-            break
-    return found or 0
+    """Lines before the first of a table: names, perhaps with units below, right above the rows."""
+    rows = [(_numbers(line, delimiter), len(_fields(line, delimiter))) for line in lines]
+    usual = Counter(row for row in rows if row[0] > 1).most_common(1)
+    if not usual:
+        return 0
+    begin, wide = rows.index(usual[0][0]), usual[0][0][1]
+    above = [k for k in range(begin) if lines[k].strip() and not lines[k].startswith(_COMMENTS)]
+    names = [k for k in above if rows[k] == (0, wide)]
+    if not names:  # perhaps one separator more or less, as at the end of every row
+        near = above[-1:] if above and abs(rows[above[-1]][1] - wide) < 2 else []
+        return (near or [begin])[0]
+    units = {f.strip("()[]").lower() for f in _fields(lines[names[-1]], delimiter)} <= _UNITS
+    before = [k for k in above if k < names[-1]][-1:]  # the line above them
+    return before[0] if units and before and before[0] in names else names[-1]

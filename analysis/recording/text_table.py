@@ -101,7 +101,7 @@ class _Rows:
     """Rows of a text file on their way to columns."""
 
     def __init__(self, source: str, names: Sequence[str], *, decimal_comma: bool) -> None:
-        self._source, self._names, self._comma = source, names, decimal_comma
+        self._source, self._names, self._comma = source, list(names), decimal_comma
         self.values: list[list[float]] = []
         self.notes: list[str] = []
         self._begun: dict[str, datetime] = {}
@@ -117,8 +117,12 @@ class _Rows:
     def add(self, row: list[str], line: int) -> None:
         """Take one row that is not empty; dates count from the first of their column."""
         numbers = [number(f, decimal_comma=self._comma) for f in row]
+        stamped = self._names[0] == STAMP
+        if [f.strip() for f in row[stamped:]] == self._names[stamped:]:  # a board began anew
+            self._text += 1
+            return
         if len(row) != len(self._names):
-            if any(map(math.isfinite, numbers)):
+            if any(map(math.isfinite, numbers[stamped:])):
                 self._stray += 1
                 self._first_stray = self._first_stray or (line, len(row))
             else:
@@ -126,7 +130,7 @@ class _Rows:
             return
         if math.inf in numbers:
             self._read_dates(row, numbers)
-            if len(row) > 1 and not any(map(math.isfinite, numbers)):
+            if len(row) > 1 and not any(map(math.isfinite, numbers[stamped:])):
                 self._text += bool(self.values or self.notes)
                 if not self.values and not self.notes:  # units, perhaps
                     self.notes.append(f"row {line} ({', '.join(row)}) has no number, left out")

@@ -19,6 +19,7 @@ from analysis.transfer_function import Loop, TransferFunctionModel, margins
 
 NO_MODELS: Mapping[str, TransferFunctionModel] = MappingProxyType({})
 LARGEST = 2_000_000  # ticks simulated for one model
+EVEN, FINE = 0.01, 1e-3  # of the period, that stamps may scatter; s, of the ticks where they do
 LONGEST_LABEL = 60  # characters
 
 
@@ -110,12 +111,16 @@ def simulated(reference: Measurement, name: str, model: TransferFunctionModel) -
             f"{', '.join(a.component for a in reference.axes) or 'no gimbal that moved'}"
         )
     time = reference.command.time
-    dt = float(np.median(np.diff(time)))
+    apart = np.diff(time)
+    dt, ahead = float(np.median(apart)), 1e-9
+    if dt > 0.0 and np.ptp(apart) > EVEN * dt:  # stamps of a log: commands at the nearest tick
+        dt /= np.ceil(dt / FINE)
+        ahead = 0.5 * dt
     ticks = int((time[-1] - time[0]) / dt) + 1 if dt > 0.0 else 0
     if not 16 <= ticks <= LARGEST:
         raise AnalysisError(f"{reference.name}: {ticks} ticks; 16 to {LARGEST} can be simulated")
     t = time[0] + dt * np.arange(ticks)
-    u = reference.command.select(model.inputs).held(t + 1e-9)
+    u = reference.command.select(model.inputs).held(t + ahead)
     command = TimeSeries(COMMAND, t, u, "rad", model.inputs)
     angle = TimeSeries(SIMULATED, t, model.simulate(u, dt), "rad", model.outputs)
     properties: dict[str, object] = {

@@ -74,7 +74,7 @@ def read(path: Path, rig: int | None = None) -> Calibration:
     if rig is not None and calibration.rig != rig:
         raise CalibrationError(
             f"{path} is of rig {calibration.rig:08x}, this one is {rig:08x}; "
-            "run `twin calibrate` on it"
+            "run `twin calibrate` on it, or give the --unit that was calibrated"
         )
     return calibration
 

@@ -25,13 +25,13 @@ from analysis.recording import (
 )
 from analysis.recording.series import POSITION
 from analysis.report import Line, Panel, Plot, Section, Table, render, report
-from analysis.report.build import labelled
+from analysis.report.build import labelled, simulated
 from analysis.report.figures import axis_figures, kind_of
 from analysis.report.parts import thinned
 from analysis.report.spectrum import frequency_response
 from analysis.report.words import number, value_text
 from analysis.response import Figure, disagreements
-from analysis.transfer_function import TransferFunctionModel
+from analysis.transfer_function import Channel, TransferFunctionModel
 
 DT = 0.002
 OMEGA, ZETA, DELAY = 40.0, 0.5, 0.012
@@ -654,3 +654,26 @@ def test_a_page_can_be_made_of_other_sections(tmp_path):
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert '"y":[0.0,null,1.0]' in text
     assert not list(tmp_path.glob("*.partial"))
+
+
+def test_a_model_answers_commands_at_the_stamps_of_a_log_that_jitter():
+    """A first order in closed form; on an even grid each command would come half a tick late."""
+    rng = np.random.default_rng(4)
+    time = 0.01 * np.arange(400) + rng.uniform(-0.004, 0.004, 400)
+    level = np.radians(5.0) * np.where(np.arange(400) // 40 % 2, 1.0, -1.0)
+    pole = 30.0
+    series = TimeSeries("u", time, level[:, None], "rad", ("x",))
+    angle = TimeSeries("gimbal/measured", time, 0.0 * level[:, None], "rad", ("x",))
+    log = Measurement(series, angle, name="log", recording=Recording({}, {}))
+    model = TransferFunctionModel(((Channel((pole,), (1.0, pole), 0.0),),), ("x",), ("x",))
+    found = simulated(log, "model", model).angles
+    true, at = np.zeros_like(found.time), np.searchsorted(time, found.time, side="right") - 1
+    y = 0.0
+    for k in range(len(time)):  # from one stamp to the next
+        now = at == k
+        decay = np.exp(-pole * (found.time[now] - time[k]))
+        true[now] = level[k] + (y - level[k]) * decay
+        if k + 1 < len(time):
+            y = level[k] + (y - level[k]) * np.exp(-pole * (time[k + 1] - time[k]))
+    error = found.values[:, 0] - true
+    assert np.degrees(np.sqrt(np.mean(error**2))) < 0.05

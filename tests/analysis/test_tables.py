@@ -394,3 +394,15 @@ def test_names_with_control_characters_are_refused_in_one_line(tmp_path):
     with pytest.raises(AnalysisError, match="control characters") as error:
         table(tmp_path, '{"t\\nq": 1, "u": 2}\n{"t\\nq": 2, "u": 2}\n', "log.jsonl")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("delimiter", [",", "\t", " ", ";"])
+@pytest.mark.parametrize("last", ["pots ok, starting...", "pots ok"])
+def test_what_a_board_says_above_its_table_names_no_column(tmp_path, delimiter, last):
+    rows = [["cmd", "pot"], *(["1.5", f"{k}"] for k in range(20)), ["cmd", "pot"], ["2", "3"]]
+    lines = ["test, board Nano", "servo pins 9 10", last, *(delimiter.join(r) for r in rows)]
+    text = "".join(f"12:00:00.{k:03d} -> {line}\n" for k, line in enumerate(lines))
+    found = table(tmp_path, text, "log.txt")
+    assert list(found.columns) == ["monitor_time", "cmd", "pot"]
+    assert found.column("pot").tolist() == [*range(20), 3]
+    assert found.note == "4 lines of text left out"

@@ -36,12 +36,14 @@ class CalibrationResult(Result):
     calibration : result of the run
     duration_s : rig time
     gimbal : the rig's seat
+    unit : serial number of a simulated rig that was asked for
     """
 
     file: str
     calibration: Calibration
     duration_s: float
     gimbal: str = "emulator"
+    unit: int | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The file's content, its path, and the map's uncertainty at 0 and 8° on both axes."""
@@ -89,11 +91,9 @@ class CalibrationResult(Result):
             rows.append(("timing", "not judged: the board itself dates readings and pulses"))
         if c.note:
             rows.append(("note", c.note))
-        return [
-            *rows,
-            ("calibration", self.file),
-            ("", f"twin mirror --gimbal {self.gimbal} --calibration {self.file}"),
-        ]
+        rig = self.gimbal if self.unit is None else f"{self.gimbal} --unit {self.unit}"
+        command = f"twin mirror --gimbal {rig} --calibration {self.file}"
+        return [*rows, ("calibration", self.file), ("", command)]
 
     def _uncertainty(self, axis: int) -> str:
         sigmas = (FIGURE * degrees(self.calibration.sigma((a, a))[axis]) for a in REPORTED)
@@ -138,7 +138,7 @@ def calibrate(config: Calibrate) -> CalibrationResult:
             seat.rig.neutral()
         duration = (seat.now_ns() - began) * 1e-9
     write(config.out, result)
-    return CalibrationResult(str(config.out), result, duration, config.gimbal)
+    return CalibrationResult(str(config.out), result, duration, config.gimbal, config.unit)
 
 
 def _rig(config: Calibrate) -> CalibrationRig:
