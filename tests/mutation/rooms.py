@@ -1,8 +1,11 @@
 """The rooms whose lines are mutated by rule: files, tests in the order in which they are tried."""
 
-_T, _H = "tests/twin/test_", "tests/hardware/test_"
+_T, _H = "tests/twin/physics/test_", "tests/hardware/test_"
+_LAUNCH = "tests/twin/plant/test_launch.py"
+_VERB = "tests/twin/experiments/test_mechanism_verb.py"
+_LOOP = "tests/twin/loop/test_"
 
-_CALLBACKS = (f"{_T}native.py", f"{_T}air.py", f"{_T}launch.py", f"{_T}one_axis.py")
+_CALLBACKS = (f"{_T}native.py", f"{_T}air.py", _LAUNCH, f"{_T}one_axis.py")
 _VEHICLE = (f"{_T}vehicle_shape.py",)
 
 ROOMS: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
@@ -30,7 +33,7 @@ ROOMS: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
     ),
     (
         tuple(f"twin/physics/mechanism/{n}.py" for n in ("kinematics", "mobility", "torque")),
-        (f"{_T}mechanism.py", f"{_T}mechanism_verb.py"),
+        (f"{_T}mechanism.py", _VERB),
     ),
     (
         tuple(f"twin/physics/vehicle/{n}.py" for n in ("barrowman", "lumps", "outline", "drag")),
@@ -59,6 +62,6 @@ ROOMS: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
     ),
     (
         ("twin/control/pid.py", "twin/control/attitude.py"),
-        (f"{_T}control.py", f"{_T}attitude_loop.py"),
+        (f"{_LOOP}control.py", f"{_LOOP}attitude_loop.py"),
     ),
 )  # fmt: skip
