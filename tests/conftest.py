@@ -3,6 +3,7 @@
 import functools
 import gc
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -12,6 +13,10 @@ from hypothesis import settings
 # before NumPy is imported: threads of BLAS on processors that other tests use wait for each other,
 # which costs a hundred times what a small matrix takes
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# a shell starts what runs in its background with SIGINT ignored, and tests interrupt programs
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # no deadline: a loaded machine is no mistake; `make abuse` tries readers more often
 settings.register_profile("suite", max_examples=25, deadline=None)
