@@ -235,6 +235,7 @@ def test_play_is_that_of_the_flown_model():
     assert set(rate) == {0.0, 1.0}
 
 
+@pytest.mark.slow  # the next one is its short form
 def test_a_servo_is_the_same_in_every_unit_of_its_command():
     """0.5 %: the search ends within 1e-9 of the loss; pulses here grow the other way."""
     rng = np.random.default_rng(4)
