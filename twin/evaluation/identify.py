@@ -88,7 +88,7 @@ class IdentifyResult(Result):
             rows.append((f"{a.name} fit", f"{'; '.join(fits) or 'unknown'}; {a.samples} readings"))
             rows += _unexplained(a)
         rows += [(f"fit to {Path(k).name}", self._check(v)) for k, v in self.checks.items()]
-        rows += [(f"{m.axis} loop at {m.loop}", m.text()) for m in self.margins]
+        rows += [(f"{m.axis} margins at {m.loop}", m.text()) for m in self.margins]
         rows += [("WARNING", w) for w in self.warnings]
         rows += [("computing", f"{self.wall_s:.1f} s"), ("model", str(self.file))]
         if len(self.model.inputs) == 2:
