@@ -78,6 +78,8 @@ class IdentifyResult(Result):
             (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
             for s in self.orders
         ]
+        if self.model.servo:
+            rows.append(("servo structure", self.model.servo[0].structure))
         rows += [(e.name, estimated(e)) for e in self.model.estimates]
         for a in self.model.axes:
             fits = [
