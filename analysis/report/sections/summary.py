@@ -27,7 +27,7 @@ def summary(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
     texts = [_flight(n.label, n.flight) for n in numbers.runs if n.flight is not None]
     texts = texts or list(_response(runs, numbers))
     texts += [_compared(c) for c in found if math.isfinite(c.fit)]
-    items = (*_fits(found), *_timing(runs), *_faults(runs), *_notes(numbers))
+    items = (*_fits(found), *_timing(runs), *_faults(runs), *_missing(numbers))
     limits = f"Fit of the worst commanded axis: good from {GOOD_FIT:g} %, fair from {FAIR_FIT:g} %."
     caption = limits if found else ""
     parts = (Verdicts(items, caption),) if items else ()
@@ -112,7 +112,7 @@ def _faults(runs: Sequence[Measurement]) -> Iterator[tuple[str, Grade]]:
             yield f"{run.name}: {wrong} error{'s' if wrong > 1 else ''}, see Events", "poor"
 
 
-def _notes(numbers: ReportNumbers) -> Iterator[tuple[str, Grade]]:
-    if numbers.notes:
-        count = f"{len(numbers.notes)} figure{'s' if len(numbers.notes) > 1 else ''}"
-        yield f"{count} not determined or uncertain", "fair"
+def _missing(numbers: ReportNumbers) -> Iterator[tuple[str, Grade]]:
+    missing = sum(len(a.missing) for n in numbers.runs for a in n.figures)
+    if missing:
+        yield f"{missing} figure{'s' if missing > 1 else ''} not determined, see Notes", "fair"
