@@ -395,7 +395,7 @@ def test_the_page_leads_with_the_answer_and_at_most_twelve_figures(three):
     key = text[text.index('id="key-figures"') : text.index('id="overview"')]
     assert 5 <= key.count("<tr>") - 1 <= 12
     assert "<details><summary>Every figure" in text[text.index('id="figures"') :]
-    assert "<th scope=col>fit without offset" in text
+    assert "<th scope=col>fit, no offset" in text
     assert "dates commands by the pulse frames" in text
     assert "Repeats of a simulation differ" in text
 

@@ -20,8 +20,8 @@ def comparison(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section |
         (c.other, a.axis, *_cells(a)) for c in found for a in c.axes
     ]
     table = Table(
-        ("run", "axis", "delay", "rms", "worst", "fit", "fit without offset", "VAF",
-         "rms, aligned", "fit, aligned", "fit of repeats"),
+        ("run", "axis", "delay", "rms", "worst", "fit", "fit, no offset", "VAF",
+         "rms, aligned", "fit, aligned", "fit, repeats"),
         tuple(rows),
         "Angle minus that of the reference, as recorded. Fit: 100 (1 − |difference| / "
         "|reference − mean|) %; it contains a constant offset of the angle sensor, the fit without "
