@@ -108,7 +108,9 @@ def marks(file):
 
 def test_the_map_of_a_flight_shows_launch_apogee_and_landing(passive, files, tmp_path):
     """On a sphere 1e-5 degrees of latitude are 1.11 m; the ellipsoid differs by 0.7 %."""
-    export(Export(files["windy"], to="kml", out=tmp_path / "f.kml"))
+    made = export(Export(files["windy"], to="kml", out=tmp_path / "f.kml"))
+    assert passive["windy"].max_speed_m_s >= passive["windy"].figures.max_ascent_speed_m_s
+    assert "--latitude-deg" in dict(made.rows())["note"]
     at, figures = marks(tmp_path / "f.kml"), passive["windy"].figures
     assert list(at) == ["launch", "apogee", "landing"]
     assert at["apogee"][2] - at["launch"][2] == pytest.approx(figures.apogee_m, abs=0.1)
