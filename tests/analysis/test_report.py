@@ -408,6 +408,15 @@ def test_a_threshold_that_no_step_was_too_small_for_is_no_key_figure():
         assert bool(largest_figures(run, "x")) == shown
 
 
+def test_the_fit_without_the_sensors_offset_stands_beside_the_fit(tmp_path):
+    """Readings 0.01 rad off, but else the model's: all of the difference is the offset."""
+    commands = stepped(2)
+    rig = recorded(commands, answered(commands) + 0.01, motion="measured", gimbal="firmware")
+    report([rig, recorded(commands, answered(commands), gimbal="linkage")], tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "(100 % without the constant offset)" in text
+
+
 def test_a_report_of_a_rig_alone_says_nothing_of_simulations(tmp_path):
     commands = stepped(2)
     report([recorded(commands, answered(commands), motion="measured")], tmp_path / "a.html")

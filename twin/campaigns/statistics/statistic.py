@@ -180,14 +180,18 @@ def statistic(name: str, measures: Sequence[Measure]) -> Statistic:
 
 
 def meaning(name: str, measures: Sequence[Measure]) -> str:
-    """What a statistic says, in words; empty for one that is none."""
+    """What a statistic says, in words."""
     for m in measures:
         if name == f"{m.name}_rate":
             terms = " and ".join(f"{figure} {sign} {limit:g}" for figure, sign, limit in m.terms)
             return f"Share of all flights with {terms}"
-    figure = name.removesuffix("_mean")
-    averaged = f"Mean {figure} of all flights that have one" if figure != name else ""
-    return MEANINGS.get(name, averaged)
+    if name in MEANINGS:
+        return MEANINGS[name]
+    figure, _, what = name.rpartition("_")
+    if what == "mean":
+        return f"Mean {figure} of all flights that have one"
+    share = 50 if what == "median" else int(what.removeprefix("p"))
+    return f"{figure} of {share} % of all flights that have one is at most this"
 
 
 def condition(text: str, measures: Sequence[Measure], where: str = "--fail-if") -> Condition:
