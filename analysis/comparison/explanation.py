@@ -9,7 +9,7 @@ from math import comb
 import numpy as np
 
 from analysis.array import Array
-from analysis.estimate import Information
+from analysis.estimate import Information, fitted, scatter
 from analysis.plain import Plain
 
 # Gain in twice the log likelihood that an effect must bring, absolute and by reading: 3 % of the
@@ -127,6 +127,19 @@ def candidates(
     }
     least = max(CERTAIN, BY_READING * info.count)
     return sorted((n for n, g in gains.items() if g > least), key=lambda n: -gains[n])
+
+
+def deviations(info: Information, prior: Array) -> Array:
+    """Standard deviations of parameters (k,) that hold what their rivals would make of them.
+
+    Those in the presence of all other parameters, and by how far freeing these moves each.
+
+    Parameters
+    ----------
+    info : about the values found, of all parameters
+    """
+    shift, own = fitted(info, slice(None), prior)
+    return np.asarray(np.hypot(own * scatter(info, prior), shift))
 
 
 def _gain(normal: Array, right: Array, prior: Array, columns: Sequence[int]) -> float:

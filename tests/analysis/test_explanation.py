@@ -9,6 +9,7 @@ from analysis.comparison.explanation import (
     Explanation,
     Share,
     candidates,
+    deviations,
     jackknife,
     shapley,
     subsets,
@@ -44,6 +45,16 @@ def test_the_effect_that_made_a_difference_is_tried_first_and_none_where_there_i
     assert candidates(made, groups, prior, [])[0] == "alike"
     assert candidates(made, groups, prior, ["alike"]) == []
     assert candidates(information(t, noise, J), groups, prior, []) == []
+
+
+def test_the_interval_of_an_effect_fitted_in_place_of_its_rival_holds_its_true_value():
+    rng, t = np.random.default_rng(4), 0.01 * np.arange(2001)
+    J = np.column_stack([np.sin(t), np.sin(t + 0.3)])
+    angle = 0.01 * J[:, 1] + 1e-3 * rng.standard_normal(len(t))  # none of it by the first
+    found, alone = np.linalg.lstsq(J[:, :1], angle, rcond=None)[0][0], 1e-3 / np.sqrt(len(t) / 2)
+    assert found > 100.0 * alone
+    sigma = deviations(information(t, angle - found * J[:, 0], J), np.ones(2))
+    assert found < 1.96 * sigma[0] < 3.0 * found
 
 
 def test_what_is_explained_is_the_part_of_the_mean_square():

@@ -12,11 +12,12 @@ from analysis.comparison.explanation import (
     Explanation,
     Share,
     candidates,
+    deviations,
     jackknife,
     shapley,
     subsets,
 )
-from analysis.estimate import Information, fitted, information, scatter
+from analysis.estimate import Information, fitted, information
 from analysis.recording import Recording
 from hardware.frames import AXES
 from twin.config.result import Rows
@@ -152,7 +153,8 @@ class _Axis:
             chosen.remove(worst)
             level, _ = self._fitted(nominal, chosen)
         before, after = errors[frozenset()], errors[frozenset(chosen)]
-        halves, sigma = jackknife(blocks, chosen), self._deviations(level, chosen)
+        halves = jackknife(blocks, chosen)
+        sigma = deviations(self._shown(level, range(len(COLUMNS)))[0], PRIOR)
         return Explanation(
             AXES[self._k],
             math.sqrt(before),
@@ -192,16 +194,6 @@ class _Axis:
             for e, b in zip(names[1:], left[1:], strict=True)
             if (b - left[0]).mean() < SURE * (b - left[0]).std(ddof=1) / math.sqrt(BLOCKS)
         )
-
-    def _deviations(self, level: Array, effects: Sequence[str]) -> Array:
-        """Standard deviations of the parameters of some effects, NaN of the others."""
-        sigma = np.full(len(level), np.nan)
-        columns = [c for effect in effects for c in GROUPS[effect]]
-        if columns:
-            info, _ = self._shown(level, columns)
-            own = fitted(info, slice(None), PRIOR[columns])[1]
-            sigma[columns] = own * scatter(info, PRIOR[columns])
-        return sigma
 
     def _shown(self, level: Array, columns: Sequence[int]) -> tuple[Information, float]:
         """What the readings show of some columns, and the mean square that is left."""
