@@ -158,11 +158,9 @@ def effective_warnings(axis: AxisEvidence, bounds: ServoBounds) -> list[str]:
     """
     if _noise_alone(axis):
         return []
-    text = (
-        f"axis '{axis.name}': the structure '{bounds.structure}' leaves more than noise; limits, "
-    )
-    text += "dead band and backlash are effective values of this structure, "
-    return [text + "and those of the motor may lie outside their intervals"]
+    text = f"axis '{axis.name}': the structure '{bounds.structure}' leaves more than noise; "
+    text += "its limits, dead band and backlash are effective values, and the motor's own may lie "
+    return [text + "outside their intervals"]
 
 
 def _fits(axis: AxisEvidence) -> dict[str, list[float]]:

@@ -261,7 +261,7 @@ class Flight:
             ended=outcome.ended,
             mass_kg=self._mass,
             flight_time_s=plant.time_ns * 1e-9,
-            max_speed_m_s=float(speed[: len(speed) - landed].max()),
+            max_speed_m_s=float(speed[: max(1, len(speed) - landed)].max()),
             powered_slant_range_m=self._burnout_range,
             max_height_m=float((path[:, 2] - self._start[2]).max()),
             target_m=None
