@@ -10,12 +10,11 @@ STAMP := $(VENV)/.installed
 env: $(STAMP)
 
 $(STAMP): .ci/lock.txt pyproject.toml
-	@echo "env: creating $(VENV)"
+	@echo "env: creating $(VENV) and installing the locked packages in it, some 400 MB"
 	@$(PYTHON) -m venv $(VENV)
-	@echo "env: installing the locked packages, some 400 MB"
 	@$(BIN)/python -m pip install $(QUIET) --require-hashes -r .ci/lock.txt
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
-	@echo "env: compiling the forces and the estimators, once, about 40 s"
+	@echo "env: compiling the forces and the estimators, once, 40 to 90 s"
 	@$(BIN)/twin doctor --compile
 	@touch $@
 

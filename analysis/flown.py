@@ -17,6 +17,7 @@ GROUND: Final = "reached the ground"  # how a flight ends that lands
 FAST: Final = 1 / 3  # of the largest airspeed; the dynamic pressure is a ninth of its largest
 LARGEST: Final = 1e12  # of a stored number
 LONGEST: Final = 200  # characters of a stored text
+MOST: Final = 20  # stored notes
 FIGURES: Final = (  # name as people read it, name in `twin fly --json`, unit, scale
     ("apogee", "apogee_m", " m", 1.0),
     ("time of the apogee", "apogee_s", " s", 1.0),
@@ -53,11 +54,13 @@ class Flown(Plain):
     numbers : by their names in `FIGURES`, in SI unless the name gives another unit; finite
     texts : `ended`, `wind` and `missed`, those that there are
     target : point steered to, east, north, up from the launch point [m], or None
+    notes : what the flight noted about its model and its launch
     """
 
     numbers: Mapping[str, float]
     texts: Mapping[str, str]
     target: tuple[float, float, float] | None
+    notes: tuple[str, ...] = ()
 
 
 def flown(recording: Recording) -> Flown | None:
@@ -80,7 +83,10 @@ def flown(recording: Recording) -> Flown | None:
     if isinstance(missed, list) and missed:
         texts["missed"] = "; ".join(str(m) for m in missed)[: 2 * LONGEST]
     target = _vector(stored.get("target_m"), 3)
-    return Flown(numbers, texts, None if target is None else (target[0], target[1], target[2]))
+    notes = stored.get("notes")
+    kept = tuple(str(n)[: 2 * LONGEST] for n in notes[:MOST]) if isinstance(notes, list) else ()
+    place = None if target is None else (target[0], target[1], target[2])
+    return Flown(numbers, texts, place, kept)
 
 
 def fast(airspeed: Array) -> NDArray[np.bool_]:

@@ -89,12 +89,12 @@ def _log(over: threading.Event) -> None:
 
 
 def _line(seconds: float) -> str:
-    """The line after so many seconds; empty where nothing is done, or what it reads is closed."""
+    """The line so many seconds after the command began; empty where nothing can be told."""
     try:
         text = _doing if isinstance(_doing, str) else _doing()
     except Exception:
         return ""
-    return f"{_about}{text} ({seconds:.0f} s)" if text else ""
+    return f"{_about}{text} ({seconds:.0f} s since the start)" if text else ""
 
 
 def _show(over: threading.Event) -> None:

@@ -240,7 +240,7 @@ def _scaled(covariance: Array, std: Array) -> Array:
 
     Positive definite by a trace also where two figures vary as one, such as gain and rate limit.
     """
-    now = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+    now, std = np.sqrt(np.clip(np.diag(covariance), 0.0, None)), np.minimum(std, 1e100)
     scale = np.divide(std, now, out=np.zeros(len(std)), where=now > 0.0)
     return np.asarray(covariance * np.outer(scale, scale) + np.diag(_TRACE * std**2))
 

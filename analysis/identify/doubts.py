@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.identify.evidence.diagnostics import Saturation, residual_tests
-from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate
+from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.identify.evidence.uncertainty import Uncertainty
 from analysis.identify.evidence.unexplained import repeatable
 from analysis.identify.linear.fit import AxisFit
@@ -148,6 +148,21 @@ def warnings_of(
     for channel in row:
         found += _channel_warnings(channel, longest, problem, name)
     return found
+
+
+def effective_warnings(axis: AxisEvidence, bounds: ServoBounds) -> list[str]:
+    """What the figures of a servo are where its structure leaves more than noise.
+
+    Their intervals are of repeats of this measurement by this structure: of emulated rigs, whose
+    gimbal crosses the play of its gears, none of eight held the motor's own limit.
+    """
+    if _noise_alone(axis):
+        return []
+    text = (
+        f"axis '{axis.name}': the structure '{bounds.structure}' leaves more than noise; limits, "
+    )
+    text += "dead band and backlash are effective values of this structure, "
+    return [text + "and those of the motor may lie outside their intervals"]
 
 
 def _fits(axis: AxisEvidence) -> dict[str, list[float]]:

@@ -7,7 +7,13 @@ from typing import Literal
 import numpy as np
 
 from analysis.identify import channels, checks, progress
-from analysis.identify.doubts import evidence, selection_warnings, stamp_warnings, warnings_of
+from analysis.identify.doubts import (
+    effective_warnings,
+    evidence,
+    selection_warnings,
+    stamp_warnings,
+    warnings_of,
+)
 from analysis.identify.errors import IdentificationError
 from analysis.identify.evidence.diagnostics import Saturation, saturation
 from analysis.identify.evidence.uncertainty import (
@@ -208,6 +214,7 @@ def _bounded(
         warnings += warnings_of(axes[-1], (channel,), longest, problem)
         warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])
         warnings += idle_warnings(limits, first.outputs[i])
+        warnings += effective_warnings(axes[-1], limits)
     warnings += stamp_warnings(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), tuple(bounds), tuple(axes), tuple(warnings)

@@ -49,12 +49,19 @@ FEWEST_SIZES = 3  # of steps tell where a speed stops growing
 
 @dataclass(frozen=True, slots=True)
 class AxisFigures(Plain):
-    """Figures of one axis of one run, and those not determined."""
+    """Figures of one axis of one run.
+
+    Attributes
+    ----------
+    notes : why figures are not determined, and whatever else is worth knowing about them
+    missing : figures, or groups of them, that are not determined
+    """
 
     axis: str
     kind: Kind
     figures: tuple[Figure, ...]
     notes: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
 
 
 def kind_of(axis: Measurement) -> Kind:
@@ -121,7 +128,7 @@ def _with_more(
     axis = run.axis(entry.axis)
     if axis is None or entry.kind in ("still", "closed loop"):
         return entry
-    figures, notes = list(entry.figures), list(entry.notes)
+    figures, notes, missing = list(entry.figures), list(entry.notes), entry.missing
     if entry.kind in ("steps", "staircase"):
         slew = _slew(axis)
         figures += slew
@@ -134,7 +141,8 @@ def _with_more(
         figures += _own(axis.component, entry.kind, model)
     except AnalysisError as error:
         notes.append(f"model: {error}")
-    return replace(entry, figures=tuple(figures), notes=tuple(notes))
+        missing = (*missing, "model")
+    return replace(entry, figures=tuple(figures), notes=tuple(notes), missing=missing)
 
 
 def _slew(axis: Measurement) -> tuple[Figure, ...]:
@@ -192,10 +200,12 @@ def axis_figures(axis: Measurement) -> AxisFigures:
     kind = kind_of(axis)
     figures: list[Figure] = []
     notes: list[str] = []
+    failed: list[str] = []
     for title, compute in _COMPUTED[kind]:
         try:
             figures += compute(axis)
         except AnalysisError as error:
+            failed.append(title)
             notes.append(f"{title}: {error}")
     why = _WHY.get(kind, "the record does not show it")
     # a peak without an overshoot has no time, which is no fault of the record
@@ -204,7 +214,7 @@ def axis_figures(axis: Measurement) -> AxisFigures:
     ]
     if missing:
         notes.append(f"{', '.join(missing)}: not measurable, {why}")
-    return AxisFigures(axis.component, kind, tuple(figures), tuple(notes))
+    return AxisFigures(axis.component, kind, tuple(figures), tuple(notes), (*failed, *missing))
 
 
 def steps_of(axis: Measurement) -> tuple[Step, ...]:

@@ -198,6 +198,13 @@ def test_the_bounds_of_a_servo_behind_a_set_point_are_found():
         found = model.estimate(f"x {name}")
         assert found.std < 0.02 * value
         assert abs(found.value - value) < 3.3 * found.std
+    assert not any("effective" in w for w in model.warnings)
+
+
+def test_a_structure_that_leaves_more_than_noise_has_effective_values():
+    """Both speeds of the true servo are missing here."""
+    model = identify([behind_a_set_point()], servo="speed", max_delay=0.05)
+    assert any("effective values" in w for w in model.warnings)
 
 
 def test_speed_servo_without_limit_is_the_linear_response():
@@ -235,6 +242,7 @@ def test_play_is_that_of_the_flown_model():
     assert set(rate) == {0.0, 1.0}
 
 
+@pytest.mark.slow  # the next one is its short form
 def test_a_servo_is_the_same_in_every_unit_of_its_command():
     """0.5 %: the search ends within 1e-9 of the loss; pulses here grow the other way."""
     rng = np.random.default_rng(4)

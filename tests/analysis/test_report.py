@@ -26,8 +26,10 @@ from analysis.recording import (
 from analysis.recording.series import POSITION
 from analysis.report import Line, Panel, Plot, Section, Table, render, report
 from analysis.report.build import labelled, simulated
-from analysis.report.figures import axis_figures, kind_of
+from analysis.report.figures import AxisFigures, axis_figures, kind_of
+from analysis.report.numbers import RunNumbers
 from analysis.report.parts import thinned
+from analysis.report.sections.key_figures import largest_figures
 from analysis.report.spectrum import frequency_response
 from analysis.report.words import number, value_text
 from analysis.response import Figure, disagreements
@@ -218,6 +220,10 @@ def test_slew_rate_and_knee_stand_where_steps_of_several_sizes_were_recorded(tmp
     assert "slew_rate" not in figures_of(numbers.runs[1], "x")
     assert any("model, x: slew rate: the speed grows" in n for n in numbers.notes)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    missing = sum(len(a.missing) for r in numbers.runs for a in r.figures)
+    assert missing < len(numbers.notes)  # a linear model's speed without a limit misses nothing
+    badge = re.search(r"<li class=fair>(\d+) figures? not determined", text)
+    assert int(badge[1]) == missing if missing else badge is None
     assert 'id="slew"' in text
     assert "slew knee" in text
 
@@ -348,13 +354,15 @@ def test_flights_are_shown_without_figures_their_commands_cannot_give(tmp_path):
         )
         content = base.recording
         series = {**content.series, "vehicle/position": path}
-        flown = Recording({**content.properties, "command": "fly"}, series)
+        stored = {"notes": [f"payload <{gain}> and tube overlap"]}
+        flown = Recording({**content.properties, "command": "fly"}, series, flight=stored)
         runs.append(replace(base, recording=flown))
     numbers = report(runs, tmp_path / "a.html")
     assert all(not a.figures for r in numbers.runs for a in r.figures)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert 'id="flight"' in text
     assert "was shifted by" not in text  # ignition is their common time
+    assert "payload &lt;0.9&gt; and tube overlap" in text
 
 
 def test_a_record_that_begins_with_its_command_has_the_figures_of_that_step(tmp_path):
@@ -387,6 +395,32 @@ def test_the_page_leads_with_the_answer_and_at_most_twelve_figures(three):
     key = text[text.index('id="key-figures"') : text.index('id="overview"')]
     assert 5 <= key.count("<tr>") - 1 <= 12
     assert "<details><summary>Every figure" in text[text.index('id="figures"') :]
+    assert "<th scope=col>fit, no offset" in text
+    assert "dates commands by the pulse frames" in text
+    assert "Repeats of a simulation differ" in text
+
+
+def test_a_threshold_that_no_step_was_too_small_for_is_no_key_figure():
+    bounded = Figure("threshold", 0.01, "rad", 0.14, 9, (0.005, 0.01))
+    for figure, shown in ((bounded, True), (replace(bounded, interval=(0.0, 0.01)), False)):
+        axis = AxisFigures("x", "staircase", (figure,))
+        run = RunNumbers("rig", "measured", 1.0, 9, (axis,), {})
+        assert bool(largest_figures(run, "x")) == shown
+
+
+def test_the_fit_without_the_sensors_offset_stands_beside_the_fit(tmp_path):
+    """Readings 0.01 rad off, but else the model's: all of the difference is the offset."""
+    commands = stepped(2)
+    rig = recorded(commands, answered(commands) + 0.01, motion="measured", gimbal="firmware")
+    report([rig, recorded(commands, answered(commands), gimbal="linkage")], tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "(100 % without the constant offset)" in text
+
+
+def test_a_report_of_a_rig_alone_says_nothing_of_simulations(tmp_path):
+    commands = stepped(2)
+    report([recorded(commands, answered(commands), motion="measured")], tmp_path / "a.html")
+    assert "simulation" not in (tmp_path / "a.html").read_text(encoding="utf-8").split("<script")[0]
 
 
 def test_differences_below_the_practical_tolerance_are_not_marked():
@@ -427,7 +461,7 @@ def test_stored_figures_of_a_flight_that_are_no_numbers_are_left_out():
     stored = {
         "max_mach": math.nan, "apogee_m": 10**400, "burnout_s": "2", "max_dynamic_pressure_pa": 9,
         "wind": "w" * 9000, "missed": [1, "late"], "target_m": [1.0, None, 3.0],
-        "static_margin": [1.5, 2.0], "ended": {},
+        "static_margin": [1.5, 2.0], "ended": {}, "notes": ["n" * 9000] * 99,
     }  # fmt: skip
     found = flown(Recording({}, {POSITION: path}, flight=stored))
     assert found is not None
@@ -439,6 +473,7 @@ def test_stored_figures_of_a_flight_that_are_no_numbers_are_left_out():
     assert len(found.texts["wind"]) == 200
     assert found.texts["missed"] == "1; late"
     assert found.target is None
+    assert [len(n) for n in found.notes] == [400] * 20
     assert "ended" not in found.texts
 
 

@@ -10,8 +10,10 @@ has it at once; whatever a mirror adds to that stamp is the mirror's own.
 
 import json
 import select
+import socket
 import sys
 import time
+from typing import NoReturn
 
 from hardware.device import Device, PtyPort, Sample, TcpPort
 from hardware.protocol import Board
@@ -22,6 +24,8 @@ PERIOD_S = 0.002
 
 def main() -> None:
     """Serve until terminated, with what rights there are."""
+    if sys.argv[1:] == ["echo", "tcp"]:
+        _bare_echo()
     port = PtyPort() if sys.argv[2:] != ["tcp"] else TcpPort()
     with realtime.requested():
         print(json.dumps({"port": port.url}), flush=True)
@@ -35,6 +39,17 @@ def _wait(port: PtyPort | TcpPort, seconds: float | None) -> None:
     else:
         files = [port._listener, port._host, *(guest.line for guest in port._guests)]
     select.select([f for f in files if f is not None], [], [], seconds)
+
+
+def _bare_echo() -> NoReturn:
+    """A plain socket: `TcpPort` serves no host without a session key, and pyserial has none."""
+    with socket.create_server(("127.0.0.1", 0)) as listener, realtime.requested():
+        print(json.dumps({"port": f"socket://127.0.0.1:{listener.getsockname()[1]}"}), flush=True)
+        line = listener.accept()[0]
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        while data := line.recv(65536):
+            line.sendall(data)
+    sys.exit()
 
 
 def _echo(port: PtyPort | TcpPort) -> None:

@@ -13,6 +13,7 @@ from scipy.stats import chi2
 from hardware.calibration import nominal
 from hardware.emulator import Emulator, sample_rig
 from hardware.emulator.truth import exact_calibration
+from hardware.faults.evidence import Reading, Remedy
 from hardware.fusion import Fusion, Noise
 from hardware.fusion.kalman import GimbalFilter, process_noise, transition
 from hardware.rig import in_process
@@ -231,3 +232,43 @@ def test_fusion_of_a_frame_costs_less_than_75_microseconds():
         fusion.update(frame)
         spent.append(time.perf_counter() - start)
     assert np.median(spent) < 75e-6
+
+
+@pytest.mark.parametrize("sensor", range(6))
+def test_a_sensor_left_out_does_not_move_the_estimate_and_every_other_does(sensor):
+    """`sensor` is one of both potentiometers and the gyro of x, then those of y."""
+    axis, kind = divmod(sensor, 3)
+    used = [k != (2 * axis + kind) for k in range(4)] if kind < 2 else [True] * 4
+    gyro = [kind < 2 or k != axis for k in range(2)]
+    moved = []
+    for remedy in (Remedy((True,) * 4, (True,) * 2), Remedy(tuple(used), tuple(gyro))):
+        fusion = Fusion(nominal())
+        for k in range(2):
+            fusion.filter.set_axis(k, np.zeros(4), np.diag([1e-4, 1.0, 1e-6, 1.0]))
+        angle, rate = [0.0] * 4, [0.0] * 2
+        if kind < 2:
+            angle[2 * axis + kind] = 0.01
+        else:
+            rate[axis] = 0.1
+        fusion._absorb(_reading(tuple(angle), tuple(rate)), remedy)
+        moved.append(float(np.abs(np.asarray(fusion.filter.x)).max()))
+    assert moved[0] > 1e-4
+    assert moved[1] == 0.0
+
+
+def test_a_tilt_that_an_uncertain_estimate_does_not_contradict_counts_as_rest():
+    fusion = Fusion(replace(nominal(), minimal=True))
+    for k in range(2):
+        fusion.filter.set_axis(k, np.zeros(4), np.diag([radians(2.0) ** 2, 1.0, 1e-6, 1.0]))
+    far = _reading((radians(4.0),) * 4, (0.0, 0.0))  # 3 σ of both together are 6.2 degrees
+    for _ in range(40):
+        variance = fusion._tilt(far)
+    assert variance == pytest.approx(radians(0.5) ** 2)
+    for k in range(2):
+        fusion.filter.set_axis(k, np.zeros(4), np.diag([radians(0.1) ** 2, 1.0, 1e-6, 1.0]))
+    assert fusion._tilt(far) == pytest.approx(radians(20.0) ** 2)
+
+
+def _reading(angle, rate):
+    """A frame of a gimbal at rest but for `angle` [rad] and `rate` [rad/s]."""
+    return Reading(0.002, (0.5,) * 4, angle, (1.0,) * 4, (0.0,) * 3, rate)

@@ -11,6 +11,7 @@ from dataclasses import MISSING, field, fields, make_dataclass
 from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import version
+from itertools import pairwise
 from typing import Annotated, Any, get_args, get_origin
 
 import tyro
@@ -92,6 +93,7 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
         name = verb.name
         if "action" in hints(verb.settings) and not {"-h", "--help"}.isdisjoint(arguments):
             name += "".join(f" {word}" for word in arguments[1:2] if not word.startswith("-"))
+        _check_paths(verb.settings, arguments)
         given = _parsed(grouped, verb.settings.__doc__, name, arguments[1:])
         flat = {k: v for group in vars(given).values() for k, v in vars(group).items()}
         return verb, verb.settings.of(flat)
@@ -100,6 +102,14 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
         raise SystemExit(0)
     print(_overview())
     raise SystemExit(0 if arguments and arguments[0] in ("-h", "--help") else 2)
+
+
+def _check_paths(kind: type[Settings], arguments: list[str]) -> None:
+    """Refuse empty paths, which would be taken for the folder of this process."""
+    for flag, value in pairwise(arguments):
+        hint = hints(kind).get(flag.removeprefix("--").replace("-", "_"))
+        if flag.startswith("--") and not value and "Path" in str(hint):
+            raise TwinError(f"{flag} '': must be a path; leave it out for the default")
 
 
 def _suggested(advice: str, kind: type[Settings]) -> str:

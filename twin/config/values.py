@@ -76,7 +76,7 @@ def _overrides(value: object) -> tuple[tuple[str, float], ...]:
 def _path(value: object) -> Path:
     if isinstance(value, str | os.PathLike):
         text = os.fspath(value)
-        if isinstance(text, str) and len(text) <= LONGEST_PATH and "\0" not in text:
+        if isinstance(text, str) and 0 < len(text) <= LONGEST_PATH and "\0" not in text:
             return Path(text)
     raise SettingError(value, "a path")
 

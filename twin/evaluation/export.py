@@ -10,6 +10,7 @@ from twin.config.paths import named
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 
+NOWHERE = "launched from 0°N 0°E, in the Atlantic: give --latitude-deg and --longitude-deg"
 SCENES = ("glb", "usd")  # formats of the bodies, which a table of signals does not have
 
 
@@ -22,11 +23,13 @@ class ExportResult(Result):
     file : path
     kind : its format
     size : bytes
+    note : what is worth knowing about it
     """
 
     file: Path
     kind: str
     size: int
+    note: str = ""
 
     def as_dict(self) -> dict[str, object]:
         """Path, format and size."""
@@ -34,7 +37,8 @@ class ExportResult(Result):
 
     def rows(self) -> Rows:
         """Path and size."""
-        return [("exported", f"{self.file} ({size_text(self.size)})")]
+        written = [("exported", f"{self.file} ({size_text(self.size)})")]
+        return [*written, ("note", self.note)] if self.note else written
 
 
 def size_text(count: int) -> str:
@@ -79,4 +83,5 @@ def export(config: Export) -> ExportResult:
         out,
         Origin(config.latitude_deg, config.longitude_deg, config.height_m),
     )
-    return ExportResult(out, kind, out.stat().st_size)
+    nowhere = kind == "kml" and config.latitude_deg == config.longitude_deg == 0.0
+    return ExportResult(out, kind, out.stat().st_size, NOWHERE if nowhere else "")

@@ -78,6 +78,8 @@ class IdentifyResult(Result):
             (f"order {s.poles}, {s.zeros}", f"{s.fit:.2f} % on held-out steps, error {s.error:.3f}")
             for s in self.orders
         ]
+        if self.model.servo:
+            rows.append(("servo structure", self.model.servo[0].structure))
         rows += [(e.name, estimated(e)) for e in self.model.estimates]
         for a in self.model.axes:
             fits = [
@@ -88,7 +90,7 @@ class IdentifyResult(Result):
             rows.append((f"{a.name} fit", f"{'; '.join(fits) or 'unknown'}; {a.samples} readings"))
             rows += _unexplained(a)
         rows += [(f"fit to {Path(k).name}", self._check(v)) for k, v in self.checks.items()]
-        rows += [(f"{m.axis} loop at {m.loop}", m.text()) for m in self.margins]
+        rows += [(f"{m.axis} margins at {m.loop}", m.text()) for m in self.margins]
         rows += [("WARNING", w) for w in self.warnings]
         rows += [("computing", f"{self.wall_s:.1f} s"), ("model", str(self.file))]
         if len(self.model.inputs) == 2:

@@ -260,7 +260,7 @@ class Session:
             self.plant,
             "" if duration_ns > LONGEST_SHOWN_NS else f" of {duration_ns * 1e-9:.0f} s",
         )
-        status.say(doing or (lambda: f"running, {plant.time_ns * 1e-9:.1f} s{of}"))
+        status.say(doing or (lambda: f"running, experiment time {plant.time_ns * 1e-9:.1f} s{of}"))
         seat: Clock = Wall() if self.real_time else Lockstep()
         clock = self._live.enter_context(seat)
         self._clock = clock if isinstance(clock, Wall) else None

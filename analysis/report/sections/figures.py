@@ -72,7 +72,7 @@ def _nothing(numbers: ReportNumbers) -> Section | None:
 
 def _notes(numbers: ReportNumbers) -> Table:
     return Table(
-        ("Not determined, or uncertain",),
+        ("Notes: not determined, uncertain, or worth knowing",),
         tuple((Cell(n, "warn"),) for n in numbers.notes),
     )
 

@@ -53,6 +53,8 @@ def flight(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | Non
     height = 210 if len(panels) <= 6 else 180  # four rows with the table on two A4 pages
     plot = Plot("flight", caption, "time [s]", panels, placed, panel_height=height)
     parts: list[Plot | Table] = [plot, _table([(run.name, f) for _, run, f in flights])]
+    if notes := tuple((run.name, note) for _, run, f in flights for note in f.notes):
+        parts.append(Table(("flight", "note"), notes))
     if not all(run.recording.passive for _, run, _ in flights):
         parts.append(Table((), (), LOOP))
     return Section("flight", "Flight", (), tuple(parts))

@@ -15,6 +15,7 @@ KEYS = (
     "hysteresis with lag", "slew rate", "speed reached", "threshold", "resolution", "bandwidth",
     "−90° frequency", "phase lag at 1 Hz", "equivalent delay", "linearity",
 )  # fmt: skip
+STAIRCASE = ("threshold", "resolution")
 WAYS = ("", "up", "from below", "down", "from above")  # the first that there is, is shown
 
 
@@ -43,7 +44,10 @@ def key_figures(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section 
 
 
 def largest_figures(run: RunNumbers, axis: str) -> dict[str, Figure]:
-    """By name the figure of the largest amplitude, of the first of `WAYS`; measurable ones only."""
+    """By name the figure of the largest amplitude, of the first of `WAYS`; telling ones only.
+
+    Left out are those not measurable, and a threshold or resolution that no step was too small for.
+    """
     found: dict[str, Figure] = {}
     for figure in sorted(_of(run, axis), key=_order):
         found.setdefault(split(figure.name)[0], figure)
@@ -51,7 +55,12 @@ def largest_figures(run: RunNumbers, axis: str) -> dict[str, Figure]:
 
 
 def _of(run: RunNumbers, axis: str) -> Iterator[Figure]:
-    return (f for a in run.figures if a.axis == axis for f in a.figures if math.isfinite(f.value))
+    return (f for a in run.figures if a.axis == axis for f in a.figures if _says(f))
+
+
+def _says(figure: Figure) -> bool:
+    bounded = figure.name not in STAIRCASE or figure.interval[0] > 0.0
+    return bounded and math.isfinite(figure.value)
 
 
 def _order(figure: Figure) -> tuple[int, float]:

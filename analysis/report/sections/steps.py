@@ -14,6 +14,13 @@ from analysis.response.figure import ALIKE, student
 
 SHOWN = 6.0  # times the slowest rise
 MOST_REPEATS = 12  # drawn one by one; the mean is of all
+CAPTION = (
+    "Every repeat (thin), their mean (thick) and its 95 % interval (band; Student's t over the "
+    "repeats). Time zero is the command."
+)
+SIMULATED = (
+    " Repeats of a simulation differ only by where backlash and friction held the gimbal before."
+)
 
 
 def steps(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
@@ -41,9 +48,7 @@ def steps(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None
         return None
     plot = Plot(
         "steps",
-        "Every repeat (thin), their mean (thick) and its 95 % interval (band; Student's t over the "
-        "repeats). Repeats of a simulation differ only by where backlash and friction held the "
-        "gimbal before. Time zero is the command.",
+        f"{CAPTION}{SIMULATED if any(r.motion == 'simulated' for r in runs) else ''}",
         "time from command [s]",
         tuple(panels),
         tuple(lines),

@@ -13,6 +13,7 @@ from analysis.report.sections.key_figures import largest_figures
 from analysis.report.words import number, value_text
 
 GOOD_FIT, FAIR_FIT = 95.0, 85.0  # %; a difference of 5 and 15 % of the motion's own deviation
+SAME_FIT = 0.5  # %; a fit without offset that is higher by less is not mentioned
 SHORTEST_DELAY = 0.5e-3  # s; a shorter one is not mentioned
 MATCH: dict[Grade, str] = {
     "good": "{} matches {} closely",
@@ -27,7 +28,7 @@ def summary(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
     texts = [_flight(n.label, n.flight) for n in numbers.runs if n.flight is not None]
     texts = texts or list(_response(runs, numbers))
     texts += [_compared(c) for c in found if math.isfinite(c.fit)]
-    items = (*_fits(found), *_timing(runs), *_faults(runs), *_notes(numbers))
+    items = (*_fits(found), *_timing(runs), *_faults(runs), *_missing(numbers))
     limits = f"Fit of the worst commanded axis: good from {GOOD_FIT:g} %, fair from {FAIR_FIT:g} %."
     caption = limits if found else ""
     parts = (Verdicts(items, caption),) if items else ()
@@ -40,10 +41,13 @@ def _compared(c: Comparison) -> str:
     if math.isfinite(axis.delay) and abs(axis.delay) >= SHORTEST_DELAY:
         way = "later" if axis.delay > 0.0 else "earlier"
         late = f" and moves {number(abs(axis.delay) * 1e3, 2)} ms {way}"
+    moving = ""
+    if axis.as_is.fit_moving - axis.as_is.fit >= SAME_FIT:
+        moving = f" ({number(axis.as_is.fit_moving, 3)} % without the constant offset)"
     match = MATCH[_grade(c.fit)].format(c.other, c.reference)
     rms, worst = (number(math.degrees(v), 2) for v in (axis.as_is.rmse, axis.as_is.worst))
     return (
-        f"{match}: fit {number(c.fit, 3)} % on axis {axis.axis}; it differs by {rms}° rms, "
+        f"{match}: fit {number(c.fit, 3)} % on axis {axis.axis}{moving}; it differs by {rms}° rms, "
         f"by {worst}° at most{late}."
     )
 
@@ -112,7 +116,10 @@ def _faults(runs: Sequence[Measurement]) -> Iterator[tuple[str, Grade]]:
             yield f"{run.name}: {wrong} error{'s' if wrong > 1 else ''}, see Events", "poor"
 
 
-def _notes(numbers: ReportNumbers) -> Iterator[tuple[str, Grade]]:
-    if numbers.notes:
-        count = f"{len(numbers.notes)} figure{'s' if len(numbers.notes) > 1 else ''}"
-        yield f"{count} not determined or uncertain", "fair"
+def _missing(numbers: ReportNumbers) -> Iterator[tuple[str, Grade]]:
+    missing = sum(len(a.missing) for n in numbers.runs for a in n.figures)
+    if missing:
+        yield (
+            f"{missing} figure{'s' if missing > 1 else ''} not determined, see All figures",
+            "fair",
+        )

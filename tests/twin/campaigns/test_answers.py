@@ -23,9 +23,11 @@ from twin.campaigns.statistics.dispersion import ellipse
 from twin.campaigns.statistics.sensitivity import rank_influences, sobol_influences
 from twin.campaigns.statistics.statistic import (
     Estimate,
+    Measure,
     cep,
     condition,
     mean,
+    meaning,
     quantile,
     statistic,
     wilson,
@@ -326,6 +328,22 @@ def test_parallel_coordinates_of_misses_without_a_figure_show_the_hits(tmp_path)
     ])  # fmt: skip
     (plot,) = coordinates(answers(s, runs, table), s, table, str).parts
     assert [line.name for line in plot.lines] == ["hit"]
+
+
+def test_an_end_that_so_few_runs_cannot_give_is_named_in_words():
+    """0.95 of all lie below the largest of 9 with 1 − 0.95⁹ = 37 %: no upper bound."""
+    few = quantile(np.arange(1.0, 10.0), 0.95, 0.95)
+    assert few.interval == "from 7, no upper bound from 9 runs"
+    assert "inf" not in few.text(" m")
+    assert quantile(-np.arange(1.0, 10.0), 0.05, 0.95).interval.endswith("lower bound from 9 runs")
+
+
+def test_every_statistic_of_a_campaign_has_its_meaning():
+    measures = [Measure("hit", (("closest_approach_m", "<=", 5.0),))]
+    assert meaning("hit_rate", measures) == "Share of all flights with closest_approach_m <= 5"
+    assert meaning("apogee_m_mean", measures) == "Mean apogee_m of all flights that have one"
+    assert meaning("cep_m", measures)
+    assert meaning("apogee_m_p05", measures).startswith("apogee_m of 5 % of all flights")
 
 
 def test_the_mean_of_a_skewed_positive_figure_has_a_positive_interval_that_holds_it():

@@ -18,6 +18,7 @@ from hardware.calibration import nominal
 from hardware.calibration import write as write_calibration
 from tests.twin.cli.test_cli import run as command
 from tests.twin.experiments.test_fly import compared
+from twin.cli import arguments
 from twin.config.base import hints
 from twin.config.result import Result
 from twin.config.verbs import BY_NAME, VERBS
@@ -86,6 +87,7 @@ def test_every_parameter_is_documented(name):
         (lambda: twin.fly(dt=1.0), "--dt 1"),
         (lambda: twin.fly(programme="loop"), "must be one of hold, step, doublet"),
         (lambda: twin.fly(set={"air_axial_darg": 1.0}), "air_axial_drag"),
+        (lambda: arguments.parse(["fly", "--motor", ""]), "--motor '': must be a path"),
         (lambda: twin.replay(), "needs recording"),
         (lambda: twin.replay("a.rrd", "b.rrd"), "one file, not 2"),
         (lambda: twin.identify(), "needs"),

@@ -108,7 +108,8 @@ def marks(file):
 
 def test_the_map_of_a_flight_shows_launch_apogee_and_landing(passive, files, tmp_path):
     """On a sphere 1e-5 degrees of latitude are 1.11 m; the ellipsoid differs by 0.7 %."""
-    export(Export(files["windy"], to="kml", out=tmp_path / "f.kml"))
+    made = export(Export(files["windy"], to="kml", out=tmp_path / "f.kml"))
+    assert "--latitude-deg" in dict(made.rows())["note"]
     at, figures = marks(tmp_path / "f.kml"), passive["windy"].figures
     assert list(at) == ["launch", "apogee", "landing"]
     assert at["apogee"][2] - at["launch"][2] == pytest.approx(figures.apogee_m, abs=0.1)
@@ -134,6 +135,7 @@ def test_what_cannot_be_exported_again_is_one_line(tmp_path, name, kind, says):
 def test_an_export_is_exported_again_to_the_last_bit(tmp_path):
     """Parquet files have the figures too, CSV files the signals alone."""
     result = fly(Fly(vehicle=ROCKET, duration_s=0.5, out=tmp_path / "f.rrd"))
+    assert result.max_speed_m_s == result.figures.max_ascent_speed_m_s  # it ends in its climb
     export(Export(tmp_path / "f.rrd", to="parquet"))
     export(Export(tmp_path / "f.parquet", to="csv"))
     a, b, c = (read(tmp_path / f"f.{kind}") for kind in ("rrd", "parquet", "csv"))

@@ -355,6 +355,7 @@ def test_a_vehicle_that_cannot_be_is_refused_in_one_line_with_what_is_right(
 PLACED = [
     ('"822.6 mm"', '"400 mm"', "reaches 177 mm aft .* at most 42 mm: put the pivot at 811"),
     ('"822.6 mm"', '"810 mm"', "reaches 43 mm aft of it"),
+    ('mass = "216', 'wall = "27 mm", mass = "216', "the body is solid there: give a wider"),
     ('diameter = "54 mm"', 'diameter = "50 mm"', "bore of 52 mm and reaches 77 mm .* 50 mm wide"),
 ]  # fmt: skip
 

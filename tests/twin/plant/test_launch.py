@@ -30,7 +30,7 @@ def advance(model, motor, data, seconds, dt):
 
 
 def test_forces_of_a_rigid_rail_give_the_wanted_accelerations():
-    """Back-substitution: a = free + Σ (1/m + r r'/I) N, for both lugs and for one."""
+    """Back-substitution: a = free + Σ (1/m + r r'/I) N, for both lugs and for each."""
     rng = np.random.default_rng(0)
     for _ in range(20):
         free, wanted, arms = (tuple(rng.normal(size=2).tolist()) for _ in range(3))
@@ -40,6 +40,8 @@ def test_forces_of_a_rigid_rail_give_the_wanted_accelerations():
         assert gain @ both + free == pytest.approx(np.array(wanted), rel=1e-9)
         one, none = ramp.rigid_forces(free, wanted, arms, (1.0, 0.0), mass, inertia)
         assert (gain[0, 0] * one + free[0], none) == pytest.approx((wanted[0], 0.0), rel=1e-9)
+        none, half = ramp.rigid_forces(free, wanted, arms, (0.0, 0.5), mass, inertia)
+        assert (none, gain[1, 1] * half / 0.5 + free[1]) == pytest.approx((0.0, wanted[1]))
 
 
 @pytest.mark.parametrize("dt", [2e-4, 1e-3, 4e-3])

@@ -14,7 +14,7 @@ from twin.campaigns.results.coordinates import coordinates
 from twin.campaigns.results.result import CampaignResult
 from twin.campaigns.sampling.study import Study
 from twin.campaigns.statistics.boundary import FEWEST, SHARE, Frontier, Property, fewest
-from twin.campaigns.statistics.statistic import MEANINGS, PLACE, Estimate
+from twin.campaigns.statistics.statistic import PLACE, Estimate, meaning
 
 SHOWN = 2000  # points of a plot
 
@@ -47,10 +47,12 @@ def sections(study: Study, result: CampaignResult, table: Any) -> tuple[Section,
 def _answer(study: Study, result: CampaignResult) -> Section:
     a = result.answers
     rows: list[tuple[Cell | str, ...]] = [_estimate(n, e) for n, e in a.estimates.items()]
+    meanings = [meaning(n, study.measures) for n in a.estimates]
     for v in result.verdicts:
         word = {True: "failed", False: "passed", None: "undecided"}[v.holds]
         rows.append((f"{v.text}: {word}", *_estimate("", v.estimate)[1:]))
-    rows = [(*row, MEANINGS.get(str(row[0]), "")) for row in rows]
+        meanings.append("The statistic of this condition")
+    rows = [(*row, said) for row, said in zip(rows, meanings, strict=True)]
     head = ("statistic", "value", f"{study.confidence:.0%} interval", "runs", "meaning")
     ends = ", ".join(f"{name} {n}" for name, n in a.outcomes.items())
     title = study.title if study.title[-1:] in ".?!" else f"{study.title}."
@@ -60,7 +62,7 @@ def _answer(study: Study, result: CampaignResult) -> Section:
 
 
 def _estimate(name: str, e: Estimate) -> tuple[Cell | str, ...]:
-    interval = f"{e.low:.4g} to {e.high:.4g}" if np.isfinite(e.low) else "–"
+    interval = "–" if np.isnan(e.low) else e.interval
     value = f"{e.value:.4g}" if np.isfinite(e.value) else "–"
     return name, Cell(value, "number"), interval, Cell(str(e.n), "number")
 

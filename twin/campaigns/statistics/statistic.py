@@ -59,7 +59,19 @@ class Estimate:
         if math.isnan(self.low):
             value = "" if math.isnan(self.value) else f"{self.value:.4g}{unit}, "
             return f"{value}too few runs for an interval (n = {self.n})"
-        return f"{self.value:.4g}{unit} ({self.low:.4g} to {self.high:.4g}, n = {self.n})"
+        return f"{self.value:.4g}{unit} ({self.interval}, n = {self.n})"
+
+    @property
+    def interval(self) -> str:
+        """The interval in words; an end that so few runs cannot give is named as such."""
+        ends = [f"{v:.4g}" for v in (self.low, self.high) if math.isfinite(v)]
+        if len(ends) == 2:
+            return " to ".join(ends)
+        if not ends:
+            return f"no bounds from {self.n} runs"
+        if math.isfinite(self.low):
+            return f"from {ends[0]}, no upper bound from {self.n} runs"
+        return f"to {ends[0]}, no lower bound from {self.n} runs"
 
 
 @dataclass(frozen=True)
@@ -165,6 +177,21 @@ def statistic(name: str, measures: Sequence[Measure]) -> Statistic:
         f"unknown statistic {name!r}; must be {', '.join(rates) or 'NAME_rate of a [measure]'},"
         " cep_m, or FIGURE_mean, FIGURE_median or FIGURE_p95 of a figure of `twin fly --json`"
     )
+
+
+def meaning(name: str, measures: Sequence[Measure]) -> str:
+    """What a statistic says, in words."""
+    for m in measures:
+        if name == f"{m.name}_rate":
+            terms = " and ".join(f"{figure} {sign} {limit:g}" for figure, sign, limit in m.terms)
+            return f"Share of all flights with {terms}"
+    if name in MEANINGS:
+        return MEANINGS[name]
+    figure, _, what = name.rpartition("_")
+    if what == "mean":
+        return f"Mean {figure} of all flights that have one"
+    share = 50 if what == "median" else int(what.removeprefix("p"))
+    return f"{figure} of {share} % of all flights that have one is at most this"
 
 
 def condition(text: str, measures: Sequence[Measure], where: str = "--fail-if") -> Condition:

@@ -14,7 +14,7 @@ from analysis.compiled import njit
 from analysis.flown import GROUND
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
-from twin.experiments.flight.track import POSITION, Figures, Track
+from twin.experiments.flight.track import POSITION, VELOCITY, Figures, Track
 from twin.experiments.flight.wind import wind_text
 from twin.experiments.programme import Vector, start_of
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
@@ -161,7 +161,7 @@ class Watch(NamedTuple):
     position, velocity, closure : views of the plant's state
     fixed : (10,) launch point, point steered to (NaN without), ramp: length [m] and direction
     times : (2,) of burnout and ignition [ns]
-    most : (6,) largest speed squared, largest closure, closest distance, place of the burnout
+    most : (5,) largest closure, closest distance, place of the burnout
     marks : (6,) `ON_RAMP` to `BURNT`
     """
 
@@ -212,7 +212,7 @@ class Flight:
         self.memory = Watch(
             plant.position, plant.velocity, plant.closure,
             np.array([*self._start, *aim, ramp, *rail(elevation, azimuth)]),
-            np.array([self.burnout_ns, ignition_ns]), np.array([0.0, 0.0, math.inf, 0.0, 0.0, 0.0]),
+            np.array([self.burnout_ns, ignition_ns]), np.array([0.0, math.inf, 0.0, 0.0, 0.0]),
             np.array([1, 0, -1, self.burnout_ns, 0, 0]),
         )  # fmt: skip
         self.announce: Callable[[int, str], None] = lambda *_: None
@@ -225,20 +225,20 @@ class Flight:
     def report(self, time_ns: int, events: int, position: Array, velocity: Array) -> None:
         """Announce events that `watch` gave at a position and velocity (3,)."""
         speed = math.hypot(*velocity.tolist())
-        away = f" at {speed:.1f} m/s, {{:.1f}} m from the launch point".format
         if events & BURNED_OUT:
-            self.announce(time_ns, f"burnout{away(self._burnout_range)}")
+            away = f"{self._burnout_range:.1f} m from the launch point"
+            self.announce(time_ns, f"burnout at {speed:.1f} m/s, {away}")
         if events & TOPPED:
             height = float(position[2]) - self._start[2]
             self.announce(time_ns, f"apogee, {height:.1f} m above the launch point")
         if events & LEFT_RAMP:
-            self.announce(time_ns, f"left the ramp{away(self.memory.fixed[6])}")
+            self.announce(time_ns, f"left the ramp after {self.memory.fixed[6]:.1f} m")
 
     @property
     def _burnout_range(self) -> float | None:
         """Distance from the launch point when the motor burned out [m]; None before."""
         memory = self.memory
-        return math.dist(memory.most[3:6], self._start) if memory.marks[BURNT] else None
+        return math.dist(memory.most[2:5], self._start) if memory.marks[BURNT] else None
 
     @property
     def powered_ticks(self) -> int:
@@ -252,7 +252,8 @@ class Flight:
     def result(self, recording: Path | None, outcome: Outcome, track: Track) -> FlightResult:
         """The flight in numbers; the time of the whole command is not known yet."""
         plant, memory, landed = self._plant, self.memory, outcome.ended == GROUND
-        path = track.ticks[:, POSITION]
+        ticks = track.ticks
+        path, speed = ticks[:, POSITION], np.linalg.norm(ticks[:, VELOCITY], axis=1)
         target = None if self._target is None else self._target - self._start
         closest = None if self._target is None else _closest(path, self._target)
         return FlightResult(
@@ -260,7 +261,7 @@ class Flight:
             ended=outcome.ended,
             mass_kg=self._mass,
             flight_time_s=plant.time_ns * 1e-9,
-            max_speed_m_s=math.sqrt(memory.most[0]),
+            max_speed_m_s=float(speed[: len(speed) - landed].max()),
             powered_slant_range_m=self._burnout_range,
             max_height_m=float((path[:, 2] - self._start[2]).max()),
             target_m=None
@@ -270,7 +271,7 @@ class Flight:
             attitude_error_rms_deg=None
             if plant.twin.gimbal == "fixed"
             else track.error_rms_deg(self.powered_ticks),
-            loop_closure_max_um=float(memory.most[1]) * 1e6 or None,
+            loop_closure_max_um=float(memory.most[0]) * 1e6 or None,
             physics_steps=plant.steps,
             physics_s=plant.computing_s,
             cpu_s=0.0,
@@ -310,13 +311,12 @@ def watch(time_ns: int, w: Watch) -> int:
     burnout_ns, ignition_ns = w.times
     events = 0
     speed = vx * vx + vy * vy + vz * vz
-    most[0] = max(most[0], speed)
-    most[1] = max(most[1], w.closure[0], w.closure[1])
+    most[0] = max(most[0], w.closure[0], w.closure[1])
     if time_ns <= burnout_ns:
         marks[POWERED] += 1
     elif not marks[BURNT]:
         marks[BURNT] = 1
-        most[3], most[4], most[5] = x, y, z
+        most[2], most[3], most[4] = x, y, z
         events |= BURNED_OUT
     if marks[RISING] and vz < 0.0 and not marks[ON_RAMP]:
         events |= TOPPED
@@ -329,9 +329,9 @@ def watch(time_ns: int, w: Watch) -> int:
     if not math.isnan(fixed[3]):
         distance = _away(x, y, z, fixed[3:6])
         if marks[ON_RAMP]:
-            most[2] = distance
-        elif distance < most[2]:
-            most[2], marks[CLOSEST_NS] = distance, time_ns
+            most[1] = distance
+        elif distance < most[1]:
+            most[1], marks[CLOSEST_NS] = distance, time_ns
     return events
 
 

@@ -85,7 +85,7 @@ def compiled_ticks(
     if native is None or pilot_native is None or sources is None:
         return None
     if rows is not None:  # others are flown by something with a line of its own
-        status.say(lambda: f"running, {plant.time_ns * 1e-9:.1f} s")
+        status.say(lambda: f"running, at {plant.time_ns * 1e-9:.1f} s of the flight")
     copies = _Copies(rows, sources, plant.data)
     chunk = CHUNK if rows is None else RECORDED
     copied, events = np.empty((chunk, copies.addresses.size)), np.zeros(chunk, np.int64)

@@ -233,8 +233,8 @@ def check_gimbal(design: Design, outline: Outline, held: Carrier | None) -> None
     if narrowest < held.tube - SLACK:
         raise VehicleError(
             f"gimbal: the mechanism was built for a bore of {2e3 * held.tube:g} mm and reaches"
-            f" {1e3 * held.reach:g} mm forward of the pivot; the body is {2e3 * narrowest:g} mm"
-            " wide inside there: give a wider body, or another mechanism"
+            f" {1e3 * held.reach:g} mm forward of the pivot; the body is {_room(narrowest)}"
+            " there: give a wider body, or another mechanism"
         )
     _check_swing(pivot, outline, held, pivot - held.forward + design.motor_data.length)
 
@@ -252,7 +252,7 @@ def _check_swing(pivot: float, outline: Outline, held: Carrier, nozzle: float) -
             wide = 2e3 * (held.bore / 2 / math.cos(held.swing) + FREE)
             raise VehicleError(
                 f"gimbal: the motor needs {wide:.0f} mm to tilt; the body is"
-                f" {2e3 * _inside(outline, x, THIN):.0f} mm wide inside at {x:.4g} m"
+                f" {_room(_inside(outline, x, THIN))} at {x:.4g} m"
             )
         if x - pivot > most + SLACK:
             raise VehicleError(
@@ -266,6 +266,10 @@ def _check_swing(pivot: float, outline: Outline, held: Carrier, nozzle: float) -
 def _between(outline: Outline, low: float, high: float) -> list[float]:
     """Stations at which the body is narrowest or widest between two [m]."""
     return [low, *(s.end for s in outline.segments if low < s.end < high), high]
+
+
+def _room(radius: float) -> str:
+    return f"{2e3 * radius:.3g} mm wide inside" if radius > 0.0 else "solid"
 
 
 def _inside(outline: Outline, x: float, wall: float) -> float:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from analysis.recording import Recording
     from twin.evaluation.compare import CompareResult
 
+GRADES = f"Fit: good from {GOOD:.0f} %, fair from {FAIR:.0f} %; 100 % is exact."
 BEFORE, AFTER = 0.05, 0.45  # s around a step that is shown
 FILES = (
     ("steps.rrd", "the rig's answer to steps, and the physical model beside it"),
@@ -38,7 +39,7 @@ def sections(result: DemoResult) -> tuple[Section, ...]:
         _verdict("identified model", result.stages.fitted),
     ))  # fmt: skip
     return (
-        Section("answer", "Results", parts=(
+        Section("answer", "Results", (GRADES,), (
             verdicts, Table(("what", "figure", "what it means"), facts))),
         Section("step", "One step of the gimbal", parts=(_step(result),)),
         Section("flights", "The same flight, twice", parts=(_flights(result),)),
