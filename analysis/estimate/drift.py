@@ -144,12 +144,13 @@ def drift(
         changes.append(Change(axis, properties[k], since, noticed, before, after, spread))
         levels.append((since, new))
     band = 1.96 * np.sqrt((slope**2) @ prior**2 + info.noise**2)
-    shown = _shown(seen, prior, time)
+    shown, bias = _shown(seen, prior, time), np.array([p.bias for p in properties])
     shown = replace(
         shown,
         value=np.maximum(shown.value + _held(levels, shown.time), lowest),
-        sigma=np.hypot(shown.sigma, prior),
+        sigma=np.hypot(np.hypot(shown.sigma, prior), bias),
     )
+    spreads = np.hypot(spreads, bias)
     differs = tuple(
         f"{axis}: {p.name} {p.text(v)} ± {1.96 * s * p.scale:.2f} ({p.text(p.value)} in the model)"
         for p, v, s in zip(properties, start.tolist(), spreads.tolist(), strict=True)

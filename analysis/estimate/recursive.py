@@ -38,6 +38,8 @@ class Property:
     value : of the model
     sigma : standard deviation of the model's value; a difference within is none
     lowest : value that is physically possible
+    bias : standard deviation that what the model cannot follow adds to an estimate, constant over a
+        run and so without effect on its changes
     """
 
     name: str
@@ -46,6 +48,7 @@ class Property:
     value: float
     sigma: float
     lowest: float = -math.inf
+    bias: float = 0.0
 
     def text(self, value: float) -> str:
         """A value with its unit."""

@@ -127,6 +127,12 @@ def test_an_axis_that_moves_late_and_differs_at_once_differs_from_the_start():
     seen = drift("y", t, angle, begun, (GAIN, ZERO, DELAY), t[t >= 12.0])
     assert seen.changes == ()
     assert [text.split(" ± ")[0] for text in seen.differs] == ["y: gain 1.08"]
+    biased = replace(GAIN, bias=0.045)
+    wide = drift("y", t, angle, begun, (biased, ZERO, DELAY), t[t >= 12.0])
+    assert wide.differs == wide.changes == ()
+    own = np.sqrt(wide.track.sigma[-1, 0] ** 2 - seen.track.sigma[-1, 0] ** 2)
+    assert own == pytest.approx(0.045)
+    np.testing.assert_array_equal(wide.track.value, seen.track.value)
 
 
 @pytest.mark.parametrize("changed", [True, False], ids=["a later change", "no change"])

@@ -73,7 +73,7 @@ class RunExplanation:
                 half = f" ± {100 * s.half:.0f}" if math.isfinite(s.half) else ""
                 text = f"{part:.0f} % of that, {whole:.0f}{half} % of the whole: {s.text}"
                 if s.alike:
-                    text += f"; not told apart from {' or '.join(s.alike)}"
+                    text += f"; not determined: not told apart from {' or '.join(s.alike)}"
                 rows.append((f"{a.axis} {s.effect}", text))
             rows.append(
                 (f"{a.axis} unexplained", f"{rest} rms; the readings have {noise} of noise")
