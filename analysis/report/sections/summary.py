@@ -41,15 +41,21 @@ def _compared(c: Comparison) -> str:
     if math.isfinite(axis.delay) and abs(axis.delay) >= SHORTEST_DELAY:
         way = "later" if axis.delay > 0.0 else "earlier"
         late = f" and moves {number(abs(axis.delay) * 1e3, 2)} ms {way}"
-    moving = ""
-    if axis.as_is.fit_moving - axis.as_is.fit >= SAME_FIT:
-        moving = f" ({number(axis.as_is.fit_moving, 3)} % without the constant offset)"
-    match = MATCH[_grade(c.fit)].format(c.other, c.reference)
     rms, worst = (number(math.degrees(v), 2) for v in (axis.as_is.rmse, axis.as_is.worst))
-    return (
-        f"{match}: fit {number(c.fit, 3)} % on axis {axis.axis}{moving}; it differs by {rms}° rms, "
-        f"by {worst}° at most{late}."
-    )
+    differs = f"it differs by {rms}° rms, by {worst}° at most{late}."
+    fit, moving = f"fit {number(c.fit, 3)} % on axis {axis.axis}", _without_offset(c)
+    if _grade(c.fit) == "poor" and moving >= FAIR_FIT:
+        match = MATCH[_grade(moving)].format(c.other, c.reference)
+        offset = f"{match} but for a constant offset: fit {number(moving, 3)} % without it"
+        return f"{offset}, {fit} with it; {differs}"
+    if axis.as_is.fit_moving - axis.as_is.fit >= SAME_FIT:
+        fit += f" ({number(axis.as_is.fit_moving, 3)} % without the constant offset)"
+    return f"{MATCH[_grade(c.fit)].format(c.other, c.reference)}: {fit}; {differs}"
+
+
+def _without_offset(c: Comparison) -> float:
+    """Fit without a constant offset, of the worst commanded axis [%]."""
+    return min(a.as_is.fit_moving for a in c.axes if a.axis not in c.uncounted)
 
 
 def _response(runs: Sequence[Measurement], numbers: ReportNumbers) -> Iterator[str]:
@@ -97,9 +103,18 @@ def _grade(fit: float) -> Grade:
 
 
 def _fits(found: Sequence[Comparison]) -> Iterator[tuple[str, Grade]]:
+    """Fits; one that an offset alone makes poor is at best fair."""
     for c in found:
-        if math.isfinite(c.fit):
-            yield f"{c.other}: fit {number(c.fit, 3)} %", _grade(c.fit)
+        if not math.isfinite(c.fit):
+            continue
+        text, grade, moving = (
+            f"{c.other}: fit {number(c.fit, 3)} %",
+            _grade(c.fit),
+            _without_offset(c),
+        )
+        if grade == "poor" and moving >= FAIR_FIT:
+            text, grade = f"{text}, {number(moving, 3)} % without offset", "fair"
+        yield text, grade
 
 
 def _timing(runs: Sequence[Measurement]) -> Iterator[tuple[str, Grade]]:
