@@ -18,6 +18,7 @@ from analysis.recording.measurements import Measurement
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
+_SAME = 0.1  # of a frequency: below, a change between sizes of steps is taken for none
 _ANSWER = 0.1  # share of the residual's power that another linear model would take; chance: 0
 
 
@@ -134,13 +135,14 @@ def warnings_of(
     found = []
     if not axis.converged:
         found.append(f"{name}: the search did not settle; treat the figures as a guess")
-    if axis.simpler:
+    limited = _limited(axis, row[own], name)
+    if axis.simpler and not limited:  # a limit of speed hides a pole
         poles = len(row[own].den) - 1
         explain = "1 pole explains" if poles == 2 else f"{poles - 1} poles explain"
         found.append(
             f"{name}: {explain} the readings as well as {poles}; fit with --poles {poles - 1}"
         )
-    found += _fit_warnings(axis, name)
+    found += [*_fit_warnings(axis, name), *limited]
     found += _residual_warnings(axis, name)
     found += _smear_warnings(axis, name, row[own])
     if axis.spikes:
@@ -182,29 +184,37 @@ def _fit_warnings(axis: AxisEvidence, name: str) -> list[str]:
         both = _fits(axis).items()
         text = ", ".join(f"{what} {np.median(fits):.0f} %" for what, fits in both if fits)
         found.append(f"{name}: poor fit ({text}); another order, or something unmodelled")
-    if axis.saturation.saturated and (changed := _changed(axis)) is not None:
-        found.append(
-            f"{name}: rate-limited, the speed grows with the amplitude to the power "
-            f"{axis.saturation.exponent:.2f}, not 1{changed}; fit the servo (--servo)"
-        )
-    elif axis.saturation.saturated is None and axis.saturation.steps >= 4:
+    if axis.saturation.saturated is None and axis.saturation.steps >= 4:
         found.append(f"{name}: steps of one size only; cannot distinguish saturation from slowness")
     return found
 
 
-def _changed(axis: AxisEvidence) -> str | None:
+def _limited(axis: AxisEvidence, channel: ChannelFit, name: str) -> list[str]:
+    if not axis.saturation.saturated or (changed := _changed(axis, channel)) is None:
+        return []
+    power = f"the speed grows with the amplitude to the power {axis.saturation.exponent:.2f}, not 1"
+    return [f"{name}: rate-limited, {power}{changed}; fit the servo (--servo)"]
+
+
+def _changed(axis: AxisEvidence, channel: ChannelFit) -> str | None:
     """Poles and delay that the sizes of the steps change; None where they are shown to change none.
 
     Empty where the steps cannot tell.
     """
-    if not axis.sizes:
-        return ""
     found = [
         f"{e.name} {_short(e.value, e.unit)}"
         for e in axis.sizes
         if not abs(e.value) <= 1.96 * e.std
     ]
-    return f" (from the smallest to the largest: {', '.join(found)})" if found else None
+    if found:
+        return f" (from the smallest to the largest: {', '.join(found)})"
+    value = {e.name.partition(" ")[2]: e.value for e in channel.estimates}
+    most = [
+        (abs(e.value) + 1.96 * e.std) / value[e.name]
+        for e in axis.sizes
+        if e.name == "natural frequency"
+    ]
+    return "" if not axis.sizes or any(share > _SAME for share in most) else None
 
 
 def _short(value: float, unit: str) -> str:

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from analysis.identify import (
     identify_gimbal,
 )
 from analysis.identify.channels import changes, nothing
+from analysis.identify.doubts import warnings_of
+from analysis.identify.evidence.diagnostics import Saturation
 from analysis.identify.evidence.uncertainty import whole_jacobian
 from analysis.identify.gimbal import shared_structure
 from analysis.identify.identification import layout_of
@@ -168,6 +171,25 @@ def test_a_limited_servo_is_said_to_be_slower_in_large_steps():
     change = next(e for e in model.axes[0].sizes if e.name == name)
     assert change.value < -1.96 * change.std
     assert any(f"{name} -" in w for w in model.warnings if "rate-limited" in w)
+
+
+@pytest.mark.parametrize(("change", "warned"), [(4.0, True), (0.4, False)])
+def test_a_power_of_the_speed_is_a_warning_unless_the_poles_are_shown_not_to_change(change, warned):
+    """From the smallest step to the largest, 40 rad/s ± 20 % and ± 2 %; a limit hides a pole."""
+    t = np.arange(0.0, 1.0, 0.01)
+    answer = studies.step_pair(studies.Gimbal(40.0, 0.7, 0.013, 1.0), np.clip(t - 0.2, 0.0, 1.0))[0]
+    angle = np.radians(5.0) * answer + 1e-5 * np.random.default_rng(1).normal(size=len(t))
+    r = measurement(t, np.radians([5.0]), command_time=[0.2], before=[0.0], angle=angle)
+    model, problem = identify([r]), assemble([r], 0, layout_of([r], 2, 0))
+    axis = replace(
+        model.axes[0],
+        saturation=Saturation(0.8, 0.02, 16, 2.0, True),
+        sizes=(Estimate("natural frequency", change, change / 1.96, "rad/s"),),
+        simpler=True,
+    )
+    said = " ".join(warnings_of(axis, model.channels[0], 0.5, problem))
+    assert ("rate-limited" in said) == warned
+    assert ("--poles 1" in said) != warned
 
 
 def behind_a_set_point(h=1e-4):
