@@ -36,7 +36,7 @@ SEEN_ZERO = replace(ZERO, sigma=math.radians(0.1))  # of the gimbal
 LAG = Property("lag", "ms", 1e3, 0.0, 2e-3)
 SERVO = (
     ZERO,
-    # 0.09 at 95 %: the largest of four axes' estimates of emulated rigs like their model; along a
+    # 0.09 at 95 %: what emulated rigs like their model were seen to give at most; along a
     # slew 0.5 ms of delay and 3 % of speed move the gimbal alike
     Property("speed", "", 1.0, 1.0, 0.015, lowest=0.1, bias=0.045),
     Property("backlash", "°", DEGREES, 0.0, math.radians(0.1), lowest=0.0),
