@@ -161,8 +161,8 @@ def effective_warnings(axis: AxisEvidence, bounds: ServoBounds) -> list[str]:
     if _noise_alone(axis):
         return []
     text = f"axis '{axis.name}': the structure '{bounds.structure}' leaves more than noise; "
-    text += "its limits, dead band and backlash are effective values, and the motor's own may lie "
-    return [text + "outside their intervals"]
+    text += "its delay, poles, limits, dead band and backlash are effective values, those of "
+    return [text + "the servo may lie outside their intervals"]
 
 
 def _fits(axis: AxisEvidence) -> dict[str, list[float]]:
