@@ -414,7 +414,7 @@ def test_the_fit_without_the_sensors_offset_stands_beside_the_fit(tmp_path):
     rig = recorded(commands, answered(commands) + 0.01, motion="measured", gimbal="firmware")
     report([rig, recorded(commands, answered(commands), gimbal="linkage")], tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert "(100 % without the constant offset)" in text
+    assert "closely but for a constant offset: fit 100 % without it" in text
 
 
 def test_a_report_of_a_rig_alone_says_nothing_of_simulations(tmp_path):
