@@ -158,7 +158,8 @@ def effective_warnings(axis: AxisEvidence, bounds: ServoBounds) -> list[str]:
     Their intervals are of repeats of this measurement by this structure: of emulated rigs, whose
     gimbal crosses the play of its gears, none of eight held the motor's own limit.
     """
-    if _noise_alone(axis):
+    tests = [t for t in (axis.residual_angle, axis.residual_rate) if t is not None]
+    if _noise_alone(axis) or not (axis.repeats > _ANSWER or any(t.whiteness < 1e-3 for t in tests)):
         return []
     text = f"axis '{axis.name}': the structure '{bounds.structure}' leaves more than noise; "
     text += "its delay, poles, limits, dead band and backlash are effective values, those of "

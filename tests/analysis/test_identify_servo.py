@@ -19,7 +19,7 @@ from analysis.identify import (
     identify_gimbal,
 )
 from analysis.identify.channels import changes, nothing
-from analysis.identify.doubts import warnings_of
+from analysis.identify.doubts import effective_warnings, warnings_of
 from analysis.identify.evidence.diagnostics import Saturation
 from analysis.identify.evidence.uncertainty import whole_jacobian
 from analysis.identify.gimbal import shared_structure
@@ -221,6 +221,20 @@ def test_the_bounds_of_a_servo_behind_a_set_point_are_found():
         assert found.std < 0.02 * value
         assert abs(found.value - value) < 3.3 * found.std
     assert not any("effective" in w for w in model.warnings)
+
+
+def test_colour_that_chance_gives_a_short_record_makes_no_effective_values():
+    """Of 200 white readings two in five have an autocorrelation of 0.15 among twenty lags."""
+    t = np.arange(0.0, 1.0, 0.01)
+    answer = studies.step_pair(studies.Gimbal(40.0, 0.7, 0.013, 1.0), np.clip(t - 0.2, 0.0, 1.0))[0]
+    angle = answer + 1e-3 * np.random.default_rng(1).normal(size=len(t))
+    axis = identify([measurement(t, [1.0], command_time=[0.2], before=[0.0], angle=angle)]).axes[0]
+    none = Estimate("x", 0.0, 0.0, "")
+    bounds = ServoBounds("speed", {}, none, none, none)
+    for whiteness, warned in ((0.05, False), (1e-6, True)):
+        residual = replace(axis.residual_angle, autocorrelation=0.2, whiteness=whiteness)
+        found = replace(axis, residual_angle=residual, residual_rate=None, repeats=0.0)
+        assert bool(effective_warnings(found, bounds)) == warned
 
 
 def test_a_structure_that_leaves_more_than_noise_has_effective_values():
