@@ -131,7 +131,7 @@ def test_a_signal_without_a_row_has_no_plot(tmp_path):
             recorder.row[recorder.slices["gimbal/command"]] = 0.1
             recorder.commit(tick * TICK_NS, tick)
         recorder.drain()
-        content = recorder._look.final(recorder._stream)
+        content = recorder._file.look.final(recorder._file.stream)
     assert content.signals == ["gimbal/command"]
     assert content.residual is None
 

@@ -24,6 +24,7 @@ from tests.conftest import ROOT
 from tests.twin.recorder import runs
 from twin import viewer
 from twin.recorder import DetachedRecorder, Recorder, RecorderError
+from twin.recorder.feed import Feed
 from twin.recorder.process import ring
 from twin.recorder.scene import scene, shapes
 from twin.recorder.scene.poses import Poses
@@ -251,8 +252,8 @@ import json, os, resource, signal, sys, traceback
 from pathlib import Path
 import numpy as np
 from tests.twin.recorder.runs import SIGNALS
-from twin.recorder import Recorder, RecorderError, checks, stream
-stream.FLUSH_SECONDS = 1.0
+from twin.recorder import Recorder, RecorderError, checks, feed
+feed.FLUSH_SECONDS = 1.0
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 looks = checks._refuse_full
 
@@ -455,7 +456,7 @@ def test_many_ticks_at_once_are_written_as_one_after_the_other(
     tmp_path, monkeypatch, rows, poses, drain_ms, pose_ms
 ):
     writes = []
-    drain = Recorder.drain
+    drain = Feed.drain
 
     def noted(self):
         p = self._poses
@@ -465,8 +466,8 @@ def test_many_ticks_at_once_are_written_as_one_after_the_other(
         writes.append(rows + [a[: p.times.size].tobytes() for a in of_poses])
         drain(self)
 
-    monkeypatch.setattr(Recorder, "drain", noted)
-    monkeypatch.setattr("twin.recorder.stream.Poses", partial(Poses, capacity=poses))
+    monkeypatch.setattr(Feed, "drain", noted)
+    monkeypatch.setattr("twin.recorder.feed.Poses", partial(Poses, capacity=poses))
     model = mujoco.MjModel.from_xml_string(runs.SCENE)
     data, names = mujoco.MjData(model), ("xpos", "xquat", "qpos", "site_xpos", "site_xmat")
     time_ns = np.arange(20) * runs.PERIOD_NS
@@ -590,3 +591,33 @@ def test_memory_stays_flat(tmp_path):
                 resident.append(psutil.Process().memory_info().rss)
     # Rerun keeps about 0.7 kB of index for each write of each signal until the file is closed
     assert resident[1] - resident[0] < 12e6
+
+
+def _writes(path, entity):
+    chunks = RrdReader(path).stream().filter(content=entity).to_chunks()
+    return sum(not chunk.is_static for chunk in chunks)
+
+
+def test_the_writes_of_a_long_run_grow_with_it(tmp_path):
+    """Each keeps 2 kB in memory until the file is closed."""
+    path, seconds = tmp_path / "a.rrd", 2000
+    with Recorder(path, signals=["vehicle/mass"], properties={}) as recorder:
+        for t in range(10 * seconds):
+            recorder.row[0] = t
+            recorder.commit(t * 100_000_000, t)
+    assert recording.read(path)["vehicle/mass"].values[:, 0].tolist() == list(range(10 * seconds))
+    # one a second for 100 s, then each a hundredth longer than the time until then
+    expected = 100 + 100 * np.log(seconds / 100)
+    assert _writes(path, "/vehicle/mass") == pytest.approx(expected, rel=0.03)
+
+
+def test_the_writes_to_a_viewer_are_not_those_of_the_file(tmp_path):
+    path = tmp_path / "a.rrd"
+    with Recorder(
+        path, signals=["vehicle/mass"], properties={}, serve=process.free_port()
+    ) as recorder:
+        for t in range(1000):
+            recorder.row[0] = t
+            recorder.commit(t * 10_000_000, t)
+    assert recording.read(path)["vehicle/mass"].values[:, 0].tolist() == list(range(1000))
+    assert _writes(path, "/vehicle/mass") == 10
