@@ -14,7 +14,9 @@ from analysis.compiled import njit
 from analysis.flown import GROUND
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
-from twin.experiments.flight.track import POSITION, VELOCITY, Figures, Track
+from twin.experiments.flight.figures import Figures
+from twin.experiments.flight.rocketry import figures, notes
+from twin.experiments.flight.track import POSITION, VELOCITY, Track
 from twin.experiments.flight.wind import wind_text
 from twin.experiments.programme import Vector, start_of
 from twin.experiments.summary import computing_row, recording_rows, timing_rows, trouble_rows
@@ -276,9 +278,9 @@ class Flight:
             physics_s=plant.computing_s,
             cpu_s=0.0,
             wall_s=0.0,
-            figures=track.figures(self.burnout_ns * 1e-9, landed=landed),
+            figures=figures(track, self.burnout_ns * 1e-9, landed=landed),
             warnings=plant.warnings(),
-            notes=plant.twin.notes + track.notes(landed=landed),
+            notes=plant.twin.notes + notes(track, landed=landed),
             wind=wind_text(plant.model),
             static_margin=_static_margin(plant.model),
         )
