@@ -20,7 +20,7 @@ from twin.evaluation.linkage import PhysicsResult
 from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
-from twin.experiments.flight.flight import FlightResult
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.mechanism.figures import MechanismResult
 from twin.experiments.mechanism.search import SearchResult
 from twin.experiments.mirror import MirrorResult

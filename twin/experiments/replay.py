@@ -20,8 +20,8 @@ from twin.config.result import Result, Rows
 from twin.config.seats import MODELS, is_port, is_rig
 from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
-from twin.experiments.flight.flight import FlightResult
 from twin.experiments.flight.fly import fly
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.kept import Origin, origin, restored
 from twin.experiments.provenance import VERSIONS
 from twin.experiments.step import StepResult, step

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from twin.evaluation.compare import CompareResult
     from twin.evaluation.identify import IdentifyResult
     from twin.experiments.calibrate import CalibrationResult
-    from twin.experiments.flight.flight import FlightResult
+    from twin.experiments.flight.result import FlightResult
     from twin.experiments.step import StepResult
 
 FIGURE = 1.96  # standard deviations of a 95 % interval
