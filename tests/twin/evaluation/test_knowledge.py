@@ -508,7 +508,7 @@ def test_anybodys_tables_are_compared_and_reported_on_like_recordings(
 @pytest.fixture
 def few_places(monkeypatch):
     """Half as many places around a linkage's minimum: enough for two or three parameters."""
-    monkeypatch.setattr("analysis.linkage.problem._PLACES", 16)
+    monkeypatch.setattr("analysis.linkage.search._PLACES", 16)
 
 
 def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(
