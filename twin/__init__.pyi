@@ -28,8 +28,8 @@ from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
 from twin.experiments.vehicle.openrocket import ImportResult
-from twin.experiments.vehicle.vehicle import BuildResult
-from twin.experiments.vehicle.vehicle import VehicleResult
+from twin.experiments.vehicle.result import BuildResult
+from twin.experiments.vehicle.result import VehicleResult
 from twin.workflows.demo.result import DemoResult
 from twin.workflows.live.result import LiveResult
 
