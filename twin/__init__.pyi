@@ -14,8 +14,8 @@ from twin.evaluation.compare import CompareResult
 from twin.evaluation.export import ExportResult
 from twin.evaluation.flights import FlightsResult
 from twin.evaluation.history_result import HistoryResult
-from twin.evaluation.identify import IdentifyResult
-from twin.evaluation.identify import InformationResult
+from twin.evaluation.identify_result import IdentifyResult
+from twin.evaluation.identify_result import InformationResult
 from twin.evaluation.linkage import PhysicsResult
 from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult

@@ -13,7 +13,7 @@ from analysis.recording import reader as recording
 from analysis.transfer_function import TransferFunctionModel
 from hardware.simavr.nano import missing
 from tests.twin.cli.test_cli import run
-from twin.evaluation.identify import InformationResult
+from twin.evaluation.identify_result import InformationResult
 from twin.plant.model.model import REFERENCE_GIMBAL
 
 needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
