@@ -76,6 +76,15 @@ def of_any_kind(text: str) -> float:
     raise UnitError("is not a number, nor one with a unit such as 270° or 8 m/s")
 
 
+def is_number(text: str) -> bool:
+    """Whether a text is one number without a unit; also `nan` and `inf`."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def _wanted(kind: Kind) -> str:
     if kind == "number":
         return "must be a number"

@@ -14,13 +14,13 @@ from twin.evaluation.compare import CompareResult
 from twin.evaluation.export import ExportResult
 from twin.evaluation.flights import FlightsResult
 from twin.evaluation.history_result import HistoryResult
-from twin.evaluation.identify import IdentifyResult
-from twin.evaluation.identify import InformationResult
+from twin.evaluation.identify_result import IdentifyResult
+from twin.evaluation.identify_result import InformationResult
 from twin.evaluation.linkage import PhysicsResult
 from twin.evaluation.report import ReportResult
 from twin.experiments.calibrate import CalibrationResult
 from twin.experiments.convergence.result import ConvergenceResult
-from twin.experiments.flight.flight import FlightResult
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.mechanism.figures import MechanismResult
 from twin.experiments.mechanism.search import SearchResult
 from twin.experiments.mirror import MirrorResult
@@ -28,8 +28,8 @@ from twin.experiments.repeat.result import RepeatResult
 from twin.experiments.replay import ReplayResult
 from twin.experiments.step import StepResult
 from twin.experiments.vehicle.openrocket import ImportResult
-from twin.experiments.vehicle.vehicle import BuildResult
-from twin.experiments.vehicle.vehicle import VehicleResult
+from twin.experiments.vehicle.result import BuildResult
+from twin.experiments.vehicle.result import VehicleResult
 from twin.workflows.demo.result import DemoResult
 from twin.workflows.live.result import LiveResult
 

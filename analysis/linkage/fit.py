@@ -24,6 +24,7 @@ from analysis.linkage.problem import (
     Moves,
     sysid_module,
 )
+from analysis.linkage.search import best, descended, lowest, plane, slope
 
 # Deviations across which each plane is laid, and how far at least: where the noise is far below the
 # dents only places closer and closer around it tell the minimum.
@@ -93,7 +94,7 @@ def fit_linkage(
     problem = LinkageProblem(moves, tuple(knobs), build, tuple(joints))
     start = problem.start
     before = problem.fits(start, np.ones(len(moves.time), dtype=bool))
-    x = problem.descended(problem.best(), most)
+    x = descended(problem, best(problem), most)
     estimates, spread, x = _estimates(problem, x)
     train = ~moves.held_out
     fits = problem.fits(x, train), problem.fits(x, ~train)
@@ -107,11 +108,11 @@ def _estimates(problem: LinkageProblem, x: Array) -> tuple[tuple[Estimate, ...],
     The loss is rough, and its lowest dent is not its minimum. Planes through many places around x
     see past the dents; where they end one after the other scatters by what the dents leave open.
     """
-    jacobian = problem.slope(x)
+    jacobian = slope(problem, x)
     ends = []
     for turn, across in enumerate(_PLANES):
-        residual, jacobian = problem.plane(x, jacobian, across, turn + 1)
-        x = problem.lowest(x, residual, jacobian)
+        residual, jacobian = plane(problem, x, jacobian, across, turn + 1)
+        x = lowest(problem, x, residual, jacobian)
         ends.append(x)
     last = np.array(ends[-_LAST:])
     x = last.mean(axis=0)

@@ -1,7 +1,6 @@
 """The residual of a recording against a simulated gimbal, as `mujoco.sysid` takes it."""
 
 import importlib
-import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,13 +16,6 @@ from analysis.schema import AnalysisError
 
 Build = Callable[[Mapping[str, float]], mujoco.MjModel]
 DELAY = "delay"
-# Relative. Stick, play and dead band make the loss rough: slopes between near neighbours are of the
-# dents, not of the valley, and promise deviations several times too small. So the search takes its
-# slopes across a wide difference, and ends with planes laid through many places around it.
-_DIFFERENCE = 0.1
-_PLACES = 32
-_WIDTH = 0.35  # standard deviation of their logarithms; servos of one kind differ by half
-_DAMPING = (1e-3, 1e3)  # of a search step, over the slopes' own curvature; a stall costs its ratio
 _THREADS = 2
 HELD_OUT = 3  # every third move
 
@@ -201,81 +193,6 @@ class LinkageProblem:
             y = np.concatenate([state[:1, at], state[:, at]])
             columns.append(np.interp(self.moves.time - late, t, y) - self.moves.angle[:, j])
         return np.stack(columns, axis=1), measured, measured
-
-    def _draws(self, seed: int) -> Array:
-        """Evenly spread normal draws (knobs, places), several for each knob."""
-        from scipy.stats import qmc
-
-        size = max(_PLACES, 1 << (4 * len(self.knobs)).bit_length())
-        engine = qmc.MultivariateNormalQMC(np.zeros(len(self.knobs)), seed=seed)
-        return np.asarray(engine.random(size).T)
-
-    def best(self) -> Array:
-        """The best of the start and places around it."""
-        low, high = (b[:, None] for b in self.parameters.get_bounds())
-        places = self.start[:, None] + _WIDTH * self._draws(0)
-        tried = np.clip(np.hstack([self.start[:, None], places]), low, high)
-        left = self.residuals(tried, self.parameters.copy())[0][0]
-        return np.asarray(tried[:, int(np.argmin(np.sum(left**2, axis=0)))])
-
-    def slope(self, x: Array) -> Array:
-        """∂residual/∂x (rows, knobs) across a wide difference, in one batch of rollouts."""
-        low, high = self.parameters.get_bounds()
-        ahead, behind = np.minimum(x + _DIFFERENCE, high), np.maximum(x - _DIFFERENCE, low)
-        both = np.hstack([x[:, None] + np.diag(ahead - x), x[:, None] + np.diag(behind - x)])
-        found = self.residuals(both, self.parameters.copy())[0][0]
-        n = len(x)
-        return np.asarray((found[:, :n] - found[:, n:]) / (ahead - behind))
-
-    def plane(
-        self, x: Array, jacobian: Array, across: tuple[float, float], seed: int
-    ) -> tuple[Array, Array]:
-        """Residual at x (rows,) and slopes (rows, knobs) of the plane through places around it.
-
-        Parameters
-        ----------
-        jacobian : slopes as known so far; they say how far the fit tells each direction
-        across : where the places lie: deviations, and a distance that is added
-        """
-        width, least = across
-        residual = self.residuals(x, self.parameters.copy())[0][0]
-        covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.var(residual)
-        spread = np.linalg.cholesky(width**2 * covariance + least**2 * np.eye(len(x)))
-        low, high = (b[:, None] for b in self.parameters.get_bounds())
-        places = np.clip(x[:, None] + spread @ self._draws(seed), low, high)
-        found = self.residuals(places, self.parameters.copy())[0][0]
-        design = np.vstack([np.ones(places.shape[1]), places - x[:, None]]).T
-        plane = np.linalg.lstsq(design, found.T, rcond=1e-9)[0]
-        return np.asarray(plane[0]), np.asarray(plane[1:].T)
-
-    def lowest(self, x: Array, residual: Array, jacobian: Array) -> Array:
-        """Where a plane says that the loss is least, within the bounds."""
-        from scipy.optimize import lsq_linear
-
-        low, high = self.parameters.get_bounds()
-        tiny = 1e-9 * (high - low)  # SciPy wants room between the bounds and where it starts
-        found = lsq_linear(jacobian, -residual, (low - x - tiny, high - x + tiny))
-        return np.asarray(np.clip(x + found.x, low, high))
-
-    def descended(self, x: Array, most: int) -> Array:
-        """Where `mujoco.sysid` gets from x with wide slopes."""
-        self.parameters.update_from_vector(x)
-        least, largest = _DAMPING
-        _, found = sysid_module().optimize(
-            self.parameters,
-            self.residuals,
-            optimizer="mujoco",
-            verbose=False,
-            output=io.StringIO(),  # of the search's own log, which nothing else silences
-            jacobian=lambda at, _: self.slope(at.ravel()),
-            mu_min=least,
-            mu_max=largest,
-            mu_factor=10.0**0.5,
-            xtol=1e-3,
-            max_iters=most,
-            x_scale="jac",
-        )
-        return np.asarray(found.x, dtype=np.float64).ravel()
 
     def fits(self, x: Array, rows: NDArray[np.bool_]) -> tuple[float, ...]:
         """NRMSE fit [%] of each axis over some readings."""

@@ -13,6 +13,7 @@ import numpy as np
 from analysis.array import Array
 from analysis.recording.table_lines import STAMP, TableLines, instant, number
 from analysis.schema import AnalysisError
+from analysis.units import is_number
 
 MOST_COLUMNS = 512
 MOST_ROWS = 20_000_000
@@ -66,7 +67,7 @@ def _header(
         raise AnalysisError(f"{source}: empty")
     rows: Iterator[list[str]] = reader
     above = lines.comment.split(lines.delimiter)
-    if all(map(_is_number, header)) and len(above) == len(header) > 1:
+    if all(map(is_number, header)) and len(above) == len(header) > 1:
         header, rows = above, chain([header], reader)  # as NumPy's savetxt writes names
     names = stamp + [f.strip() for f in header[len(stamp) :]]
     if len(names) > 1 and not names[-1]:
@@ -77,7 +78,7 @@ def _header(
 def _check_names(source: str, names: Sequence[str]) -> None:
     if len(names) > MOST_COLUMNS:
         raise AnalysisError(f"{source}: {len(names)} columns; {MOST_COLUMNS} at most")
-    if all(map(_is_number, names)):
+    if all(map(is_number, names)):
         example = "for example by a line 't,u,y' above it"
         raise AnalysisError(
             f"{source}: the first row holds numbers; it must name the columns, {example}"
@@ -87,14 +88,6 @@ def _check_names(source: str, names: Sequence[str]) -> None:
             raise AnalysisError(f"{source}: a column is called {name!r}, with control characters")
         if names.count(name) > 1:
             raise AnalysisError(f"{source}: two columns are called '{name}'")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 class _Rows:

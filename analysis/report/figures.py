@@ -4,23 +4,20 @@
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from analysis.array import Array
 from analysis.plain import Plain
 from analysis.recording.measurements import Measurement
-from analysis.recording.series import TimeSeries
+from analysis.report.samples import at_rest, cut, in_motion, places, plateaus, steps_of
 from analysis.report.spectrum import frequency_response, measured_figures
 from analysis.response import (
     Figure,
-    Step,
     cosine_loss,
     cross_coupling,
-    cut_steps,
     frequency_figures,
     hysteresis,
     linearity,
@@ -41,7 +38,6 @@ KINDS: dict[str, Kind] = {
     "multisine": "broadband", "triangle": "ramps", "dog-leg": "ramps",
 }  # fmt: skip
 HELD = 0.15  # s; commands held longer are steps one can watch settle
-PLACES = 20  # stretches of the stroke of a sweep
 SIZES = 4  # different step sizes make a staircase
 APPROACHES = 3  # of a place from one side make its repeatability
 FEWEST_SIZES = 3  # of steps tell where a speed stops growing
@@ -217,32 +213,6 @@ def axis_figures(axis: Measurement) -> AxisFigures:
     return AxisFigures(axis.component, kind, tuple(figures), tuple(notes), (*failed, *missing))
 
 
-def steps_of(axis: Measurement) -> tuple[Step, ...]:
-    """The axis' record cut at every change of its own command."""
-    own = axis.active()
-    return _cut(own.angles, own.command)
-
-
-def _cut(angle: TimeSeries, command: TimeSeries) -> tuple[Step, ...]:
-    return cut_steps(angle.time, angle.value, command.time, command.value)
-
-
-def at_rest(axis: Measurement) -> tuple[Array, Array, Array]:
-    """Commands, plateau angles and approach directions (n,) of the steps."""
-    steps = steps_of(axis)
-    return *_plateaus(steps), np.array([np.sign(s.command_after - s.command_before) for s in steps])
-
-
-def in_motion(axis: Measurement) -> tuple[Array, Array, Array]:
-    """Commands, angles and directions (n,) while the command moves."""
-    own = axis.active()
-    at = own.angles.time + 1e-9
-    pace = replace(own.command, values=np.gradient(own.command.value)[:, None])
-    way = np.sign(pace.held(at)[:, 0])
-    moves = way != 0
-    return own.command.held(at)[moves, 0], own.angles.value[moves], way[moves]
-
-
 def _coupling(driven: Measurement, other: Measurement) -> tuple[Figure, ...]:
     """Motion of another axis at rest, of the driven one's own [%]; none if commanded meanwhile."""
     own = driven.active().command
@@ -252,7 +222,7 @@ def _coupling(driven: Measurement, other: Measurement) -> tuple[Figure, ...]:
         return ()
     try:
         gain = linearity(*at_rest(driven)[:2])[0].value
-        slope = linearity(*_plateaus(_cut(other.angles, own)))[0]
+        slope = linearity(*plateaus(cut(other.angles, own)))[0]
     except AnalysisError:
         return ()
     if gain == 0.0:
@@ -263,29 +233,12 @@ def _coupling(driven: Measurement, other: Measurement) -> tuple[Figure, ...]:
     return (Figure(name, value, "%", slope.amplitude, slope.n, (low, high)),)
 
 
-def _plateaus(steps: Sequence[Step]) -> tuple[Array, Array]:
-    command = np.array([s.command_after for s in steps])
-    angle = np.array([float(s.rest.mean()) for s in steps])
-    return command, angle
-
-
 def _sweep_gap(axis: Measurement) -> tuple[Figure, ...]:
     return (replace(hysteresis(*in_motion(axis)), name="hysteresis with lag"),)
 
 
 def _sweep_line(axis: Measurement) -> tuple[Figure, ...]:
-    return linearity(*_places(*in_motion(axis)))
-
-
-def _places(u: Array, y: Array, way: Array) -> tuple[Array, Array]:
-    """Means of stretches of the stroke, each way by itself.
-
-    Neighbouring samples of one sweep share their error; as so many measurements they would make
-    intervals far too narrow.
-    """
-    place = np.digitize(u, np.linspace(u.min(), u.max(), PLACES + 1)[1:-1]) + PLACES * (way > 0)
-    found = [place == k for k in np.unique(place)]
-    return np.array([u[f].mean() for f in found]), np.array([y[f].mean() for f in found])
+    return linearity(*places(*in_motion(axis)))
 
 
 _WHY: dict[Kind, str] = {

@@ -11,6 +11,7 @@ from hardware.emulator.bench import Bench, RigParameters, reference_rig, sample_
 from hardware.emulator.cable import UnpluggedError
 from hardware.emulator.emulator import Emulator, identity
 from hardware.emulator.injection import FaultNameError, Injection, parse, valid_names
+from hardware.emulator.lockstep import LockstepRig
 from hardware.emulator.nano import FirmwareRig
 from hardware.emulator.plant import AnalyticPlant, Plant, PlantParameters
 from hardware.emulator.servo import Drive, Servo, ServoParameters, Wear
@@ -23,6 +24,7 @@ __all__ = [
     "FaultNameError",
     "FirmwareRig",
     "Injection",
+    "LockstepRig",
     "Plant",
     "PlantParameters",
     "RigParameters",

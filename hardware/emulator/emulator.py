@@ -5,11 +5,11 @@ from collections import deque
 from collections.abc import Callable
 
 from hardware.device import BYTE_US, LOOP_US, Device, Sample
-from hardware.emulator.bench import Bench, RigParameters, reference_rig
-from hardware.emulator.cable import Cable
+from hardware.emulator.bench import RigParameters
 from hardware.emulator.injection import Injection
+from hardware.emulator.lockstep import LockstepRig
 from hardware.emulator.plant import Plant
-from hardware.frames import Pair, Triple
+from hardware.frames import Pair
 from hardware.parts import MPU6050
 from hardware.protocol import Board, constants
 
@@ -24,8 +24,8 @@ def identity(parameters: RigParameters) -> int:
     return 1 + int.from_bytes(digest[:4], "little") % (constants.SERIAL_BLANK - 1)
 
 
-class Emulator:
-    """The firmware's behaviour over a bench; world time is `time_us`, the device's clock is skewed.
+class Emulator(LockstepRig):
+    """The firmware's behaviour over a bench.
 
     Parameters
     ----------
@@ -49,15 +49,11 @@ class Emulator:
         seed: int = 0,
         boot_us: int = 0,
     ) -> None:
-        self.parameters = parameters or reference_rig()
-        self.bench = Bench(self.parameters, plant, injections, seed)
+        super().__init__(parameters, plant, injections, seed)
         self.device = Device(Board.EMULATOR, build=0, serial=identity(self.parameters))
         self.observer: Callable[[int, Pair, Pair], None] | None = None
-        self.time_us = 0
         self._boot_us = boot_us
-        self._tick = 0
         self._booted = 0  # tick at which the device's clock was at `boot_us`
-        self._tick_s = LOOP_US * 1e-6 / (1 + self.parameters.skew)
         holder, base = (age / LOOP_US * self._tick_s for age in IMU_AGE_US)
         self._age_s: Pair = (holder, base)
         self._imu = [0] * 12
@@ -65,22 +61,8 @@ class Emulator:
         self._incoming: deque[tuple[float, int]] = deque()
         self._outgoing: deque[tuple[float, bytes]] = deque()
         self._wire_free = [0.0, 0.0]  # when each direction has sent its last byte [µs, world]
-        self._cable = Cable(injections, seed)
         self.device.boot()
         self._latch()
-
-    @property
-    def time_ns(self) -> int:
-        """World time [ns], the clock of a lockstep link."""
-        return self.time_us * 1000
-
-    @property
-    def _fault_time(self) -> float:
-        return self.time_us * 1e-6 - self.bench.delay
-
-    def truth(self) -> tuple[Pair, Pair]:
-        """Return the true gimbal angles [rad] and rates [rad/s]."""
-        return self.bench.plant.angles(), self.bench.plant.rates()
 
     def write(self, data: bytes) -> None:
         """Send bytes to the rig; they arrive at the speed of the line.
@@ -112,12 +94,6 @@ class Emulator:
     def close(self) -> None:
         """Do nothing: there is no port to close."""
 
-    def advance_us(self, duration: int) -> None:
-        """Advance world time [µs]."""
-        self.time_us += duration
-        while (self._tick + 1) * self._tick_s * 1e6 <= self.time_us:
-            self._advance_tick()
-
     def _advance_tick(self) -> None:
         self.bench.advance(self._tick_s)
         self._tick += 1
@@ -145,11 +121,7 @@ class Emulator:
     def _latch(self) -> None:
         """Put the wanted pulse widths into force, as Timer1's double buffering does."""
         self._latched = self.device.pulse
-        # A fast clock makes short microseconds and short pulses.
-        second = constants.TICK / (1 + self.parameters.skew)
-        a, b, c = self._latched
-        pulses: Triple = (a * second, b * second, c * second)
-        self.bench.set_pulses(pulses)
+        self._set_pulses(self._latched)
 
     def _receive(self, world_us: float, device_us: int) -> None:
         piece = bytearray()

@@ -3,16 +3,15 @@
 from pathlib import Path
 
 from hardware.device import LOOP_US
-from hardware.emulator.bench import Bench, RigParameters, reference_rig
-from hardware.emulator.cable import Cable
+from hardware.emulator.bench import RigParameters
 from hardware.emulator.emulator import identity
 from hardware.emulator.injection import Injection
+from hardware.emulator.lockstep import LockstepRig
 from hardware.emulator.plant import Plant
-from hardware.frames import Pair
 from hardware.protocol import constants
 
 
-class FirmwareRig:
+class FirmwareRig(LockstepRig):
     """Same bench, faults and methods as `Emulator`, with the compiled firmware in place of Python.
 
     Parameters
@@ -40,28 +39,10 @@ class FirmwareRig:
         from hardware.simavr.nano import BASE, HOLDER, SimulatedNano
 
         self._sensors = (HOLDER, BASE)
-        self.parameters = parameters or reference_rig()
-        self.bench = Bench(self.parameters, plant, injections, seed)
+        super().__init__(parameters, plant, injections, seed)
         self.nano = SimulatedNano(elf, identity(self.parameters))
-        self.time_us = 0
-        self._tick = 0
-        self._tick_s = LOOP_US * 1e-6 / (1 + self.parameters.skew)
-        self._cable = Cable(injections, seed)
         self._present = (True, True)
         self._ticks = [constants.PULSE_NEUTRAL] * 3
-
-    @property
-    def time_ns(self) -> int:
-        """World time [ns], the clock of a lockstep link."""
-        return self.time_us * 1000
-
-    @property
-    def _fault_time(self) -> float:
-        return self.time_us * 1e-6 - self.bench.delay
-
-    def truth(self) -> tuple[Pair, Pair]:
-        """Return the true gimbal angles [rad] and rates [rad/s]."""
-        return self.bench.plant.angles(), self.bench.plant.rates()
 
     def write(self, data: bytes) -> None:
         """Send bytes to the rig.
@@ -88,12 +69,6 @@ class FirmwareRig:
         """Free the simulator."""
         self.nano.close()
 
-    def advance_us(self, duration: int) -> None:
-        """Advance world time [µs]."""
-        self.time_us += duration
-        while (self._tick + 1) * self._tick_s * 1e6 <= self.time_us:
-            self._advance_tick()
-
     def _advance_tick(self) -> None:
         self._show_sensors()
         self.bench.advance(self._tick_s)
@@ -102,9 +77,8 @@ class FirmwareRig:
         if pulses:
             for pulse in pulses:
                 self._ticks[pulse.servo] = pulse.ticks
-            second = constants.TICK / (1 + self.parameters.skew)
             a, b, c = self._ticks
-            self.bench.set_pulses((a * second, b * second, c * second))
+            self._set_pulses((a, b, c))
         if self._present[0]:
             self.bench.dlpf = self.nano.dlpf(self._sensors[0])
         self._tick += 1

@@ -28,8 +28,8 @@ from twin.campaigns.statistics.statistic import FEWEST, Condition, Estimate, con
 from twin.config.campaign import Campaign
 from twin.config.paths import dated
 from twin.errors import TwinError
-from twin.experiments.flight.flight import FlightResult
 from twin.experiments.flight.fly import fly
+from twin.experiments.flight.result import FlightResult
 
 WARM_UP_S = 0.05  # of a flight that loads what all others need
 

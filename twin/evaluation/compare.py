@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import schema
 from analysis.comparison import (
     AxisComparison,
     Comparison,
     PathDifference,
-    bridged,
     flight_path,
     holds_flight,
     path_difference,
@@ -30,6 +28,7 @@ from twin.config.paths import named, point_latest
 from twin.config.result import Result, Rows
 from twin.config.seats import SIMULATED
 from twin.errors import TwinError
+from twin.evaluation.compare_recording import record
 from twin.evaluation.flights import FlightsResult, compare_flights
 from twin.evaluation.inputs import seen
 
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-REFERENCE, OTHER, DIFFERENCE = "gimbal/reference", "gimbal/other", "gimbal/difference"
 COHERENT = 0.8  # below, gain and phase are not shown
 WORTHLESS = -100.0  # %; a fit below says only that the motions have nothing in common
 SHOWN_HZ = (0.5, 1.0, 2.0, 5.0, 10.0)
@@ -183,7 +181,7 @@ def compare(config: Compare) -> CompareResult | FlightsResult:
         from twin.evaluation.explain import explain
 
         explanation = explain(pair.run.recording, config.mechanism, config.overrides)
-    _record(config, file, pair, drift)
+    record(file, pair.reference, pair.other, pair.run, config.recordings, drift)
     point_latest(file)
     runs = [r for r in (pair.run, pair.other_run) if r is not None]
     return CompareResult(
@@ -308,53 +306,6 @@ def _repeats_begin(run: Measurement, axis: str) -> Array:
         count = max(1, int(np.count_nonzero((value[:-1] == 0.0) & (value[1:] != 0.0))) // 2)
         last += np.diff(changes).max()  # a step lasts as long as it is held
     return np.linspace(changes[0], last, count + 1)
-
-
-def _record(config: Compare, file: Path, pair: _Pair, drift: "RunDrift | None") -> None:
-    """Both motions and their difference at the reference's stamps, as one recording."""
-    from twin.recorder import Recorder
-
-    reference, other = pair.reference, pair.other
-    signals = ["gimbal/command", REFERENCE, OTHER, DIFFERENCE]
-    properties: dict[str, object] = {
-        "command": "compare",
-        "configuration": {"recordings": [str(f) for f in config.recordings]},
-        "reference": reference.name,
-        "other": other.name,
-    }
-    stamps = np.rint(reference.time * 1e9).astype(np.int64)
-    rows = np.full((len(stamps), 8), np.nan)
-    command = pair.run.command.held(reference.time + 1e-9)
-    for k, name in enumerate(schema.SIGNALS[REFERENCE].components):
-        if name not in reference.components or name not in other.components:
-            continue
-        there = other.select((name,)).known()
-        rows[:, k] = command[:, pair.run.inputs.index(name)]
-        rows[:, 2 + k] = reference.column(name)
-        rows[:, 4 + k] = bridged(reference.time, there.time, there.value)
-        rows[:, 6 + k] = rows[:, 4 + k] - rows[:, 2 + k]
-    rows[:, :2] = np.nan_to_num(rows[:, :2])
-    events = [(0.0, f"reference: {reference.name}", "INFO"), (0.0, f"other: {other.name}", "INFO")]
-    if drift is not None:
-        more = drift.signals(pair.run.recording["gimbal/measured"])
-        rows = np.hstack([rows, *(_placed(reference.time, *given) for given in more.values())])
-        signals += more
-        events += [(0.0, f"from the start: {t}", "INFO") for d in drift.axes.values()
-                   for t in d.differs]  # fmt: skip
-        events += [(c.noticed, c.text, "WARN") for c in drift.changes]
-    with Recorder(file, signals=signals, properties=properties, drain_ns=8_000_000_000) as recorder:
-        for when, text, level in sorted(events, key=lambda e: e[0]):
-            recorder.event(max(int(stamps[0]), round(when * 1e9)), text, level)
-        for stamp, row in zip(stamps.tolist(), rows, strict=True):
-            recorder.row[:] = row
-            recorder.commit(stamp, stamp)
-
-
-def _placed(time: Array, stamps: Array, values: Array) -> Array:
-    """Values (m, k) in the rows of times (n,) that they belong to; NaN in the others."""
-    out = np.full((len(time), values.shape[1]), np.nan)
-    out[np.minimum(np.searchsorted(time, stamps - 1e-9), len(time) - 1)] = values
-    return out
 
 
 def _columns(cells: Iterable[str]) -> str:

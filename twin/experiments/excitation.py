@@ -19,19 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.frames import AXES
-from hardware.protocol import constants
 from twin.config import Signal
 from twin.errors import TwinError
+from twin.experiments import waveforms
+from twin.experiments.waveforms import frame_of, ticks_of
 
 Array = NDArray[np.float64]
 
 Axis = Literal["x", "y", "both"]
 
 LONGEST = 3600.0  # s of one test
-CLEAN = 0.443  # a held random level's power is halved at 0.443 of its clock rate (sinc² = 1/2)
-REGISTER = (3, 16)  # stages of the shift register; SciPy has primitive polynomials for 2 to 32
-FINER = 1.0 / math.sqrt(2.0)  # ratio of neighbouring steps of a staircase
-FRAME = constants.PWM_PERIOD  # s; between two pulses of a hobby servo
 
 
 @dataclass(frozen=True)
@@ -130,14 +127,14 @@ class Excitation:
 
     def _repeated(self, tick: float, axes: int) -> list[Array]:
         """Rest, whole periods and rest for every axis, one level a tick."""
-        rest = np.zeros(_ticks(self.hold, tick))
+        rest = np.zeros(ticks_of(self.hold, tick))
         period = _PERIODS[self.signal](self, tick)
         self._check((2 * len(rest) + self.repeats * len(period)) * axes * tick)
         return [np.concatenate([rest, np.tile(period, self.repeats), rest])] * axes
 
     def _held(self, levels: Array, tick: float, axes: int) -> list[Array]:
         """The same for levels (repeats, moves), each begun at another phase of a pulse frame."""
-        hold, frame = _ticks(self.hold, tick), _frame(tick)
+        hold, frame = ticks_of(self.hold, tick), frame_of(tick)
         self._check((levels.size + 2) * (hold + frame) * axes * tick)
         sequence = np.concatenate([[0.0], levels.ravel()])
         turns, now = [], 0
@@ -182,16 +179,6 @@ class Plan:
         self.angles.setflags(write=False)
 
 
-def _ticks(seconds: float, tick: float) -> int:
-    """Ticks that last at least so long."""
-    return max(1, math.ceil(seconds / tick - 1e-6))
-
-
-def _frame(tick: float) -> int:
-    """Number of phases of a pulse frame at which commands of this tick can begin."""
-    return max(1, round(FRAME / tick))
-
-
 def _phases(repeats: int, moves: int, rng: np.random.Generator) -> Array:
     """Phases (repeats · moves,) in 0…1 at which moves begin, spread evenly twice over.
 
@@ -200,97 +187,6 @@ def _phases(repeats: int, moves: int, rng: np.random.Generator) -> Array:
     coarse = np.argsort(rng.random((repeats, moves)), axis=0)
     fine = (rng.permutation(moves) + 0.5) / moves
     return np.asarray((coarse + fine) / repeats).ravel()
-
-
-def _back_and_forth(amplitudes: Array) -> Array:
-    """To +a, zero, −a and zero for every amplitude."""
-    return np.outer(amplitudes, (1.0, 0.0, -1.0, 0.0)).ravel()
-
-
-def _steps(e: Excitation) -> Array:
-    """After every three repeats one of half the size: one size alone shows no limited speed."""
-    size = np.where(np.arange(e.repeats + e.repeats // 3) % 4 == 3, 0.5, 1.0)
-    return _back_and_forth(e.amplitude * size).reshape(len(size), 4)
-
-
-def _staircase(e: Excitation) -> Array:
-    """Ever smaller steps, √2 apart: each leaves zero and returns, so it crosses any backlash."""
-    count = 1 + round(math.log(e.smallest / e.amplitude) / math.log(FINER))
-    levels = _back_and_forth(np.geomspace(e.amplitude, e.smallest, count))
-    return np.tile(levels, (e.repeats, 1))
-
-
-def _chirp(e: Excitation, tick: float) -> Array:
-    """Logarithmic sweep: as many seconds for every octave."""
-    low, high = e.band
-    n = _ticks(e.duration, tick)
-    t = np.arange(n) * tick
-    pace = math.log(high / low) / (n * tick)
-    return np.asarray(e.amplitude * np.sin(2 * np.pi * low / pace * np.expm1(pace * t)))
-
-
-def _prbs(e: Excitation, tick: float) -> Array:
-    """Maximum-length sequence of ±amplitude (Golomb, Shift Register Sequences, 1967).
-
-    Its lines stand at multiples of the lower frequency or closer, of half the power or more at the
-    upper. Its clock has no divisor with the pulse frame in common, so that it meets every phase.
-    """
-    from scipy.signal import max_len_seq
-
-    low, high = e.band
-    clock = _ticks(CLEAN / high, tick)
-    while math.gcd(clock, _frame(tick)) > 1:
-        clock -= 1
-    stages = math.ceil(math.log2(1.0 / (low * clock * tick) + 1.0))
-    stages = min(max(stages, REGISTER[0]), REGISTER[1])
-    state = int(np.random.default_rng(e.seed).integers(1, 2**stages))
-    register = np.array([(state >> k) & 1 for k in range(stages)], dtype=np.int8)
-    bits = max_len_seq(stages, state=register)[0]
-    return np.repeat(e.amplitude * (2.0 * bits - 1.0), clock)
-
-
-def _multisine(e: Excitation, tick: float) -> Array:
-    """Equal lines at multiples of the lower frequency, phases searched for a low crest.
-
-    Clipping and restoring the spectrum in turn: Van der Ouderaa, Schoukens and Renneboog, IEEE
-    Trans. Instrum. Meas. 37 (1988) 145.
-    """
-    low, high = e.band
-    n = _ticks(1.0 / low, tick)
-    lines = np.arange(1, math.floor(high * n * tick * (1.0 + 1e-9)) + 1)
-    phases = np.random.default_rng(e.seed).uniform(0.0, 2.0 * np.pi, len(lines))
-    best, least = np.zeros(n), math.inf
-    for _ in range(200):
-        spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)
-        spectrum[lines] = np.exp(1j * phases)
-        wave = np.fft.irfft(spectrum, n)
-        peak = float(np.abs(wave).max())
-        if peak < least:
-            best, least = wave, peak
-        phases = np.angle(np.fft.rfft(np.clip(wave, -0.85 * peak, 0.85 * peak))[lines])
-    return np.asarray(best * (e.amplitude / least))
-
-
-def _triangle(e: Excitation, tick: float) -> Array:
-    """Slow ramps to both ends, so that rising and falling motion can be compared."""
-    return _corners(e, tick, np.array([0.0, 0.25, 0.75, 1.0]), np.array([0.0, 1.0, -1.0, 0.0]))
-
-
-def _dog_leg(e: Excitation, tick: float) -> Array:
-    """Ramps with a change of slope, either way: lag at two speeds, and friction at the change.
-
-    Fast to half the angle, on at a third of that speed, hold, the same back, hold.
-    """
-    out = np.array([0.0, 1.0, 4.0, 6.0, 7.0, 10.0, 12.0]) / 24.0
-    level = np.array([0.0, 0.5, 1.0, 1.0, 0.5, 0.0, 0.0])
-    times, levels = np.append(out, out[1:] + 0.5), np.append(level, -level[1:])
-    return _corners(e, tick, times, levels)
-
-
-def _corners(e: Excitation, tick: float, times: Array, levels: Array) -> Array:
-    """Straight lines between levels of the amplitude at fractions of one period."""
-    n = _ticks(e.duration, tick)
-    return np.asarray(e.amplitude * np.interp(np.arange(n) / n, times, levels))
 
 
 def _limited(levels: Array, most: float) -> Array:
@@ -305,14 +201,17 @@ def _limited(levels: Array, most: float) -> Array:
 
 # Levels that are held, and signals that are given tick by tick.
 _LEVELS: Mapping[str, Callable[[Excitation], Array]] = MappingProxyType(
-    {"steps": _steps, "staircase": _staircase}
+    {
+        "steps": lambda e: waveforms.steps(e.amplitude, e.repeats),
+        "staircase": lambda e: waveforms.staircase(e.amplitude, e.smallest, e.repeats),
+    }
 )
 _PERIODS: Mapping[str, Callable[[Excitation, float], Array]] = MappingProxyType(
     {
-        "chirp": _chirp,
-        "prbs": _prbs,
-        "multisine": _multisine,
-        "triangle": _triangle,
-        "dog-leg": _dog_leg,
+        "chirp": lambda e, tick: waveforms.chirp(e.amplitude, e.band, e.duration, tick),
+        "prbs": lambda e, tick: waveforms.prbs(e.amplitude, e.band, e.seed, tick),
+        "multisine": lambda e, tick: waveforms.multisine(e.amplitude, e.band, e.seed, tick),
+        "triangle": lambda e, tick: waveforms.triangle(e.amplitude, e.duration, tick),
+        "dog-leg": lambda e, tick: waveforms.dog_leg(e.amplitude, e.duration, tick),
     }
 )

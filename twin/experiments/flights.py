@@ -2,8 +2,8 @@
 
 from twin.config import Fly
 from twin.errors import TwinError
-from twin.experiments.flight.flight import FlightResult
 from twin.experiments.flight.fly import fly as once
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.repeat.repeat import repeat
 from twin.experiments.repeat.result import RepeatResult
 

@@ -20,8 +20,9 @@ from twin.config.result import Result, Rows
 from twin.config.seats import MODELS, is_port, is_rig
 from twin.errors import TwinError
 from twin.experiments.assembly import make_plant
-from twin.experiments.flight.flight import FlightResult
+from twin.experiments.differences import Difference, counted, differences
 from twin.experiments.flight.fly import fly
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.kept import Origin, origin, restored
 from twin.experiments.provenance import VERSIONS
 from twin.experiments.step import StepResult, step
@@ -30,25 +31,6 @@ from twin.plant.plant import Plant
 from twin.plant.steps import integrators
 
 RECORDED_ANGLES = "(the rig's recorded angles do not react to a difference, so it grows)"
-CLOCKED = "timing/"  # signals that the wall clock alone decides
-
-
-@dataclass(frozen=True)
-class Difference:
-    """One signal of both recordings.
-
-    Attributes
-    ----------
-    equal : every stamp and value the same, to the last bit
-    largest : difference at common stamps, in `unit`; None where there are none
-    at : when [s]
-    """
-
-    signal: str
-    unit: str
-    equal: bool
-    largest: float | None
-    at: float | None
 
 
 @dataclass(frozen=True)
@@ -109,7 +91,7 @@ class ReplayResult(Result):
             rows.append(("result", verdict))
             if self.recorded_angles:
                 rows.append(("", RECORDED_ANGLES))
-            rows += [(d.signal, _difference_text(d)) for d in self.differences if not d.equal]
+            rows += [(d.signal, d.text()) for d in self.differences if not d.equal]
             rows += [(name, "only in one of the two") for name in self.missing]
             rows += [
                 (k, f"{self.before[k]:.4g} → {self.after[k]:.4g}")
@@ -156,7 +138,7 @@ def replay(config: Replay, controller: object | None = None) -> ReplayResult:
         replayed=result.recording,
         changed=_settings(recorded, asked) | _edited(old, new),
         differences=differences(old, new),
-        missing=tuple(sorted(n for n in set(old.series) ^ set(new.series) if _counts(n))),
+        missing=tuple(sorted(n for n in set(old.series) ^ set(new.series) if counted(n))),
         before=_figures(old),
         after=_figures(new),
         recorded_angles=playback is not None,
@@ -184,35 +166,6 @@ def _digest(recording: Recording, file: str) -> str:
     files = recording.properties.get("files")
     kept = files.get(file) if isinstance(files, dict) else None
     return str(kept.get("sha256"))[:12] if isinstance(kept, dict) and kept else "none"
-
-
-def differences(old: Recording, new: Recording) -> tuple[Difference, ...]:
-    """Compare every signal of both that does not depend on the wall clock."""
-    return tuple(
-        _difference(name, old, new)
-        for name in sorted(set(old.series) & set(new.series))
-        if _counts(name)
-    )
-
-
-def _difference(name: str, old: Recording, new: Recording) -> Difference:
-    a, b = old[name], new[name]
-    # bits, not values: NaN is to equal itself, and 0 is not to equal -0
-    same = a.values.shape == b.values.shape and (
-        a.time.tobytes() == b.time.tobytes() and a.values.tobytes() == b.values.tobytes()
-    )
-    if same:
-        return Difference(name, a.unit, True, 0.0, None)
-    _, left, right = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
-    gap = np.linalg.norm(a.values[left] - b.values[right], axis=1)
-    if not len(gap) or np.isnan(gap).all():
-        return Difference(name, a.unit, False, None, None)
-    k = int(np.nanargmax(gap))
-    return Difference(name, a.unit, False, float(gap[k]), float(a.time[left[k]]))
-
-
-def _counts(name: str) -> bool:
-    return not name.startswith(CLOCKED)
 
 
 def _check(old: Recording, recorded: Run, path: Path) -> None:
@@ -308,12 +261,3 @@ def _figures(recording: Recording) -> dict[str, float]:
         error = np.linalg.norm(series["control/error"].values, axis=1)
         figures["attitude error rms [°]"] = float(np.degrees(np.sqrt(np.nanmean(error**2))))
     return figures
-
-
-def _difference_text(d: Difference) -> str:
-    if d.largest is None:
-        return "no common time stamps"
-    if d.largest == 0.0:
-        return "equal at common time stamps, but of another length or rate"
-    unit = "" if d.unit == "1" else f" {d.unit}"
-    return f"up to {d.largest:.3g}{unit} at {d.at:.3f} s"

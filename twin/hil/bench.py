@@ -10,8 +10,8 @@ from hardware.emulator import Drive, Wear
 from hardware.frames import AXES, Pair, Triple
 from twin.errors import DivergenceError, TwinError
 from twin.physics.mechanism.servo import GAIN, VOLTAGE
+from twin.plant.divergence import LARGEST_SPEED
 from twin.plant.model.model import TwinModel
-from twin.plant.plant import LARGEST_SPEED
 
 # kg·m², N·m·s/rad: a blocked gear train turns 0.01°/s by the 0.02 N·m of a leaning motor. Damping
 # alone, which MuJoCo's solver does not see, lets the rods of a moving gimbal diverge.

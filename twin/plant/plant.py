@@ -1,6 +1,5 @@
 """The one owner of a run's MjModel and MjData."""
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.frames import AXES, GimbalState, Pair
-from twin.errors import DivergenceError, TwinError
-from twin.physics.mechanism import closure_limit
+from twin.errors import TwinError
 from twin.physics.motor import Depletion
 from twin.plant.actuation import Actuation
+from twin.plant.divergence import LARGEST_SPEED, Limits
 from twin.plant.flow import Flow
+from twin.plant.following import Following
 from twin.plant.model.model import TwinModel
 from twin.plant.release import Release
 from twin.plant.rods import Rods
@@ -23,11 +23,6 @@ from twin.plant.steps.smooth import SAME, division, longest_step, part, undivide
 
 Array = NDArray[np.float64]
 
-# Beyond these a small vehicle's state is numerical nonsense, long before it overflows.
-LARGEST_SPEED = 5e3  # m/s and rad/s
-BEYOND_STOP = math.radians(3.0)  # tolerance; servos at full torque press half a degree into a stop
-# Frames of a rig come every 2 ms; a correction is spread over two of them, or over a longer tick.
-FOLLOW_NS = 4_000_000
 RENEWAL_NS = 4_000_000  # the reference motor burns 30 mg in it, 1/30000 of the vehicle
 
 
@@ -93,10 +88,9 @@ class Plant:
         self._renewal = max(1, self.renewal_ns // self.dt_ns)
         self._actuation = Actuation(twin, self.data)
         self._view()
+        self._limits = Limits(twin)
         self.signals = self._offer()
-        self._stops = self._read_stops()
-        self._measured: tuple[Pair, Pair] | None = None
-        self._holds_ns = 0
+        self._following = Following()
         self._division = undivided()
         if self.divides and integrator == "rk4" and self.has_vehicle:
             identified = twin.gimbal == "transfer-function"
@@ -137,7 +131,6 @@ class Plant:
         """Signals of the gimbal and, where there is one, of the vehicle."""
         self._rods = Rods(self.model, self.data)
         self.closure = self._rods.closure
-        self._open = closure_limit(self.model) if self.twin.gimbal == "linkage" else math.inf
         self._flow: Flow | None = None
         self.thrust: Array = np.zeros(1)
         what = "followed" if self.follows else "simulated"
@@ -167,22 +160,10 @@ class Plant:
         """
         self._rods.derive()
         x, y = self.closure.tolist()
-        if not (x <= self._open and y <= self._open):
-            self._came_apart(x, y)
+        if not (x <= self._limits.gap and y <= self._limits.gap):
+            raise self._limits.apart(x, y, self.time_ns)
         if self._flow is not None:
             self._flow.derive(time_ns)
-
-    def _read_stops(self) -> tuple[float, float, float, float]:
-        """Gimbal angles beyond which it has diverged: x low, high, y low, high [rad]."""
-        stops = [-math.inf, math.inf] * len(AXES)
-        # measured angles may exceed the stops of the model
-        if self.twin.gimbal in ("linkage", "transfer-function"):
-            for k, axis in enumerate(AXES):
-                joint = self.model.joint(f"gimbal_{axis}")
-                if self.model.jnt_limited[joint.id]:
-                    low, high = self.model.jnt_range[joint.id].tolist()
-                    stops[2 * k : 2 * k + 2] = low - BEYOND_STOP, high + BEYOND_STOP
-        return stops[0], stops[1], stops[2], stops[3]
 
     def reset(self) -> None:
         """Return to the model's initial state at time zero."""
@@ -193,7 +174,7 @@ class Plant:
         self._stepper = self._stepper.fresh()
         self._division.on_rail[:] = self._division.ends.size > 0
         self.steps = 0
-        self._measured, self._holds_ns = None, 0
+        self._following.reset()
         mujoco.mj_forward(self.model, self.data)
 
     def drive(self, angle: Pair) -> None:
@@ -208,8 +189,7 @@ class Plant:
     def follow(self, angle: Pair, rate: Pair = (0.0, 0.0)) -> None:
         """Have the gimbal joints take a measured angle [rad], moving at its rate [rad/s].
 
-        A tick after the measurement they are where it would be by then; after `FOLLOW_NS` without
-        another, or at the end of a longer tick, they stand still.
+        `Following` gives the rates that lead them there.
 
         Raises
         ------
@@ -217,20 +197,7 @@ class Plant:
         """
         if not self.follows:
             raise TwinError(f"a gimbal of kind {self.twin.gimbal!r} cannot follow measured angles")
-        self._measured = angle, rate
-
-    def _lead(self, n: int) -> None:
-        """Command the rates of joints that follow, for `n` steps."""
-        if self._measured is not None:
-            (x, y), (u, v) = self._measured
-            now_x, now_y = self.gimbal_angle.tolist()
-            span_ns = max(n * self.dt_ns, FOLLOW_NS)
-            within = 1e9 / span_ns
-            self._actuation.drive((u + (x - now_x) * within, v + (y - now_y) * within))
-            self._holds_ns = self.time_ns + span_ns
-            self._measured = None
-        elif self.time_ns >= self._holds_ns:
-            self._actuation.drive((0.0, 0.0))
+        self._following.measured(angle, rate)
 
     def gimbal(self) -> GimbalState:
         """Exact angles and rates of the gimbal joints at `time_ns`."""
@@ -251,7 +218,10 @@ class Plant:
         DivergenceError : a velocity is not finite or far too large, or the gimbal is past its stops
         """
         if self.follows:
-            self._lead(n)
+            x, y = self.gimbal_angle.tolist()
+            rates = self._following.rates((x, y), self.time_ns, n * self.dt_ns)
+            if rates is not None:
+                self._actuation.drive(rates)
         while n > self._renewal:  # commands below 250 Hz: update the propellant in between
             self._move(self._renewal)
             n -= self._renewal
@@ -272,12 +242,12 @@ class Plant:
         self.computing_s += time.thread_time() - began
         self.steps += n
         if not self._qvel @ self._qvel < LARGEST_SPEED**2:  # also where it is NaN
-            self._diverged()
+            raise self._limits.too_fast(self.data, self.time_ns)
         x, y = self.gimbal_angle.tolist()
-        low_x, high_x, low_y, high_y = self._stops
+        low_x, high_x, low_y, high_y = self._limits.stops
         inside = low_x <= x <= high_x and low_y <= y <= high_y
         if not (inside or self.landed):  # an impact bends the stops, until the tick ends
-            self._left_stops(x, y)
+            raise self._limits.past_stop(x, y, self.time_ns)
 
     def native(self) -> stepping.Native | None:
         """The plant for compiled code; None where only this class can take its steps.
@@ -287,9 +257,9 @@ class Plant:
         steps = self._native_steps()
         if steps is None or self._flow is None or self.follows:
             return None
-        rods = self._rods
+        rods, most = self._rods, self._limits.gap
         gaps = stepping.Gaps(
-            self.closure, rods.sites, rods.loops, self._open, rods.servo, rods.qpos, rods.shafts
+            self.closure, rods.sites, rods.loops, most, rods.servo, rods.qpos, rods.shafts
         )
         fuel, drive = self._propellant.fuel, self._actuation.native
         return stepping.Native(steps, fuel, drive, gaps, self._flow.air)
@@ -302,7 +272,7 @@ class Plant:
         if self._compiled is None:
             self._compiled = stepping.Steps(
                 self.model._address, self.data._address, *functions, self.dt_ns, self._renewal,
-                self._qvel, self.gimbal_angle, np.array(self._stops), LARGEST_SPEED**2,
+                self._qvel, self.gimbal_angle, np.array(self._limits.stops), LARGEST_SPEED**2,
                 self.position[2:3], self._own, self._fixed, self._division,
                 *stepping.settings(self.model, self.data),
             )  # fmt: skip
@@ -316,11 +286,13 @@ class Plant:
         DivergenceError : as `advance`
         """
         if ended == stepping.TOO_FAST:
-            self._diverged()
+            raise self._limits.too_fast(self.data, self.time_ns)
         if ended == stepping.PAST_STOP:
-            self._left_stops(*self.gimbal_angle.tolist())
+            x, y = self.gimbal_angle.tolist()
+            raise self._limits.past_stop(x, y, self.time_ns)
         if ended == stepping.APART:
-            self._came_apart(*self.closure.tolist())
+            x, y = self.closure.tolist()
+            raise self._limits.apart(x, y, self.time_ns)
 
     def _step_in_parts(self, n: int) -> None:
         native = self._compiled or self._native_steps()
@@ -363,30 +335,3 @@ class Plant:
             for n, c in zip(names, counts, strict=True)
             if c
         }
-
-    def _diverged(self) -> None:
-        worst = int(
-            np.nanargmax(np.where(np.isfinite(self.data.qvel), np.abs(self.data.qvel), np.inf))
-        )
-        joint = self.model.joint(int(self.model.dof_jntid[worst]))
-        raise DivergenceError(
-            f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: velocity of joint"
-            f" {joint.name!r} is {self.data.qvel[worst]:.3g}; a smaller --dt may help"
-        )
-
-    def _came_apart(self, x: float, y: float) -> None:
-        raise DivergenceError(
-            f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: the rods are"
-            f" {x * 1e3:.3g} mm (x) and {y * 1e3:.3g} mm (y) from their balls, more than the"
-            f" gimbal_closure_limit of {self._open * 1e3:g} mm; stiffer loops or a smaller --dt may"
-            " help"
-        )
-
-    def _left_stops(self, x: float, y: float) -> None:
-        axis, angle = ("x", x) if not self._stops[0] <= x <= self._stops[1] else ("y", y)
-        low, high = np.degrees(self.model.joint(f"gimbal_{axis}").range)
-        raise DivergenceError(
-            f"the simulation diverged at {self.time_ns * 1e-9:.4f} s: joint 'gimbal_{axis}' is at"
-            f" {math.degrees(angle):.3g}°, past its stops at {low:.3g}° and {high:.3g}°; a smaller"
-            " --dt may help"
-        )

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.recording.measurements import Measurement
-from analysis.report.figures import at_rest, in_motion
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Plot, Section, Style
+from analysis.report.samples import at_rest, in_motion
 from analysis.report.sections.panels import axis_panels
 
 SIDES: tuple[tuple[float, Style], ...] = ((1.0, "dots"), (-1.0, "rings"))

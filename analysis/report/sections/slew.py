@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.recording.measurements import Measurement
-from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Plot, Section
+from analysis.report.samples import steps_of
 from analysis.report.sections.panels import axis_panels
 from analysis.response import slew_points
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.recording.measurements import Measurement
-from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Plot, Section
+from analysis.report.samples import steps_of
 from analysis.report.sections.panels import axis_panels
 
 FLOOR = 1e-3  # degrees; a step that moved less is drawn here, a logarithm has no zero

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.recording.measurements import Measurement
-from analysis.report.figures import steps_of
 from analysis.report.numbers import ReportNumbers
 from analysis.report.parts import Line, Panel, Plot, Section
+from analysis.report.samples import steps_of
 from analysis.response import Step
 from analysis.response.figure import ALIKE, student
 

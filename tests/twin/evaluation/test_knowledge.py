@@ -13,7 +13,7 @@ from analysis.recording import reader as recording
 from analysis.transfer_function import TransferFunctionModel
 from hardware.simavr.nano import missing
 from tests.twin.cli.test_cli import run
-from twin.evaluation.identify import InformationResult
+from twin.evaluation.identify_result import InformationResult
 from twin.plant.model.model import REFERENCE_GIMBAL
 
 needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(missing())}")
@@ -508,7 +508,7 @@ def test_anybodys_tables_are_compared_and_reported_on_like_recordings(
 @pytest.fixture
 def few_places(monkeypatch):
     """Half as many places around a linkage's minimum: enough for two or three parameters."""
-    monkeypatch.setattr("analysis.linkage.problem._PLACES", 16)
+    monkeypatch.setattr("analysis.linkage.search._PLACES", 16)
 
 
 def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(

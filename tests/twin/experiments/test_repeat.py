@@ -11,7 +11,7 @@ from analysis.comparison.flights import FlightPath, flight_path
 from analysis.recording import read
 from tests.twin.cli.test_cli import run as command
 from twin.config import Fly
-from twin.experiments.flight.flight import FlightResult
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.repeat import repeat as study
 from twin.experiments.repeat import result as results
 from twin.experiments.repeat.repeat import repeat

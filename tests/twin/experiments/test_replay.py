@@ -18,8 +18,9 @@ from tests.twin.experiments.test_desk import served
 from twin.config import Fly, Replay, Step
 from twin.config.recorded import configuration_of, typed
 from twin.errors import TwinError
+from twin.experiments.differences import differences
 from twin.experiments.flight.fly import fly
-from twin.experiments.replay import differences, replay
+from twin.experiments.replay import replay
 from twin.experiments.step import step
 from twin.hil import nominal_calibration, parameters
 from twin.loop.loop import run

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import fields
 
 from analysis.flown import GROUND
-from twin.experiments.flight.flight import PASSED, FlightResult
-from twin.experiments.flight.track import Figures
+from twin.experiments.flight.figures import Figures
+from twin.experiments.flight.flight import PASSED
+from twin.experiments.flight.result import FlightResult
 from twin.loop.loop import TIME_UP
 
 NOT_OF_FLIGHT = ("physics_s", "cpu_s", "wall_s", "within_m")  # of this machine, or of the question

@@ -12,9 +12,10 @@ from twin.config import OBJECT, Fly
 from twin.config.seats import MODELS
 from twin.control import AttitudeController, Setpoint
 from twin.errors import DivergenceError, TwinError
-from twin.experiments.flight.flight import Flight, FlightResult
+from twin.experiments.flight.flight import Flight
 from twin.experiments.flight.miss import missed
 from twin.experiments.flight.own_controller import OwnController, load
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.flight.ticks import compiled_ticks
 from twin.experiments.flight.track import Track
 from twin.experiments.kept import Origin

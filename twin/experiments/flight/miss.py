@@ -7,7 +7,8 @@ import numpy as np
 
 from twin.control.guidance import FixedPoint
 from twin.control.setpoint import Setpoint
-from twin.experiments.flight.flight import PASSED, FlightResult
+from twin.experiments.flight.flight import PASSED
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.flight.track import COMMAND, POSITION, TIME, VELOCITY, Track
 
 NEAR: Final = 5.0  # m; the demonstration's claim

@@ -22,8 +22,8 @@ from twin.config import Fly, with_model
 from twin.config.paths import RUNS, dated, point_latest, writable
 from twin.config.seats import MODELS, is_rig
 from twin.errors import TwinError
-from twin.experiments.flight.flight import FlightResult
 from twin.experiments.flight.fly import fly
+from twin.experiments.flight.result import FlightResult
 from twin.experiments.repeat.page import sections
 from twin.experiments.repeat.result import RepeatResult, SeatFlights
 

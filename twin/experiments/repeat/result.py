@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from analysis.comparison.flights import FlightPath, PathDifference, Spread
 from analysis.response.figure import Figure
 from twin.config.result import Result, Rows
-from twin.experiments.flight.flight import FlightResult
+from twin.experiments.flight.result import FlightResult
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+from analysis.units import is_number
 from twin.physics.motor.curve import Motor
 from twin.physics.motor.entry import Entry
 from twin.physics.motor.figures import MotorError
@@ -60,7 +61,7 @@ def entries(text: str, source: str = "motor") -> list[Entry]:
 
 def _starts_motor(words: list[str]) -> bool:
     """Whether a line is a header, also a malformed one: a point begins with a number."""
-    return len(words) >= HEADER_WORDS or not _is_number(words[0])
+    return len(words) >= HEADER_WORDS or not is_number(words[0])
 
 
 @dataclass
@@ -97,7 +98,7 @@ class _Draft:
             self.points.append((self._number(words[0], where), self._number(words[1], where)))
 
     def _number(self, word: str, where: str) -> float:
-        if not _is_number(word):
+        if not is_number(word):
             self.fault = self.fault or f"{where}: {_quote([word])} is not a number"
             return math.nan
         if not math.isfinite(float(word)):
@@ -139,14 +140,6 @@ def curve(points: list[tuple[float, float]]) -> tuple[list[float], list[float]]:
     if kept and kept[0][0] != 0:
         kept = [(0.0, 0.0), *kept]
     return [t for t, _ in kept], [f for _, f in kept]
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _quote(words: list[str]) -> str:

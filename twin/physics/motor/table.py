@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-from analysis.units import Kind, UnitError, quantity
+from analysis.units import Kind, UnitError, is_number, quantity
 from twin.physics.motor.curve import Motor
 from twin.physics.motor.eng import MOST_POINTS, curve
 from twin.physics.motor.entry import Entry
@@ -48,7 +48,7 @@ def entries(
         if not (line := line.strip(" \t,;")):
             continue
         cells = _SEPARATOR.split(line)
-        if heading and not any(map(_is_number, cells)):
+        if heading and not any(map(is_number, cells)):
             heading = False
             continue
         heading = False
@@ -81,7 +81,7 @@ def _read_figure(comment: str, where: str, figures: dict[str, float]) -> None:
     if match is None or match[1] not in FIGURES:
         return
     text = match[2]
-    value: object = float(text) if _is_number(text) else text
+    value: object = float(text) if is_number(text) else text
     try:
         figures[match[1]] = quantity(value, FIGURES[match[1]])
     except UnitError as error:
@@ -94,14 +94,6 @@ def _point(cells: list[str], where: str) -> tuple[float, float]:
             f"{where}: has {len(cells)} columns; a thrust table has two, time [s] and thrust [N]"
         )
     for cell in cells:
-        if not _is_number(cell) or not math.isfinite(float(cell)):
+        if not is_number(cell) or not math.isfinite(float(cell)):
             raise MotorError(f"{where}: {cell[:40]!r} is not a finite number")
     return float(cells[0]), float(cells[1])
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
 
+from twin.physics.openrocket.configuration import Configuration
 from twin.physics.openrocket.container import document
 from twin.physics.openrocket.shapes import body, fin_set
 from twin.physics.openrocket.tree import BODY, FINS, OUTSIDE, RINGS, Part, tree
@@ -21,7 +22,6 @@ from twin.physics.vehicle.design import (
     FinSet,
     Launch,
     Mass,
-    Mount,
     VehicleError,
 )
 from twin.physics.vehicle.lumps import Lump, lumps, total
@@ -30,8 +30,6 @@ from twin.physics.vehicle.planform import PlanForm
 from twin.physics.vehicle.read import parse, printable
 from twin.physics.vehicle.write import toml
 
-FITS: Final = 1.01  # of a bore: a motor not wider than this fits it
-TIGHT: Final = 1.1  # of a tube's outside: a motor not wider than this is in it, its bore an error
 SAME: Final = 1e-5  # m, between two centres that count as one
 GRAM: Final = 1e-6  # kg; lighter parts are left out
 ROUGHNESS: Final = {  # m, of OpenRocket's surface finishes
@@ -98,29 +96,18 @@ def described(path: Path) -> Imported:
     return replace(found, design=parse(toml(found.design), str(path), path))
 
 
-def _tight(tube: Part, bore: float, width: float, *, flown: bool) -> str:
-    """What to do about a motor that its own design has in too narrow a mount."""
-    sizes = f"{tube.name}: its motor is {1e3 * width:.4g} mm wide, its bore {1e3 * bore:.4g} mm"
-    if flown:
-        return f"{sizes}: flown as if the bore fitted; check the tube's wall in the design"
-    return (
-        f"{sizes}: no such motor goes in; give a --motor FILE.eng of at most {1e3 * bore:.4g} mm,"
-        " or the mount its true diameter, in the design or under motor in its description"
-    )
-
-
 class _Import:
     """Collects the description's tables and what was left out."""
 
     def __init__(self, root: Element) -> None:
         self._root = root
         self._rocket = tree(root)
+        self._configuration = Configuration(self._rocket)
         self._parts = list(self._rocket.walk())
         self._bodies = [part for part in self._parts if part.tag in BODY]
         self._tail = self._bodies[-1].start + self._bodies[-1].length
         self._width = 2 * max(max(part.front, part.outer) for part in self._bodies)
         self._left: list[str] = []
-        self._wrong: list[str] = []
         self._masses: list[Mass] = []
         self._shells: list[Body] = []
         self._fins: list[FinSet] = []
@@ -128,7 +115,7 @@ class _Import:
     def result(self) -> Imported:
         for piece in pieces(self._rocket):
             self._weigh(piece)
-        mount, motor = self._motor()
+        mount, motor, wrong = self._configuration.motor(self._bodies[-1])
         buttons = self._buttons()
         for before, part in pairwise(self._bodies):
             if part.front < before.outer - SAME and part.front < part.outer - SAME:
@@ -150,7 +137,7 @@ class _Import:
             drag=self._drag(),
             roughness=ROUGHNESS.get(self._bodies[0].word("finish", "normal"), ROUGHNESS["normal"]),
         )
-        return Imported(design, motor, tuple(dict.fromkeys(self._left)), tuple(self._wrong))
+        return Imported(design, motor, tuple(dict.fromkeys(self._left)), wrong)
 
     def _weigh(self, piece: Piece) -> None:
         """Give a part its mass, or make it a mass of its own where its centre is elsewhere."""
@@ -190,42 +177,6 @@ class _Import:
             hollow=part.tag in RINGS and part.inner > 0.5 * part.outer,
         )
 
-    def _motor(self) -> tuple[Mount, str]:
-        """Place of the motor of the default configuration, and its maker, name and size."""
-        chosen = self._configuration()
-        mounts = [part for part in self._parts if part.element.find("motormount") is not None]
-        loaded = [
-            (part, Part(motor, part.name))
-            for part in mounts
-            for motor in part.element.iterfind("motormount/motor")
-            if motor.get("configid") == chosen
-        ]
-        if len(loaded) > 1:
-            raise VehicleError(f"{loaded[1][0].name}: a second motor; a vehicle has one")
-        if not mounts:
-            return Mount(), ""
-        tube = loaded[0][0] if loaded else mounts[0]
-        holder = Part(next(tube.element.iter("motormount")), tube.name)
-        nozzle = tube.start + tube.length + holder.number("overhang")
-        bore = min(2 * tube.inner, 2 * self._bodies[-1].outer)
-        label = ""
-        if loaded:
-            motor = loaded[0][1]
-            width, length = motor.size("diameter"), motor.size("length")
-            maker, name = (motor.element.findtext(t) or "" for t in ("manufacturer", "designation"))
-            label = f"{printable(f'{maker} {name}')}, {width * 1e3:.4g} mm x {length * 1e3:.4g} mm"
-            flown = width <= min(2 * tube.outer * TIGHT, 2 * self._bodies[-1].outer)
-            if width > bore * FITS:
-                self._wrong.append(_tight(tube, bore, width, flown=flown))
-            if flown:
-                bore = max(bore, width)
-        return Mount(overhang=round(nozzle - self._tail, 9), diameter=bore or None), label
-
-    def _configuration(self) -> str | None:
-        known = self._rocket.element.findall("motorconfiguration")
-        default = [item for item in known if item.get("default") == "true"] or known
-        return default[0].get("configid") if default else None
-
     def _chutes(self) -> list[Chute]:
         found = []
         for part in self._parts:
@@ -234,7 +185,7 @@ class _Import:
             width = part.size("diameter")
             if part.tag == "streamer":  # a circle of the strip's area
                 width = math.sqrt(4 / math.pi * part.size("striplength") * part.size("stripwidth"))
-            opens = self._deployment(part)
+            opens = self._configuration.deployment(part)
             event, delay = opens.word("deployevent", "ejection"), opens.size("deploydelay")
             if width <= 0 or event not in ("apogee", "altitude", "ejection"):
                 self._left.append(f"{part.name}: opens at {event[:40]!r}, not in this description")
@@ -248,27 +199,10 @@ class _Import:
                     drag=part.size("cd", CHUTE_DRAG),
                     position=min(max(part.start, 0.0), self._tail),
                     height=opens.size("deployaltitude") if event == "altitude" else None,
-                    delay=self._delay() + delay if event == "ejection" else None,
+                    delay=self._configuration.delay() + delay if event == "ejection" else None,
                 )
             )
         return found
-
-    def _deployment(self, part: Part) -> Part:
-        """Where a parachute's event stands: in the default configuration's own, if it has one."""
-        chosen = self._configuration()
-        for item in part.element.iterfind("deploymentconfiguration"):
-            if item.get("configid") == chosen:
-                return Part(item, part.name)
-        return part
-
-    def _delay(self) -> float:
-        """Delay of the ejection charge of the default configuration's motor [s]."""
-        chosen = self._configuration()
-        for motor in self._rocket.element.iter("motor"):
-            if motor.get("configid") == chosen:
-                text = (motor.findtext("delay") or "").strip()
-                return Part(motor, "motor").size("delay") if text != "none" else 0.0
-        return 0.0
 
     def _buttons(self) -> tuple[float, ...]:
         """Stations of the foremost and the last launch lug or rail button."""

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,10 +132,8 @@ class Vehicle:
         ------
         VehicleError : the file cannot be used
         """
-        name, source = self.design.drag_table, self.design.source
-        if not name:
-            return None
-        return read_drag((source.parent if source is not None else Path()) / name)
+        name = self.design.drag_table
+        return read_drag(self.design.beside(name)) if name else None
 
     @cached_property
     def sounding(self) -> Array | None:
@@ -146,11 +143,10 @@ class Vehicle:
         ------
         VehicleError : the file cannot be used
         """
-        launch, source = self.design.launch, self.design.source
+        launch = self.design.launch
         if not launch.profile:
             return None
-        folder = source.parent if source is not None else Path()
-        return read_sounding(folder / launch.profile, launch.altitude)
+        return read_sounding(self.design.beside(launch.profile), launch.altitude)
 
     @cached_property
     def crossflow(self) -> float:

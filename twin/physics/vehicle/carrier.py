@@ -40,8 +40,7 @@ def mechanism_file(design: Design) -> Path:
     assert design.gimbal is not None
     if not design.gimbal.mechanism:
         return Path(str(files("mjcf"))) / "mechanism.xml"
-    folder = design.source.parent if design.source is not None else Path()
-    return (folder / design.gimbal.mechanism).resolve()
+    return design.beside(design.gimbal.mechanism).resolve()
 
 
 def check_is_model(path: Path) -> None:

@@ -262,6 +262,10 @@ class Design:
     motor_data: Motor | None = None
     source: Path | None = None
 
+    def beside(self, name: str) -> Path:
+        """Path of a file that the description names, relative to its own file."""
+        return (self.source.parent if self.source is not None else Path()) / name
+
 
 def allowed(kind: type) -> Mapping[str, Allowed]:
     """What a file may set of a class, by field name."""

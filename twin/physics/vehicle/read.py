@@ -68,16 +68,11 @@ def described(path: Path) -> Design:
 
 def motor_path(design: Design) -> Path | None:
     """Motor file that a design names, without the motor's name; None where it names none."""
-    return motor.split_name(_beside(design, design.motor.file))[0] if design.motor.file else None
+    return motor.split_name(str(design.beside(design.motor.file)))[0] if design.motor.file else None
 
 
 def _own_motor(design: Design) -> Motor:
-    return motor.load(_beside(design, design.motor.file))
-
-
-def _beside(design: Design, name: str) -> str:
-    folder = design.source.parent if design.source is not None else Path()
-    return str(folder / name)
+    return motor.load(str(design.beside(design.motor.file)))
 
 
 def parse(text: str, name: str = "vehicle", source: Path | None = None) -> Design:

@@ -11,9 +11,9 @@ from twin.config.result import Result, Rows
 if TYPE_CHECKING:
     from twin.campaigns.results.result import CampaignResult
     from twin.evaluation.compare import CompareResult
-    from twin.evaluation.identify import IdentifyResult
+    from twin.evaluation.identify_result import IdentifyResult
     from twin.experiments.calibrate import CalibrationResult
-    from twin.experiments.flight.flight import FlightResult
+    from twin.experiments.flight.result import FlightResult
     from twin.experiments.step import StepResult
 
 FIGURE = 1.96  # standard deviations of a 95 % interval

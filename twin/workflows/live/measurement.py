@@ -15,8 +15,9 @@ from twin.config.options import Rig, Time
 from twin.config.paths import named
 from twin.config.verbs import BY_NAME
 from twin.errors import TwinError
-from twin.evaluation.identify import IdentifyResult, InformationResult, longest
 from twin.evaluation.identify import identify as of_files
+from twin.evaluation.identify import longest
+from twin.evaluation.identify_result import IdentifyResult, InformationResult
 from twin.evaluation.inputs import given
 from twin.workflows.live.pieces import TICK, Expected, Piece, following, sized
 from twin.workflows.live.result import LiveResult, text

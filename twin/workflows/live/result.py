@@ -5,7 +5,7 @@ from pathlib import Path
 
 from analysis.identify import IdentifiedModel
 from twin.config.result import Result, Rows
-from twin.evaluation.identify import IdentifyResult
+from twin.evaluation.identify_result import IdentifyResult
 
 
 @dataclass(frozen=True)
