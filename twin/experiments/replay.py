@@ -30,6 +30,7 @@ from twin.plant.plant import Plant
 from twin.plant.steps import integrators
 
 RECORDED_ANGLES = "(the rig's recorded angles do not react to a difference, so it grows)"
+OTHER_MACHINE = "(last bits may differ on another type of processor or C library: docs/timing.md)"
 CLOCKED = "timing/"  # signals that the wall clock alone decides
 
 
@@ -107,6 +108,8 @@ class ReplayResult(Result):
         else:
             verdict = "differs" if self.changed else "NOT repeated, although nothing was changed"
             rows.append(("result", verdict))
+            if not self.changed:
+                rows.append(("", OTHER_MACHINE))
             if self.recorded_angles:
                 rows.append(("", RECORDED_ANGLES))
             rows += [(d.signal, _difference_text(d)) for d in self.differences if not d.equal]
