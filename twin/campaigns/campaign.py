@@ -55,8 +55,9 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     runs = Runs(study)
     store = _store(config, study, runs)
     try:
-        new = _flown(config, study, runs, store)
-        made = result(study, runs, store, conditions, new, time.perf_counter() - began)
+        new, cpu_s = _flown(config, study, runs, store)
+        wall_s = time.perf_counter() - began
+        made = result(study, runs, store, conditions, new, wall_s, cpu_s)
     except KeyboardInterrupt as interrupt:
         if done := sum(len(store.runs_of(p)) for p in store.present()):
             interrupt.add_note(
@@ -71,11 +72,14 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
     return made if not config.paths else _with_paths(config.paths, study, runs, store, made)
 
 
-def _flown(config: Campaign, study: Study, runs: Runs, store: Store) -> int:
-    """Fly what the action asks for; gives the number of runs flown."""
+def _flown(config: Campaign, study: Study, runs: Runs, store: Store) -> tuple[int, float | None]:
+    """Fly what the action asks for; gives the number of runs flown and their processor time [s].
+
+    The time is None where this machine flew nothing.
+    """
     if config.action == "report":
         store.check()
-        return 0
+        return 0, None
     bound = binding(study.fly, study.vary, study.folder)
     if config.action == "run":
         store.begin(force=config.force)
@@ -84,7 +88,16 @@ def _flown(config: Campaign, study: Study, runs: Runs, store: Store) -> int:
     with TemporaryDirectory(prefix="tvc-twin-") as scratch:
         work = flown(study, runs, bound, Path(scratch))
         _warm_up(bound)
-        return flying(study, runs, store, work, config.workers, config.ray)
+        before = _of_children()
+        new = flying(study, runs, store, work, config.workers, config.ray)
+        # Ray's workers are no children of this process
+        return new, _of_children() - before if new and config.ray is None else None
+
+
+def _of_children() -> float:
+    """Processor time of the processes that this one has started and waited for [s]."""
+    used = os.times()
+    return used.children_user + used.children_system
 
 
 def flying(
@@ -158,6 +171,7 @@ def result(
     conditions: Sequence[Condition],
     new: int,
     wall_s: float,
+    cpu_s: float | None = None,
 ) -> CampaignResult:
     """The campaign in numbers, and its page.
 
@@ -175,7 +189,7 @@ def result(
     page = store.folder / "report.html"
     made = CampaignResult(
         answers(study, runs, table), str(store.folder), str(page), "", runs.count,
-        table.num_rows, new, verdicts, wall_s,
+        table.num_rows, new, verdicts, wall_s, cpu_s,
     )  # fmt: skip
     render(sections(study, made, table), study.title, page, made.as_dict())
     return made

@@ -31,6 +31,7 @@ from twin.plant.plant import Plant
 from twin.plant.steps import integrators
 
 RECORDED_ANGLES = "(the rig's recorded angles do not react to a difference, so it grows)"
+OTHER_MACHINE = "(last bits may differ on another type of processor or C library: docs/timing.md)"
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,8 @@ class ReplayResult(Result):
         else:
             verdict = "differs" if self.changed else "NOT repeated, although nothing was changed"
             rows.append(("result", verdict))
+            if not self.changed:
+                rows.append(("", OTHER_MACHINE))
             if self.recorded_angles:
                 rows.append(("", RECORDED_ANGLES))
             rows += [(d.signal, d.text()) for d in self.differences if not d.equal]

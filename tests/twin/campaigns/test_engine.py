@@ -254,6 +254,26 @@ def test_results_of_another_study_or_version_are_refused(tmp_path, monkeypatch):
         Store(tmp_path / "out", replace(s, digest=""), 16, {}).check()
 
 
+def test_the_processor_time_of_a_flight_is_what_it_took(tmp_path, monkeypatch):
+    s, took = study(tmp_path, linear(8)), 0.1
+    work = place(s, Runs(s))
+
+    def busy(run):
+        ended = time.process_time() + took
+        while time.process_time() < ended:
+            pass
+        return work(run)
+
+    monkeypatch.setattr("twin.campaigns.campaign.flown", lambda *_: busy)
+    monkeypatch.setattr("twin.campaigns.campaign._warm_up", lambda _: None)
+    made = campaign(Campaign("run", s.place, out=tmp_path / "out"))
+    assert 1.0 <= made.cpu_s / (8 * took) < 1.2  # writing the rows counts
+    assert f" {made.cpu_s / 8:.2g} s of processor time each" in made.text()
+    again = campaign(Campaign("report", s.place, out=tmp_path / "out"))
+    assert again.cpu_s is None
+    assert "processor time" not in again.text()
+
+
 @pytest.mark.parametrize("out", [None, "runs/study/one.rrd"])
 def test_a_run_of_a_changed_study_is_not_flown_for_the_stored_rows(tmp_path, monkeypatch, out):
     monkeypatch.chdir(tmp_path)

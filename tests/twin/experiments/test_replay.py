@@ -20,7 +20,7 @@ from twin.config.recorded import configuration_of, typed
 from twin.errors import TwinError
 from twin.experiments.differences import differences
 from twin.experiments.flight.fly import fly
-from twin.experiments.replay import replay
+from twin.experiments.replay import ReplayResult, replay
 from twin.experiments.step import step
 from twin.hil import nominal_calibration, parameters
 from twin.loop.loop import run
@@ -119,6 +119,12 @@ def test_one_changed_bit_is_found():
     assert same.equal
     assert not other.equal
     assert (other.largest, other.at) == (2.0**-52, 2.0)
+    unchanged = ReplayResult("a.rrd", "b.rrd", {}, (other,), (), {}, {})
+    assert not unchanged.passed
+    assert "another type of processor" in unchanged.text()
+    asked = replace(unchanged, changed={"seed": ("0", "1")})
+    assert asked.passed
+    assert "processor" not in asked.text()
 
 
 @given(

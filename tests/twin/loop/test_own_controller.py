@@ -170,7 +170,7 @@ def test_a_file_that_is_no_controller_is_refused_in_one_line(capsys, tmp_path, t
 @pytest.mark.parametrize(
     ("place", "says"),
     [
-        ("missing.py:Loop", "missing.py is not a Python file"),
+        ("missing.py:Loop", "there is no file missing.py"),
         ("folder.py:Loop", "not a Python file"),
         ("notes.txt:Loop", "not a Python file"),
         (":Loop", "not a Python file"),

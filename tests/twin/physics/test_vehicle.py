@@ -290,6 +290,22 @@ def test_show_prints_what_the_model_weighs_and_where_the_air_acts(rocket: Path) 
     assert same.states == result.states
 
 
+@pytest.mark.parametrize("mechanism", ["mechanism", "examples/direct_drive"])
+def test_the_parts_that_are_shown_balance_where_the_model_does(tmp_path, mechanism):
+    text = (MJCF / "examples" / "reference.toml").read_text()
+    text = text.replace("../motors", f"{MJCF}/motors")
+    pivot = 'pivot = "822.6 mm"'
+    assert pivot in text
+    file = tmp_path / "rocket.toml"
+    file.write_text(text.replace(pivot, f'{pivot}, mechanism = "{MJCF}/{mechanism}.xml"'))
+    shown = vehicle(Settings("show", file))
+    mass = np.array([part.mass for part in shown.parts])
+    station = np.array([part.station for part in shown.parts])
+    assert mass.sum() == pytest.approx(shown.states[0].mass, abs=1e-6)
+    centre = shown.tip - shown.states[0].centre_of_mass
+    assert mass @ station / mass.sum() == pytest.approx(centre, abs=1e-4)
+
+
 # change of the description above, and what the message says
 REFUSED = [
     (ROCKET, "not toml at all", "not valid TOML"),

@@ -32,7 +32,9 @@ class CampaignResult(Result):
     recording : with the paths of some runs; empty without
     planned, runs, new : runs of the whole study, there are, flown by this command
     verdicts : conditions that were asked for
-    wall_s : time of this command
+    wall_s : time of this command [s]
+    cpu_s : processor time of the processes that flew the new runs [s]; None with Ray, and without
+        new runs
     """
 
     answers: Answers
@@ -44,6 +46,7 @@ class CampaignResult(Result):
     new: int
     verdicts: tuple[Verdict, ...]
     wall_s: float
+    cpu_s: float | None = None
 
     @property
     def passed(self) -> bool:
@@ -90,12 +93,15 @@ class CampaignResult(Result):
                 for v in self.verdicts
             ],
             "wall_s": self.wall_s,
+            "cpu_s": self.cpu_s,
         }  # fmt: skip
 
     def rows(self) -> Rows:
         """The campaign as a table."""
         a = self.answers
         flown = f"{self.runs} of {self.planned}, {self.new} new in {self.wall_s:.1f} s"
+        if self.cpu_s is not None and self.new:
+            flown += f", {self.cpu_s / self.new:.2g} s of processor time each"
         rows: Rows = [("answer", a.text), ("runs", flown)]
         rows.append(("ended", ", ".join(f"{name} {n}" for name, n in a.outcomes.items())))
         for name, e in a.estimates.items():

@@ -41,6 +41,8 @@ def load(place: str) -> object:
     """
     file, _, name = place.rpartition(":")
     path = Path(file)
+    if path.suffix == ".py" and not path.exists():
+        raise ControllerError(f"--controller {place}: there is no file {file}")
     if not path.is_file() or path.suffix != ".py":
         raise ControllerError(f"--controller {place}: {file or 'it'} is not a Python file")
     path = path.resolve()

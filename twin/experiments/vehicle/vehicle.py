@@ -145,7 +145,7 @@ def _gimbal(twin: TwinModel, built: vehicles.Vehicle | None) -> str:
 
 
 def _parts(built: vehicles.Vehicle) -> tuple[Part, ...]:
-    """Masses as a builder weighs them; the gimbal without the motor, at its pivot."""
+    """Masses as a builder weighs them; the gimbal without the motor."""
     counts = {
         fins.name or f"fins {k + 1}": f"{round(fins.count)} fins, together"
         for k, fins in enumerate(built.design.fins)
@@ -158,7 +158,8 @@ def _parts(built: vehicles.Vehicle) -> tuple[Part, ...]:
     middle = built.outline.nozzle - motor.length / 2
     found.append(Part(f"motor {motor.name}, loaded", motor.loaded_mass, middle))
     if built.carrier is not None:
-        found.append(Part("gimbal without motor, pivot", built.carrier.mass, built.origin))
+        gimbal = built.carrier
+        found.append(Part("gimbal without motor", gimbal.mass, built.origin - gimbal.centre))
     return tuple(found)
 
 

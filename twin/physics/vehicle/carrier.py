@@ -22,6 +22,7 @@ class Carrier:
     forward : forward end of the motor, towards the nose from the pivot [m]
     bore : diameter of the motor it was drawn for [m]
     mass : of all moving and fixed parts, without the motor [kg]
+    centre : centre of mass of these parts, forward of the pivot [m]
     swing : largest tilt, both axes at their stops [rad]
     tube : inner radius of the tube that it was built for [m]; 0 where the file does not say
     reach : forward end of what fills that tube, forward of the pivot [m]
@@ -30,6 +31,7 @@ class Carrier:
     forward: float
     bore: float
     mass: float
+    centre: float
     swing: float
     tube: float
     reach: float
@@ -75,6 +77,7 @@ def carrier(path: Path) -> Carrier:
         ) from None
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
     names = [model.body(k).name for k in range(model.nbody)]
     if missing := [name for name in ("mount", "motor", "propellant") if name not in names]:
         raise VehicleError(f"{path} has no body {missing[0]!r}; docs/mechanism.md lists them")
@@ -82,7 +85,11 @@ def carrier(path: Path) -> Carrier:
     motor, mount = model.body("motor").id, model.body("mount").id
     axis = data.xmat[mount].reshape(3, 3).T
     middle = float((axis @ (data.geom_xpos[geom] - data.xpos[mount]))[2])
-    burning = model.body_mass[motor] + model.body_mass[model.body("propellant").id]
+    burning = [motor, model.body("propellant").id]
+    motors = float(model.body_mass[burning].sum())
+    mass = float(model.body_subtreemass[mount]) - motors
+    moment = model.body_subtreemass[mount] * (data.subtree_com[mount] - data.xpos[mount])
+    moment -= model.body_mass[burning] @ (data.xipos[burning] - data.xpos[mount])
     joints = [k for k in range(model.njnt) if model.joint(k).name in AXES]
     level = math.prod(math.cos(float(np.abs(model.jnt_range[k]).max())) for k in joints)
     tube = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tube")
@@ -91,7 +98,8 @@ def carrier(path: Path) -> Carrier:
     return Carrier(
         forward=middle + float(model.geom_size[geom][1]),
         bore=2 * float(model.geom_size[geom][0]),
-        mass=float(model.body_subtreemass[mount] - burning),
+        mass=mass,
+        centre=float((axis @ moment)[2]) / mass,
         swing=math.acos(min(max(level, -1.0), 1.0)),
         tube=float(radius),
         reach=ahead if tube >= 0 else 0.0,
