@@ -78,8 +78,8 @@ def _chart(entries: Sequence[Entry], model: str) -> Plot:
             lines.append(Line("limit of the model", span, limit, "command", row, "dash"))
     caption = (
         f"Estimates of each recording with 95 % intervals, against the model {model}; dashed: three"
-        " standard deviations of the model, of the speed with its bias. Gain, speed and friction are"
-        " relative to the model."
+        " standard deviations of the model, of the speed with its bias. Gain, speed and friction"
+        " are relative to the model."
     )
     about = f"{name} since the first recording"
     return Plot("properties", caption, about, tuple(panels), tuple(lines), panel_height=110)
