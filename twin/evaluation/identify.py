@@ -24,6 +24,7 @@ from analysis.identify.progress import reported_to
 from analysis.plain import plain
 from analysis.recording import Measurement
 from analysis.transfer_function import Margins, TransferFunctionModel, margins
+from hardware.frames import AXES
 from twin import status
 from twin.config import Identify
 from twin.config.paths import named, point_latest
@@ -47,6 +48,7 @@ class IdentifyResult(Result):
         commanded or nothing moved
     orders : scores on held-out steps, where the order was chosen
     margins : of the reference vehicle's attitude loop with this gimbal
+    flies : whether the file has both axes, as `twin fly` needs
     """
 
     model: IdentifiedModel
@@ -57,6 +59,7 @@ class IdentifyResult(Result):
     margins: tuple[Margins, ...]
     warnings: tuple[str, ...]
     wall_s: float
+    flies: bool = True
 
     def as_dict(self) -> dict[str, object]:
         """JSON values in SI."""
@@ -93,7 +96,7 @@ class IdentifyResult(Result):
         rows += [(f"{m.axis} margins at {m.loop}", m.text()) for m in self.margins]
         rows += [("WARNING", w) for w in self.warnings]
         rows += [("computing", f"{self.wall_s:.1f} s"), ("model", str(self.file))]
-        if len(self.model.inputs) == 2:
+        if self.flies:
             rows.append(("", f"twin fly --gimbal transfer-function --model {self.file}"))
         return rows
 
@@ -184,6 +187,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
         margins(attitude_loops(), flown),
         notes,
         time.perf_counter() - began,
+        set(flown.inputs) == set(flown.outputs) == set(AXES),
     )
 
 
@@ -270,11 +274,13 @@ def _notes(config: Identify, source: Given) -> list[str]:
             "delays count from the pulses; the wait of a command for its pulse frame, 10 ms on"
             " average, is not in this model"
         )
-    inputs = source.runs[0].inputs
+    inputs, outputs = source.runs[0].inputs, source.runs[0].outputs
     if len(inputs) == 1 and not config.both:
         notes.append(
             f"only {inputs[0]} was commanded; a flight needs both axes (--both uses it for x and y)"
         )
+    elif len(inputs) > len(outputs) == 1:
+        notes.append(f"only {outputs[0]} was measured; a flight needs both axes")
     return notes
 
 
