@@ -89,7 +89,7 @@ def _log(over: threading.Event) -> None:
 
 
 def _line(seconds: float) -> str:
-    """The line so many seconds after the command began; empty where nothing can be told."""
+    """The line so many seconds after the command began; empty where there is nothing to show."""
     try:
         text = _doing if isinstance(_doing, str) else _doing()
     except Exception:

@@ -80,6 +80,8 @@ class AxisComparison(Plain):
     noise : of the reference's readings [rad]
     moved : root mean square of the larger of both motions around its mean [rad]
     limit : smallest fit that a perfect model must be able to reach for the axis to count [%]
+    tolerance : difference that does not matter [rad]; an axis that moves and differs by less than
+        twice that does not count
     """
 
     axis: str
@@ -94,6 +96,12 @@ class AxisComparison(Plain):
     noise: float = 0.0
     moved: float = math.inf
     limit: float = _LEAST
+    tolerance: float = 0.0
+
+    @property
+    def hardly_moved(self) -> bool:
+        """Whether motion and difference are too small to matter."""
+        return max(self.moved, self.as_is.rmse) < 2.0 * self.tolerance
 
     @property
     def reachable(self) -> float:
@@ -122,6 +130,11 @@ class Comparison(Plain):
         for a in (a for a in self.axes if a.commanded):
             if math.isnan(a.as_is.fit):
                 found[a.axis] = "the reference stood still"
+            elif a.hardly_moved:
+                moved, least = (f"{math.degrees(v):.2g}°" for v in (a.moved, a.tolerance))
+                found[a.axis] = (
+                    f"hardly moved, {moved} rms; differences below {least} do not matter"
+                )
             elif max(a.reachable, a.as_is.fit) < a.limit and a.as_is.rmse < 2.0 * a.noise:
                 moved, noise = (f"{math.degrees(v):.2g}°" for v in (a.moved, a.noise))
                 found[a.axis] = (
@@ -144,6 +157,7 @@ def compare(
     still: Collection[str] = (),
     noise: Mapping[str, float] = MappingProxyType({}),
     limit: float | None = None,
+    tolerance: float = 0.0,
 ) -> Comparison:
     """Compare two motions over the time and the axes they share.
 
@@ -160,6 +174,8 @@ def compare(
         or their step over √12
     limit : fit that is asked for [%]; an axis counts if its noise lets a perfect model reach that,
         or if it is off by more than twice that noise
+    tolerance : difference that does not matter [rad]: an axis that moves and differs by less than
+        twice that does not count
 
     Raises
     ------
@@ -175,6 +191,7 @@ def compare(
         replace(
             _axis(reference, other, c, repeats.get(c, ()), longest_delay, c in still, noise.get(c)),
             limit=max(_LEAST, limit or _LEAST),
+            tolerance=tolerance,
         )
         for c in shared
     )

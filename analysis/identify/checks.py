@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from analysis.array import Array
 from analysis.identify.errors import IdentificationError
 from analysis.identify.problem.noise import resolution
+from analysis.recording.columns import far_command
 from analysis.recording.measurements import Measurement
 
 DEGREES = 180.0 / np.pi
 _USUAL = 1.5  # a gimbal turns about as far as commanded
 _SURELY = 1.05  # within this one no gimbal is known, and two units are
-_TURNED = np.pi / 2.0  # rad; no gimbal is commanded so far
 _NEAR = 1.2  # a ratio within this factor of 57.3 is degrees, not an unusual gimbal
 _FEWEST_CHANGES = 2
 _RESTING = 10  # readings before a single step
@@ -214,12 +214,8 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
         )
         return [text]
     reach = float(np.abs(record.command.column(command)).max())
-    if reach > _TURNED:
-        text = (
-            f"command '{command}' reaches {reach:.3g} rad, {np.degrees(reach):.0f} degrees: is it "
-            f"in degrees? {'give --angle-unit deg' if assumed else 'check the unit given'}"
-        )
-        return [text]
+    if text := far_command(command, reach, None if assumed else "rad"):
+        return [] if "reaches" in record.note else [text]  # tables note it when they are read
     if not 1.0 / _USUAL < gain < _USUAL:
         text = (
             f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, far from 1: is the "

@@ -29,6 +29,7 @@ UNITS: Mapping[str, float] = MappingProxyType(
 )  # fmt: skip
 NO_ANGLES = ("us", "percent", "counts", "1")  # pulse width [µs], of full travel, of a converter
 _TURN = 2.0**32  # of a counter such as micros()
+FARTHEST = math.pi / 2  # rad; no gimbal is commanded so far
 _SLOWEST = 0.5  # s between samples; no gimbal's motion is sampled that seldom
 
 
@@ -114,7 +115,8 @@ def measurement_of_table(
     # reports name a run by the gimbal seat of its recording; a table has only its file name
     named = Recording({"configuration": {"gimbal": table.source}}, {})
     both = columns.unit is not None and columns.input_unit is not None
-    note = "; ".join(dict.fromkeys(n for n in (table.note, (given or table).note, held) if n))
+    notes = (table.note, (given or table).note, held, _doubted(columns, commands))
+    note = "; ".join(dict.fromkeys(n for n in notes if n))
     return replace(run, recording=named, units="given" if both else "assumed", note=note)
 
 
@@ -153,6 +155,33 @@ def _check_seconds(source: str, name: str, stamps: Array) -> None:
     raise AnalysisError(
         f"{source}: samples {period:g} s apart; if '{name}' is not in seconds, give its unit "
         f"(--time-scale {scale:g}), otherwise --time-scale 1"
+    )
+
+
+def _doubted(columns: Columns, commands: Array) -> str:
+    """Doubt of the unit of commands (n, k) that turn farther than any gimbal, in one line."""
+    given = columns.input_unit or columns.unit
+    if (given or "rad") in NO_ANGLES:
+        return ""
+    reach = np.abs(commands).max(axis=0, initial=0.0)
+    k = int(np.argmax(reach))
+    return far_command(columns.inputs[k], float(reach[k]), given)
+
+
+def far_command(name: str, reach: float, unit: str | None) -> str:
+    """Doubt of the unit of a command that turns beyond `FARTHEST`, in one line; "" of others.
+
+    Parameters
+    ----------
+    reach : its largest value, as it stands in the file
+    unit : that was given for it; None where radians were assumed
+    """
+    angle = reach * UNITS[unit or "rad"]
+    if angle <= FARTHEST:
+        return ""
+    asked = "check the unit given" if unit else "is it in degrees? give --angle-unit deg"
+    return (
+        f"command '{name}' reaches {reach:.4g} {unit or 'rad'}, {math.degrees(angle):.4g}°: {asked}"
     )
 
 

@@ -41,7 +41,7 @@ class Measurement:
     units : whether the units of readings and commands were both given, or one was assumed
     name : used in messages and reports
     recording : the recording it was taken from; empty for a table
-    note : what of its file was left out, in one line; "" where nothing was
+    note : what of its file was left out or is in doubt, in one line; "" where nothing is
     shift : added to the recording's stamps to align it with another [s]
 
     Raises

@@ -203,5 +203,15 @@ def test_a_wrong_axis_counts_whatever_is_asked_and_one_within_its_noise_does_not
     assert whole.axes[0].reachable == pytest.approx(100 * (1 - 0.05 / 0.6), abs=0.3)
 
 
+@pytest.mark.parametrize(("moved", "off", "hardly"), [(0.09, 0.0, 1), (0.11, 0.0, 0), (0.09, 2, 0)])
+def test_an_axis_hardly_moves_below_twice_the_difference_that_matters(moved, off, hardly):
+    """Half as large a motion of the other: rms of the first one is that of the larger."""
+    y = math.radians(moved) * wave(T) / wave(T).std()
+    found = compare(motion(y), motion(0.5 * y + math.radians(off)), tolerance=math.radians(0.05))
+    assert found.axes[0].hardly_moved == bool(hardly)
+    said = {"x": "hardly moved, 0.09° rms; differences below 0.05° do not matter"}
+    assert found.uncounted == (said if hardly else {})
+
+
 def test_the_numbers_are_json():
     json.dumps(compare(motion(wave(T)), motion(wave(T - 0.01))).to_dict(), allow_nan=False)

@@ -408,13 +408,17 @@ def test_a_threshold_that_no_step_was_too_small_for_is_no_key_figure():
         assert bool(largest_figures(run, "x")) == shown
 
 
-def test_the_fit_without_the_sensors_offset_stands_beside_the_fit(tmp_path):
-    """Readings 0.01 rad off, but else the model's: all of the difference is the offset."""
+@pytest.mark.parametrize("share", [0.2, 0.1])  # of the motion: the fit is poor, and fair
+def test_the_fit_without_the_sensors_offset_stands_beside_the_fit(tmp_path, share):
+    """Readings off by a constant, but else the model's: all of the difference is the offset."""
     commands = stepped(2)
-    rig = recorded(commands, answered(commands) + 0.01, motion="measured", gimbal="firmware")
-    report([rig, recorded(commands, answered(commands), gimbal="linkage")], tmp_path / "a.html")
+    answer = answered(commands)
+    off = share * answer.std(axis=0).min()
+    rig = recorded(commands, answer + off, motion="measured", gimbal="firmware")
+    report([rig, recorded(commands, answer, gimbal="linkage")], tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "closely but for a constant offset: fit 100 % without it" in text
+    assert f"fit {100 - 100 * share:.0f} %, 100 % without offset" in text
 
 
 def test_a_report_of_a_rig_alone_says_nothing_of_simulations(tmp_path):

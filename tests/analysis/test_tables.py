@@ -24,8 +24,8 @@ def table(tmp_path, text, name="run.csv"):
     return read(path)
 
 
-def chosen(found, time="t", inputs=("u",), angle=("pot",), **more):
-    return measurement_of_table(found, Columns(time, inputs, angle, **more))
+def chosen(found, time="t", inputs=("u",), angle=("pot",), unit="rad", **more):
+    return measurement_of_table(found, Columns(time, inputs, angle, unit=unit, **more))
 
 
 def test_columns_come_by_name_and_empty_fields_are_missing(tmp_path):
@@ -38,7 +38,8 @@ def test_columns_come_by_name_and_empty_fields_are_missing(tmp_path):
 def test_missing_commands_are_held_in_one_line_and_refused_in_the_first_row(tmp_path):
     r = chosen(table(tmp_path, "t,u,pot\n0,0,0\n0.1,5,0\n0.2,,4\n0.3,,5\n0.4,0,5\n"))
     assert r.command.values[:, 0].tolist() == [0, 5, 5, 5, 0]
-    assert r.note == "2 missing commands are taken as the one before, first in sample 3"
+    note, _ = r.note.split("; ")  # the other one is of its unit
+    assert note == "2 missing commands are taken as the one before, first in sample 3"
     with pytest.raises(AnalysisError, match="first row has no command in 'u'"):
         chosen(table(tmp_path, "t,u,pot\n0,,0\n0.1,5,0\n0.2,5,4\n0.3,5,5\n"))
 
@@ -69,6 +70,22 @@ def test_commands_may_have_a_file_and_stamps_of_their_own(tmp_path):
     r = chosen(table(tmp_path, GOOD), commands=commands)
     assert r.command.time.tolist() == [-1.0, 0.0137]
     assert r.slack == 0.0
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"unit": None}, "5 rad, 286.5°: is it in degrees? give --angle-unit deg"),
+        ({"unit": "rad"}, "5 rad, 286.5°: check the unit given"),
+        ({"input_unit": "turn"}, "5 turn, 1800°: check the unit given"),
+        ({"unit": "deg"}, ""),
+        ({"unit": None, "input_unit": "us"}, ""),
+    ],
+)
+def test_commands_beyond_a_quarter_turn_have_a_doubtful_unit(tmp_path, more, said):
+    """No gimbal turns so far; the number is the file's own, the angle that of the unit."""
+    note = chosen(table(tmp_path, GOOD), **more).note
+    assert note == (f"command 'u' reaches {said}" if said else "")
 
 
 def test_unknown_unit_lists_the_valid_ones(tmp_path):

@@ -24,7 +24,7 @@ from twin.campaigns.results.reweight import reweighted
 from twin.campaigns.sampling.parameters import Binding, binding
 from twin.campaigns.sampling.study import Stop, Study, read
 from twin.campaigns.sampling.vary import shown
-from twin.campaigns.statistics.statistic import FEWEST, Condition, Estimate, condition
+from twin.campaigns.statistics.statistic import FEWEST, REWEIGHTED, Condition, Estimate, condition
 from twin.config.campaign import Campaign
 from twin.config.paths import dated
 from twin.errors import TwinError
@@ -66,7 +66,7 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
         raise
     if config.reweight is not None:
         more = reweighted(study, read(config.reweight), store.table())
-        named = {f"{name}, reweighted": e for name, e in more.items()}
+        named = {f"{name}{REWEIGHTED}": e for name, e in more.items()}
         estimates = {**made.answers.estimates, **named}
         made = replace(made, answers=replace(made.answers, estimates=estimates))
     return made if not config.paths else _with_paths(config.paths, study, runs, store, made)

@@ -106,10 +106,17 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
 
 def _check_paths(kind: type[Settings], arguments: list[str]) -> None:
     """Refuse empty paths, which would be taken for the folder of this process."""
-    for flag, value in pairwise(arguments):
-        hint = hints(kind).get(flag.removeprefix("--").replace("-", "_"))
-        if flag.startswith("--") and not value and "Path" in str(hint):
-            raise TwinError(f"{flag} '': must be a path; leave it out for the default")
+    files = [n for n, hint in hints(kind).items() if "Path" in str(hint)]
+    flags = {f"--{name.rstrip('_').replace('_', '-')}" for name in files}
+    takes = any(POSITIONAL in getattr(hints(kind)[name], "__metadata__", ()) for name in files)
+    words = [w for a in arguments for w in (a.split("=", 1) if a.startswith("--") else (a,))]
+    for before, value in pairwise(words):
+        if value:
+            continue
+        if before in flags:
+            raise TwinError(f"{before} '': must be a path; leave it out for the default")
+        if takes and not before.startswith("--"):
+            raise TwinError("'': must be a path, and is empty")
 
 
 def _suggested(advice: str, kind: type[Settings]) -> str:

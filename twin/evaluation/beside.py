@@ -52,7 +52,7 @@ def beside(config: Compare) -> Beside:
     with compiled():
         plant = _plant(config, config.with_)
         ends = stops(plant.twin.mj)
-        source = Source(config.recordings[0], unit=unit)
+        source = Source(config.recordings[0], unit=unit, ratio=config.ratio)
         angles = gimbal_angles(source, run.command, None, "both", ends)
         period = plant.dt_ns * 1e-9
         steps = int((end - begin) / period) + 2

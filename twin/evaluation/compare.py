@@ -19,9 +19,12 @@ from analysis.comparison import (
     path_difference,
 )
 from analysis.comparison import compare as side_by_side
+from analysis.flown import Flown, flown
+from analysis.plain import plain
 from analysis.recording import Measurement, TimeSeries, aligned
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
+from analysis.response.figure import PRACTICAL_SIZE
 from twin import status
 from twin.config import Compare
 from twin.config.paths import named, point_latest
@@ -29,7 +32,13 @@ from twin.config.result import Result, Rows
 from twin.config.seats import SIMULATED
 from twin.errors import TwinError
 from twin.evaluation.compare_recording import record
-from twin.evaluation.flights import FlightsResult, compare_flights
+from twin.evaluation.flights import (
+    FlightsResult,
+    compare_flights,
+    differences,
+    ends_apart,
+    leading,
+)
 from twin.evaluation.inputs import seen
 
 if TYPE_CHECKING:
@@ -61,6 +70,7 @@ class CompareResult(Result):
     shift : added to the other's stamps to align its first command with the reference's [s]
     limit : fit below which the check fails [%], or None
     flight : how far the vehicles' flights lie apart; None where none flew
+    flights : their figures
     warnings : reasons to doubt the figures
     drift : properties of the gimbal over time, with `--drift`
     explanation : shares of the model's effects in the difference, with `--explain`
@@ -72,6 +82,7 @@ class CompareResult(Result):
     file: Path
     wall_s: float
     flight: PathDifference | None = None
+    flights: tuple[Flown, Flown] | None = None
     warnings: tuple[str, ...] = ()
     drift: "RunDrift | None" = None
     explanation: "RunExplanation | None" = None
@@ -88,7 +99,7 @@ class CompareResult(Result):
             "shift_s": self.shift,
             "fail_below": self.limit,
             "passed": self.passed,
-            "flight": None if self.flight is None else self.flight.to_dict(),
+            "flight": self._flight(),
             "warnings": list(self.warnings),
             "drift": None if self.drift is None else self.drift.as_dict(),
             "explanation": None if self.explanation is None else self.explanation.as_dict(),
@@ -96,10 +107,28 @@ class CompareResult(Result):
             "wall_s": self.wall_s,
         }
 
+    def _flight(self) -> dict[str, object] | None:
+        if self.flight is None:
+            return None
+        if self.flights is None:
+            return self.flight.to_dict()
+        apart = {
+            "difference": differences(self.flights),
+            "ends_apart_m": plain(ends_apart(self.flights)),
+        }
+        return {**self.flight.to_dict(), **apart}
+
     def rows(self) -> Rows:
-        """Errors, delay and coherence, a column per axis; in brackets with the delay removed."""
+        """Flights first; then errors, delay and coherence, a column per axis.
+
+        In brackets with the delay removed.
+        """
         c = self.comparison
         rows = [("reference", c.reference), ("compared", c.other)]
+        if self.flight is not None:
+            rows.append(("flights, under power", self.flight.text()))
+        if self.flights is not None:
+            rows += leading(self.flights)
         if abs(self.shift) > 1e-6:
             rows.append(("shifted by", f"{1e3 * self.shift:.1f} ms, to align the first commands"))
         rows.append(("(delay removed)", _columns(a.axis for a in c.axes)))
@@ -110,8 +139,6 @@ class CompareResult(Result):
         rows += [(f"at {f:g} Hz", _columns(_at(a, f) for a in c.axes)) for f in SHOWN_HZ]
         if any(a.left_out for a in c.axes):
             rows.append(("left out, gaps", _columns(f"{100 * a.left_out:.1f} %" for a in c.axes)))
-        if self.flight is not None:
-            rows.append(("flights, under power", self.flight.text()))
         if self.drift is not None:
             rows += self.drift.rows()
         if self.explanation is not None:
@@ -170,6 +197,7 @@ def compare(config: Compare) -> CompareResult | FlightsResult:
         still=[n for n in axes if not len(command.select((n,)).changes())],
         noise=_noise(pair),
         limit=config.fail_below,
+        tolerance=PRACTICAL_SIZE["rad"] if _both_flew(runs) else 0.0,
     )
     file = named(config.out, "compare", ".rrd", force=config.force)
     drift = explanation = None
@@ -190,7 +218,7 @@ def compare(config: Compare) -> CompareResult | FlightsResult:
         config.fail_below,
         file,
         time.perf_counter() - began,
-        _flights(runs),
+        *_flights(runs),
         cut + caveats(runs),
         drift,
         explanation,
@@ -212,11 +240,19 @@ def _noise(pair: _Pair) -> dict[str, float]:
             if np.isfinite(sigma.column(n)).any()}  # fmt: skip
 
 
-def _flights(runs: Sequence[Measurement]) -> PathDifference | None:
-    if len(runs) < 2 or not all(holds_flight(r.recording) for r in runs):
-        return None
+def _flights(
+    runs: Sequence[Measurement],
+) -> tuple[PathDifference | None, tuple[Flown, Flown] | None]:
+    """How far two flights lie apart, and their figures; None where not both flew."""
+    if not _both_flew(runs):
+        return None, None
     first, second = (flight_path(r.recording) for r in runs)
-    return path_difference(first, second)
+    a, b = (flown(r.recording) for r in runs)
+    return path_difference(first, second), None if a is None or b is None else (a, b)
+
+
+def _both_flew(runs: Sequence[Measurement]) -> bool:
+    return len(runs) == 2 and all(holds_flight(r.recording) for r in runs)
 
 
 def _runs(config: Compare) -> list[Measurement]:
@@ -313,7 +349,12 @@ def _columns(cells: Iterable[str]) -> str:
 
 
 def _both(a: AxisComparison, what: str, unit: str) -> str:
-    """A figure and, in brackets, the same with the delay removed."""
+    """A figure and, in brackets, the same with the delay removed.
+
+    Percentages of the motion mean nothing where there was hardly any.
+    """
+    if a.hardly_moved and unit == " %":
+        return "hardly moved"
     scale = 180.0 / math.pi if unit == "°" else 1.0
     values = [scale * getattr(e, what) for e in (a.as_is, a.aligned)]
     if unit == "°":
@@ -326,18 +367,22 @@ def _percent(value: float) -> str:
 
 
 def _late(a: AxisComparison) -> str:
-    return f"{1e3 * a.delay:.2f} ms" if math.isfinite(a.delay) else "-"
+    if not math.isfinite(a.delay) or a.hardly_moved:
+        return "-"
+    return f"{1e3 * a.delay:.2f} ms"
 
 
 def _repeats(a: AxisComparison) -> str:
     fits = [e.fit for e in a.repeats if math.isfinite(e.fit)]
-    if not fits:
+    if not fits or a.hardly_moved:
         return "-"
     return f"{_percent(min(fits))} to {_percent(max(fits))}, n = {len(fits)}"
 
 
 def _at(a: AxisComparison, frequency: float) -> str:
     """Gain and phase at a frequency [Hz], where the motions are coherent there."""
+    if a.hardly_moved:
+        return "-"
     s = a.spectrum
     k = int(np.argmin(np.abs(s.frequency - frequency)))
     if not s.coherence[k] >= COHERENT or abs(s.frequency[k] / frequency - 1.0) > 0.5:

@@ -32,11 +32,16 @@ class ExportResult(Result):
     note: str = ""
 
     def as_dict(self) -> dict[str, object]:
-        """Path, format and size."""
-        return {"file": str(self.file), "format": self.kind, "bytes": self.size}
+        """Path, format, size and note; the note is None where there is none."""
+        return {
+            "file": str(self.file),
+            "format": self.kind,
+            "bytes": self.size,
+            "note": self.note or None,
+        }
 
     def rows(self) -> Rows:
-        """Path and size."""
+        """Path and size, and the note where there is one."""
         written = [("exported", f"{self.file} ({size_text(self.size)})")]
         return [*written, ("note", self.note)] if self.note else written
 

@@ -12,7 +12,7 @@ from twin.config import Compare
 from twin.config.result import Result, Rows
 from twin.errors import TwinError
 
-LEADS = ("apogee", "highest point", "end, ")  # names of figures that are shown first
+LEADS = ("apogee", "highest point")  # names of figures that are shown first
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,10 @@ class FlightsResult(Result):
 
     def as_dict(self) -> dict[str, object]:
         """JSON values in SI, unless a name gives another unit; differences where both have one."""
-        a, b = (f.numbers for f in self.flights)
         return {
             "reference": {"file": self.reference, **self.flights[0].to_dict()},
             "other": {"file": self.other, **self.flights[1].to_dict()},
-            "difference": {name: b[name] - a[name] for name in a if name in b},
+            "difference": differences(self.flights),
             "path": self.path.to_dict(),
             "ends_apart_m": plain(self.ends_apart),
             "recording": str(self.file),
@@ -50,29 +49,54 @@ class FlightsResult(Result):
     def rows(self) -> Rows:
         """Apogee, ends and paths first, then every other figure that differs."""
         rows = [("reference", self.reference), ("compared", self.other)]
-        a, b = (f.numbers for f in self.flights)
-        apart: Rows = []
-        equal = []
-        for name, key, unit, scale in FIGURES:
-            values = [_rounded(n[key] * scale) if key in n else None for n in (a, b)]
-            texts = ["none" if v is None else f"{v:.5g}{unit}" for v in values]
-            known = [v for v in values if v is not None]
-            if not known:
-                continue
-            if texts[0] == texts[1]:
-                equal.append(name)
-            else:
-                by = f": {known[1] - known[0]:+.3g}{unit}" if known[1:] else ""
-                apart.append((name, f"{', '.join(texts)}{by}"))
-        lead = [row for row in apart if row[0].startswith(LEADS)]
-        rows += lead
-        rows.append(("ends apart", f"{self.ends_apart:.1f} m on the ground plan"))
+        apart, equal = _differing(self.flights)
+        rows += leading(self.flights)
         rows.append((f"paths, {self.path.time:.1f} s", self.path.text()))
-        rows += [row for row in apart if row not in lead]
+        rows += [row for row in apart if not row[0].startswith(LEADS)]
         rows.append(("wind", ", ".join(f.texts.get("wind", "none") for f in self.flights)))
         if equal:
             rows.append(("equal", ", ".join(equal)))
         return [*rows, ("recording", str(self.file)), ("", f"twin view {self.file}")]
+
+
+def leading(flights: tuple[Flown, Flown]) -> Rows:
+    """Apogees that differ, and how far the ends lie apart."""
+    lead = [row for row in _differing(flights)[0] if row[0].startswith(LEADS)]
+    return [*lead, ("ends apart", f"{ends_apart(flights):.1f} m on the ground plan")]
+
+
+def ends_apart(flights: tuple[Flown, Flown]) -> float:
+    """Level distance between the places where two flights ended [m]; NaN where one is unknown."""
+    east, north = (
+        flights[1].numbers.get(k, math.nan) - flights[0].numbers.get(k, math.nan)
+        for k in ("end_east_m", "end_north_m")
+    )
+    return math.hypot(east, north)
+
+
+def differences(flights: tuple[Flown, Flown]) -> dict[str, float]:
+    """Figures of the second minus those of the first, in SI; of those that both have."""
+    a, b = (f.numbers for f in flights)
+    return {name: b[name] - a[name] for name in a if name in b}
+
+
+def _differing(flights: tuple[Flown, Flown]) -> tuple[Rows, list[str]]:
+    """Figures that differ, each in a row, and the names of those that do not."""
+    apart: Rows = []
+    equal = []
+    for name, key, unit, scale in FIGURES:
+        of = [f.numbers for f in flights]
+        values = [_rounded(n[key] * scale) if key in n else None for n in of]
+        texts = ["none" if v is None else f"{v:.5g}{unit}" for v in values]
+        known = [v for v in values if v is not None]
+        if not known:
+            continue
+        if texts[0] == texts[1]:
+            equal.append(name)
+        else:
+            by = f": {known[1] - known[0]:+.3g}{unit}" if known[1:] else ""
+            apart.append((name, f"{', '.join(texts)}{by}"))
+    return apart, equal
 
 
 def _rounded(value: float) -> float:
@@ -113,9 +137,6 @@ def compare_flights(config: Compare, runs: list[Measurement], file: Path) -> Fli
         part.unlink(missing_ok=True)
         raise TwinError(f"cannot finish {file}: its end is missing; is the disk full?")
     part.replace(file)
-    east, north = (
-        second.numbers.get(k, math.nan) - first.numbers.get(k, math.nan)
-        for k in ("end_east_m", "end_north_m")
-    )
     before, after = map(str, config.recordings)
-    return FlightsResult(before, after, (first, second), path, math.hypot(east, north), file)
+    both = (first, second)
+    return FlightsResult(before, after, both, path, ends_apart(both), file)

@@ -1,5 +1,6 @@
 """The page of a board's history: verdict, recordings, control charts."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -71,12 +72,14 @@ def _chart(entries: Sequence[Entry], model: str) -> Plot:
                 for t, *ends in zip(at, low, high, strict=True)
             ]
         span = np.array([-0.02, 1.02]) * max(length / unit, 1.0)
+        allowed = math.hypot(p.sigma, p.bias)
         for side in (-LIMIT, LIMIT):
-            limit = np.full(2, (p.value + side * p.sigma) * p.scale)
+            limit = np.full(2, (p.value + side * allowed) * p.scale)
             lines.append(Line("limit of the model", span, limit, "command", row, "dash"))
     caption = (
         f"Estimates of each recording with 95 % intervals, against the model {model}; dashed: three"
-        " standard deviations of the model. Gain, speed and friction are relative to the model."
+        " standard deviations of the model, of the speed with its bias. Gain, speed and friction"
+        " are relative to the model."
     )
     about = f"{name} since the first recording"
     return Plot("properties", caption, about, tuple(panels), tuple(lines), panel_height=110)

@@ -17,6 +17,7 @@ from analysis.identify import (
 from analysis.identify.progress import reported_to
 from analysis.recording import Measurement
 from analysis.transfer_function import TransferFunctionModel, margins
+from hardware.frames import AXES
 from twin import status
 from twin.config import Identify
 from twin.config.paths import named, point_latest
@@ -77,6 +78,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
         margins(attitude_loops(), flown),
         notes,
         time.perf_counter() - began,
+        set(flown.inputs) == set(flown.outputs) == set(AXES),
     )
 
 
@@ -126,11 +128,13 @@ def _notes(config: Identify, source: Given) -> list[str]:
             "delays count from the pulses; the wait of a command for its pulse frame, 10 ms on"
             " average, is not in this model"
         )
-    inputs = source.runs[0].inputs
+    inputs, outputs = source.runs[0].inputs, source.runs[0].outputs
     if len(inputs) == 1 and not config.both:
         notes.append(
             f"only {inputs[0]} was commanded; a flight needs both axes (--both uses it for x and y)"
         )
+    elif len(inputs) > len(outputs) == 1:
+        notes.append(f"only {outputs[0]} was measured; a flight needs both axes")
     return notes
 
 

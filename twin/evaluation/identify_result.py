@@ -24,6 +24,7 @@ class IdentifyResult(Result):
         commanded or nothing moved
     orders : scores on held-out steps, where the order was chosen
     margins : of the reference vehicle's attitude loop with this gimbal
+    flies : whether the file has both axes, as `twin fly` needs
     """
 
     model: IdentifiedModel
@@ -34,6 +35,7 @@ class IdentifyResult(Result):
     margins: tuple[Margins, ...]
     warnings: tuple[str, ...]
     wall_s: float
+    flies: bool = True
 
     def as_dict(self) -> dict[str, object]:
         """JSON values in SI."""
@@ -70,7 +72,7 @@ class IdentifyResult(Result):
         rows += [(f"{m.axis} margins at {m.loop}", m.text()) for m in self.margins]
         rows += [("WARNING", w) for w in self.warnings]
         rows += [("computing", f"{self.wall_s:.1f} s"), ("model", str(self.file))]
-        if len(self.model.inputs) == 2:
+        if self.flies:
             rows.append(("", f"twin fly --gimbal transfer-function --model {self.file}"))
         return rows
 

@@ -147,10 +147,11 @@ def _check(
         return
     k = int(wrong[0])
     worst = float(values[k][np.argmax(np.maximum(low - values[k], values[k] - high))])
-    hint = ""
+    text, hint = f"{scale * worst:.4g} {unit}", ""
     if unit == "°" and source.unit == "rad" and is_table(source.file):
-        hint = f"; in degrees? give --{'input' if source.inputs else 'angle'}-unit deg"
+        text = f"{worst / (source.ratio or 1.0):.4g} rad, {text},"  # as it stands in the file
+        hint = f"; is it in degrees? give --{'input' if source.inputs else 'angle'}-unit deg"
     raise TwinError(
-        f"{source.file}: command of {scale * worst:.4g} {unit} at {time[k]:g} s: must be {what},"
+        f"{source.file}: command of {text} at {time[k]:g} s: must be {what},"
         f" from {scale * low:.4g} to {scale * high:.4g} {unit}{hint}"
     )

@@ -29,7 +29,10 @@ def summary(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section:
     texts = texts or list(_response(runs, numbers))
     texts += [_compared(c) for c in found if math.isfinite(c.fit)]
     items = (*_fits(found), *_timing(runs), *_faults(runs), *_missing(numbers))
-    limits = f"Fit of the worst commanded axis: good from {GOOD_FIT:g} %, fair from {FAIR_FIT:g} %."
+    limits = (
+        f"Fit of the worst commanded axis: good from {GOOD_FIT:g} %, fair from {FAIR_FIT:g} %;"
+        " fair too where only a constant offset keeps it below."
+    )
     caption = limits if found else ""
     parts = (Verdicts(items, caption),) if items else ()
     return Section("summary", "Summary", tuple(texts), parts)
@@ -44,7 +47,7 @@ def _compared(c: Comparison) -> str:
     rms, worst = (number(math.degrees(v), 2) for v in (axis.as_is.rmse, axis.as_is.worst))
     differs = f"it differs by {rms}° rms, by {worst}° at most{late}."
     fit, moving = f"fit {number(c.fit, 3)} % on axis {axis.axis}", _without_offset(c)
-    if _grade(c.fit) == "poor" and moving >= FAIR_FIT:
+    if _grade(moving) != _grade(c.fit) and moving >= FAIR_FIT:
         match = MATCH[_grade(moving)].format(c.other, c.reference)
         offset = f"{match} but for a constant offset: fit {number(moving, 3)} % without it"
         return f"{offset}, {fit} with it; {differs}"
@@ -103,7 +106,7 @@ def _grade(fit: float) -> Grade:
 
 
 def _fits(found: Sequence[Comparison]) -> Iterator[tuple[str, Grade]]:
-    """Fits; one that an offset alone makes poor is at best fair."""
+    """Fits; one that only a constant offset keeps below fair is fair too."""
     for c in found:
         if not math.isfinite(c.fit):
             continue
@@ -112,7 +115,7 @@ def _fits(found: Sequence[Comparison]) -> Iterator[tuple[str, Grade]]:
             _grade(c.fit),
             _without_offset(c),
         )
-        if grade == "poor" and moving >= FAIR_FIT:
+        if _grade(moving) != grade and moving >= FAIR_FIT:
             text, grade = f"{text}, {number(moving, 3)} % without offset", "fair"
         yield text, grade
 

@@ -342,6 +342,7 @@ def test_every_statistic_of_a_campaign_has_its_meaning():
     measures = [Measure("hit", (("closest_approach_m", "<=", 5.0),))]
     assert meaning("hit_rate", measures) == "Share of all flights with closest_approach_m <= 5"
     assert meaning("apogee_m_mean", measures) == "Mean apogee_m of all flights that have one"
+    assert meaning("hit_rate, reweighted", measures) == meaning("hit_rate", measures)
     assert meaning("cep_m", measures)
     assert meaning("apogee_m_p05", measures).startswith("apogee_m of 5 % of all flights")
 

@@ -182,6 +182,8 @@ def test_five_hundred_changed_files_are_read_or_refused_in_one_line(tmp_path, ki
 
 @pytest.mark.skipif(not HOSTILE.is_dir(), reason="../shared/cases is not on this machine")
 def test_a_matlab_file_that_broke_the_program_is_refused_in_one_line():
+    # two messages: what lies in the child's memory decides whether the file corrupts it into a
+    # crash, or the child lives to refuse the file
     with pytest.raises(
         AnalysisError, match=r"mat_segv\.mat: is (damaged or hostile|not a readable)"
     ):

@@ -20,6 +20,7 @@ from twin.evaluation.history_result import Entry, HistoryResult, due, outside
 
 GAIN = Property("gain", "", 1.0, 1.0, 0.01)
 BACKLASH = Property("backlash", "°", 180.0 / np.pi, 0.0087, 0.0017)
+SPEED = Property("speed", "", 1.0, 1.0, 0.03, bias=0.04)
 DAY = 86400.0
 
 
@@ -108,6 +109,15 @@ def test_the_page_has_a_chart_for_each_property_and_a_line_for_each_recording(tm
     assert [p.y_label for p in chart.panels] == ["gain", "backlash [°]"]
     marks = [line for line in chart.lines if line.style == "dots" and line.panel == 0]
     np.testing.assert_allclose(marks[0].x, [0.0, 24.0])  # hours
+
+
+def test_the_limits_of_a_biased_property_are_of_its_model_and_its_bias():
+    track = Track(np.zeros(1), np.array([[1.0]]), np.array([[0.05]]))
+    drift = RunDrift((SPEED,), {"y": AxisDrift(track, (), np.zeros(0), np.zeros(0))})
+    run = Entry(Path("0.rrd"), 1.7e9, drift, {"y": 98.0})
+    chart = sections(HistoryResult("01", (run,), (), (), Path("h.html"), OTHER))[-1].parts[0]
+    limits = [line.y[0] for line in chart.lines if line.style == "dash"]
+    np.testing.assert_allclose(limits, [0.85, 1.15])  # three times 0.05, of sides 0.03 and 0.04
 
 
 @pytest.mark.parametrize(("gimbal", "model"), [("linkage", LINKAGE), ("direct", OTHER)])

@@ -119,10 +119,33 @@ def test_one_commanded_axis_is_said_and_can_stand_for_both(capsys, made, tmp_pat
     found = told(capsys, "identify", source, "--out", str(out))
     assert any("only x was commanded" in w for w in found["warnings"])
     assert TransferFunctionModel.read(out).inputs == ("x",)
-    told(capsys, "identify", source, "--both", "--out", str(out))
+    line = ("identify", source, "--out", str(out), "--force")
+    code, shown, _ = run(capsys, *line)
+    assert code == 0
+    assert "twin fly" not in shown
+    _, shown, _ = run(capsys, *line, "--both")
     model = TransferFunctionModel.read(out)
     assert model.inputs == ("x", "y")
     assert model.channels[0][0] == model.channels[1][1]
+    offered = next(text for text in shown.splitlines() if "twin fly" in text)
+    flown = ("--duration-s", "0.1", "--out", str(tmp_path / "f.rrd"))
+    assert run(capsys, *offered.split()[1:], *flown)[0] == 0
+
+
+def test_no_flight_is_offered_of_a_model_of_one_measured_axis(capsys, table, tmp_path):
+    """It has both commands as inputs, so that it looks like a model of both axes."""
+    head, *lines = table.read_text().splitlines()
+    both = tmp_path / "both.csv"
+    moved = [line.split(",")[1] for line in lines]
+    second = [*moved[150:], *moved[:150]]
+    rows = [f"{line},{u}" for line, u in zip(lines, second, strict=True)]
+    both.write_text("\n".join([f"{head},v", *rows]))
+    _, shown, _ = run(
+        capsys, "identify", str(both), "--time", "t", "--input", "u,v", "--angle", "pot",
+        "--angle-unit", "deg", "--out", str(tmp_path / "m.json"),
+    )  # fmt: skip
+    assert "only x was measured" in shown
+    assert "twin fly" not in shown
 
 
 def test_identify_and_report_give_the_margins_of_the_attitude_loop_with_the_model(

@@ -110,6 +110,7 @@ def test_the_map_of_a_flight_shows_launch_apogee_and_landing(passive, files, tmp
     """On a sphere 1e-5 degrees of latitude are 1.11 m; the ellipsoid differs by 0.7 %."""
     made = export(Export(files["windy"], to="kml", out=tmp_path / "f.kml"))
     assert "--latitude-deg" in dict(made.rows())["note"]
+    assert made.as_dict()["note"] == made.note
     at, figures = marks(tmp_path / "f.kml"), passive["windy"].figures
     assert list(at) == ["launch", "apogee", "landing"]
     assert at["apogee"][2] - at["launch"][2] == pytest.approx(figures.apogee_m, abs=0.1)

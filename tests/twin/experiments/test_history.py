@@ -67,7 +67,7 @@ def test_pulses_and_shaft_angles_are_converted_by_the_calibration_and_the_ratio(
     ("values", "settings", "match"),
     [
         ((0, 4, -12, 0), {"input_unit": "deg"}, r"-12 ° at 0.35 s: must be between the stops"),
-        ((0, 5, 0, 0), {}, r"286.5 ° at .*in degrees\? give --input-unit deg$"),
+        ((0, 5, 0, 0), {}, r"5 rad, 286.5 °, at .*in degrees\? give --input-unit deg$"),
         ((1500, 2600, 1500, 1500), {"input_unit": "us"}, r"2600 µs at 0.1 s: must be a pulse"),
         ((0, 1, 0, 0), {"input_unit": "us", "ratio": 0.5}, "--ratio: not with --input-unit us"),
         ((0, 1, 0, 0), {"input_unit": "furlong"}, "--input-unit furlong: must be one of"),

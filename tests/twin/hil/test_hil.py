@@ -1,10 +1,12 @@
 """Hardware in the loop: flights of rigs, their determinism, and how far their models lie off."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import twin
 from analysis.comparison.flights import flight_path, path_difference
 from analysis.recording import read
 from hardware.simavr.nano import missing
@@ -90,6 +92,21 @@ def test_compare_says_how_far_they_part(capsys, tmp_path, pair):
     told = next(line for line in text.splitlines() if line.startswith("flights, under power"))
     assert f"{math.degrees(apart.attitude_rms):.2f}° rms" in told
     assert f"{apart.path_worst:.2f} m at most" in told
+    names = [line.split("  ")[0] for line in text.splitlines()]
+    assert names.index("flights, under power") == 2
+    assert names.index("ends apart") < names.index("delay")
+
+
+def test_compare_grades_no_axis_of_a_flight_that_hardly_moved(tmp_path, pair):
+    """As if differences below a turn did not matter."""
+    found = twin.compare(*pair, out=tmp_path / "c.rrd")
+    assert all(a.tolerance == math.radians(0.05) for a in found.comparison.axes)
+    axes = tuple(replace(a, tolerance=2 * math.pi) for a in found.comparison.axes)
+    rows = replace(found, comparison=replace(found.comparison, axes=axes)).rows()
+    assert dict(rows)["fit"].split() == 2 * ["hardly", "moved"]
+    assert dict(rows)["delay"].split() == ["-", "-"]
+    said = [text.split(",")[0] for name, text in rows if name == "fit not counted"]
+    assert said == ["x: hardly moved", "y: hardly moved"]
 
 
 def test_overrides_of_servos_reach_the_rig_that_has_them(capsys, tmp_path):

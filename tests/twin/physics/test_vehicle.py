@@ -373,6 +373,7 @@ PLACED = [
     ('"822.6 mm"', '"810 mm"', "reaches 43 mm aft of it"),
     ('mass = "216', 'wall = "27 mm", mass = "216', "the body is solid there: give a wider"),
     ('diameter = "54 mm"', 'diameter = "50 mm"', "bore of 52 mm and reaches 77 mm .* 50 mm wide"),
+    ('diameter = "54 mm"', 'diameter = "51.96 mm"', "bore of 52 mm .* body is 51.96 mm wide"),
 ]  # fmt: skip
 
 

@@ -109,8 +109,8 @@ def read(place: str) -> Study:
         names = sorted(f.stem for f in SHIPPED.glob("*.toml"))
         if place not in names:
             raise TwinError(
-                f"{place}: must be a study file (.toml), the folder of its results, or one of"
-                f" {', '.join(names)}"
+                f"{place or repr(place)}: must be a study file (.toml), the folder of its results,"
+                f" or one of {', '.join(names)}"
             )
         file = SHIPPED / f"{place}.toml"
     try:

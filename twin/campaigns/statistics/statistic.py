@@ -22,6 +22,7 @@ COMPARISONS: Mapping[str, Callable[[Array, float], NDArray[np.bool_]]] = {
 _TERM = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|<|>)\s*([-+0-9.eE]+)\s*")
 _QUANTILE = re.compile(r"(.+)_p(\d{1,2})")
 FEWEST = 50  # runs before an interval may end a campaign
+REWEIGHTED = ", reweighted"  # after the name of a statistic with other distributions
 BOOTSTRAP = 1000  # resamples of an interval
 AT_ONCE = 1 << 19  # numbers in memory
 PLACE = ("end_east_m", "end_north_m")
@@ -180,7 +181,8 @@ def statistic(name: str, measures: Sequence[Measure]) -> Statistic:
 
 
 def meaning(name: str, measures: Sequence[Measure]) -> str:
-    """What a statistic says, in words."""
+    """What a statistic says, in words; a reweighted one says the same of other distributions."""
+    name = name.removesuffix(REWEIGHTED)
     for m in measures:
         if name == f"{m.name}_rate":
             terms = " and ".join(f"{figure} {sign} {limit:g}" for figure, sign, limit in m.terms)

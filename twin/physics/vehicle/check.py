@@ -269,7 +269,7 @@ def _between(outline: Outline, low: float, high: float) -> list[float]:
 
 
 def _room(radius: float) -> str:
-    return f"{2e3 * radius:.3g} mm wide inside" if radius > 0.0 else "solid"
+    return f"{2e3 * radius:.4g} mm wide inside" if radius > 0.0 else "solid"
 
 
 def _inside(outline: Outline, x: float, wall: float) -> float:
