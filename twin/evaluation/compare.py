@@ -394,7 +394,7 @@ def _placed(time: Array, stamps: Array, values: Array) -> Array:
 
 
 def _columns(cells: Iterable[str]) -> str:
-    return "".join(f"{cell:<30}" for cell in cells).rstrip()
+    return "".join(f"{cell:<34}" for cell in cells).rstrip()
 
 
 def _both(a: AxisComparison, what: str, unit: str) -> str:
@@ -418,7 +418,8 @@ def _percent(value: float) -> str:
 def _late(a: AxisComparison) -> str:
     if not math.isfinite(a.delay) or a.hardly_moved:
         return "-"
-    return f"{1e3 * a.delay:.2f} ms"
+    late = f"{abs(1e3 * a.delay):.2f} ms"
+    return f"{late} ahead of the reference" if round(1e3 * a.delay, 2) < 0.0 else late
 
 
 def _repeats(a: AxisComparison) -> str:
