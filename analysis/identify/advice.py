@@ -32,6 +32,7 @@ class Content:
     undated : commands have no stamps of their own
     doubt : error of all stamps together [s], rms
     fewer : poles that explain the readings as well as those asked for, else 0
+    limited : the record reaches a limit of speed, which a linear model lacks
     """
 
     range: float
@@ -44,6 +45,7 @@ class Content:
     undated: bool
     doubt: float
     fewer: int
+    limited: bool = False
 
     @classmethod
     def of(cls, problem: Problem, channel: ChannelFit, simpler: bool) -> "Content":
@@ -71,6 +73,8 @@ def advice(what: str, value: float, half: float, bar: float, has: Content) -> st
     if np.isnan(value):
         return "fit with --poles 2: bounds of a servo are fitted with 1 or 2 poles"
     linear = what in ("delay", "natural frequency", "damping", "time constant")
+    if linear and has.limited:
+        return "rate-limited, fit the servo (--servo)"
     if linear and has.fewer:
         return f"fit with --poles {has.fewer}, which explains the readings as well"
     if what == "delay" and 1.96 * has.doubt > 0.5 * half:

@@ -6,7 +6,7 @@ servo explains, and its derivatives hold the bounds against all other parameters
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,6 +70,12 @@ class Expectation(Plain):
         """Whether the record determines the parameter."""
         return self.half <= self.bar
 
+    @property
+    def limit_reached(self) -> bool:
+        """Whether it is a limit of speed that the record reaches."""
+        found = self.name.endswith("rate limit") and np.isfinite(self.half)
+        return bool(found) and not self.at_least
+
 
 def expectations(
     records: Sequence[Measurement], poles: int = 2, *, max_delay: float | None = None
@@ -90,12 +96,13 @@ def expectations(
         problem = assemble(
             own, 0, layout_of(own, poles - 1 if simpler else poles, 0), shared_offset=False
         )
-        estimates = [
-            *model.channels[0][0].estimates,
-            *_bounds(problem, start, longest_delay(own, max_delay)),
-        ]
+        bounds = _bounds(problem, start, longest_delay(own, max_delay))
         has = Content.of(problem, model.channels[0][0], simpler)
-        found += [_expected(e, has) for e in estimates]
+        of_servo = [_expected(e, has) for e in bounds]
+        if any(e.limit_reached for e in of_servo):
+            has = replace(has, fewer=0, limited=True)  # a limit of speed hides a pole
+        found += [_expected(e, has) for e in model.channels[0][0].estimates]
+        found += of_servo
     return tuple(found)
 
 

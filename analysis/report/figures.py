@@ -38,6 +38,7 @@ KINDS: dict[str, Kind] = {
     "multisine": "broadband", "triangle": "ramps", "dog-leg": "ramps",
 }  # fmt: skip
 HELD = 0.15  # s; commands held longer are steps one can watch settle
+UNSEEN = "the record does not show it"
 SIZES = 4  # different step sizes make a staircase
 APPROACHES = 3  # of a place from one side make its repeatability
 FEWEST_SIZES = 3  # of steps tell where a speed stops growing
@@ -203,14 +204,26 @@ def axis_figures(axis: Measurement) -> AxisFigures:
         except AnalysisError as error:
             failed.append(title)
             notes.append(f"{title}: {error}")
-    why = _WHY.get(kind, "the record does not show it")
     # a peak without an overshoot has no time, which is no fault of the record
     missing = [
         f.name for f in figures if not math.isfinite(f.value) and not f.name.startswith("peak_time")
     ]
     if missing:
+        why = _usable(axis) if kind == "broadband" else _WHY.get(kind, UNSEEN)
         notes.append(f"{', '.join(missing)}: not measurable, {why}")
     return AxisFigures(axis.component, kind, tuple(figures), tuple(notes), (*failed, *missing))
+
+
+def _usable(axis: Measurement) -> str:
+    """Why a figure of a spectrum is missing, with the frequencies that the record has."""
+    try:
+        f = frequency_response(axis).frequency
+    except AnalysisError:
+        return UNSEEN
+    return (
+        "beyond the frequencies at which command and angle are coherent,"
+        f" {f[0]:.2g} to {f[-1]:.2g} Hz"
+    )
 
 
 def _coupling(driven: Measurement, other: Measurement) -> tuple[Figure, ...]:
@@ -242,7 +255,6 @@ def _sweep_line(axis: Measurement) -> tuple[Figure, ...]:
 
 
 _WHY: dict[Kind, str] = {
-    "broadband": "it lies beyond the frequencies excited",
     "staircase": "no step was small enough, or all were too small",
     "steps": "the response does not come that far before the next step",
 }

@@ -96,8 +96,13 @@ def test_what_steps_do_not_show_of_a_bounded_servo_is_named(seed, poor, named):
     """
     run, servo, is_poor = check_before.record(seed)
     assert is_poor == poor
-    bounds = {e.name.removeprefix("x "): e for e in expectations([run]) if "/" not in e.name}
+    found = expectations([run])
+    bounds = {e.name.removeprefix("x "): e for e in found if "/" not in e.name}
     assert {name for name, e in bounds.items() if not e.enough} == named
+    if not poor:  # a linear model of a record that reaches its limit is not the advice
+        assert bounds["rate limit"].limit_reached
+        linear = [e.advice for e in found if "/" in e.name and "gain" not in e.name]
+        assert set(linear) == {"rate-limited, fit the servo (--servo)"}
     if poor != "one way":  # which shows no backlash
         for name, true in (("backlash", servo.play), ("dead band", servo.band)):
             if np.isfinite(bounds[name].below):
@@ -125,6 +130,7 @@ def test_a_second_pole_that_is_not_there_is_named():
     assert list(dict.fromkeys(told)) == ["axis x, linear model", "axis x, servo"]
     assert expected["x/x damping"].advice.startswith("fit with --poles 1")
     assert expected["x rate limit"].at_least
+    assert not expected["x rate limit"].limit_reached
     for name in ("x dead band", "x backlash"):
         assert 0.0 < expected[name].below < np.radians(0.1)
 
@@ -137,6 +143,8 @@ def test_advice_is_what_the_record_lacks():
     assert advice("backlash", 1e-3, 0.6, 0.3, one_size) == wanted
     assert "both directions" in advice("dead band", 1e-3, 0.6, 0.3, replace(has, turns=False))
     assert "--poles 1" in advice("delay", 0.01, 2e-3, 1e-3, replace(has, fewer=1))
+    limited = replace(has, fewer=1, limited=True)
+    assert "--servo" in advice("delay", 0.01, 2e-3, 1e-3, limited)
     assert "--commands" in advice("delay", 0.01, 2e-3, 1e-3, replace(has, doubt=1e-3, undated=True))
     assert estimated(Estimate("x backlash", 0.0, 1e-3, "rad")) == "below 0.11°"
     assert "higher rate" in advice("damping", 0.7, 0.1, 0.06, replace(has, coarse=0.5))

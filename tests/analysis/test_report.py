@@ -120,6 +120,19 @@ def test_the_frequency_response_and_its_band_hold_the_true_one():
     assert 0.8 <= held.mean() <= 1.0
 
 
+def test_a_bandwidth_beyond_the_record_is_missing_with_the_band_that_the_record_has():
+    """The gimbal has 4.6 Hz; a slow sweep excites 0.1 to 2 Hz."""
+    t = np.arange(20_000) * DT
+    u = 0.05 * np.sin(2 * math.pi * (0.1 * t + 0.5 * 1.9 / t[-1] * t**2))
+    commands = np.stack([u, np.zeros_like(u)], axis=1)
+    run = recorded(commands, answered(commands), signal="chirp").axes[0]
+    (note,) = axis_figures(run).notes
+    low, high = re.search(r"^bandwidth.* coherent, ([\d.]+) to ([\d.]+) Hz$", note).groups()
+    found = frequency_response(run).frequency
+    assert (float(low), float(high)) == pytest.approx((found[0], found[-1]), rel=0.05)
+    assert 1.5 < float(high) < 4.0
+
+
 def test_hysteresis_of_a_sweep_is_the_play_that_was_put_in():
     """Play of 0.02 rad, no lag, stroke 0.2: either way crosses it for a tenth of the stroke, where
     the gap is half, so the mean gap is 0.02·(1 − 0.1); 2 %: twenty stretches, one start."""

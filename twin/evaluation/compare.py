@@ -345,7 +345,7 @@ def _repeats_begin(run: Measurement, axis: str) -> Array:
 
 
 def _columns(cells: Iterable[str]) -> str:
-    return "".join(f"{cell:<30}" for cell in cells).rstrip()
+    return "".join(f"{cell:<34}" for cell in cells).rstrip()
 
 
 def _both(a: AxisComparison, what: str, unit: str) -> str:
@@ -369,7 +369,8 @@ def _percent(value: float) -> str:
 def _late(a: AxisComparison) -> str:
     if not math.isfinite(a.delay) or a.hardly_moved:
         return "-"
-    return f"{1e3 * a.delay:.2f} ms"
+    late = f"{abs(1e3 * a.delay):.2f} ms"
+    return f"{late} ahead of the reference" if round(1e3 * a.delay, 2) < 0.0 else late
 
 
 def _repeats(a: AxisComparison) -> str:

@@ -24,6 +24,7 @@ from twin.config.paths import named, point_latest
 from twin.errors import TwinError
 from twin.evaluation.identify_result import IdentifyResult, InformationResult
 from twin.evaluation.inputs import Given, given
+from twin.evaluation.words import quantity
 from twin.plant.loops import attitude_loops
 
 if TYPE_CHECKING:
@@ -88,6 +89,12 @@ def _information(config: Identify) -> InformationResult:
         warnings.simplefilter("ignore", RuntimeWarning)
         found = expectations(source.runs, config.poles, max_delay=longest(config))
     notes = tuple(f"{r.name}: {r.note}" for r in source.runs if r.note)
+    notes += tuple(
+        f"axis '{e.name.split()[0]}': rate-limited, the record reaches"
+        f" {quantity(e.size, e.half * e.size, e.unit)}; fit the servo (--servo)"
+        for e in found
+        if e.limit_reached
+    )
     return InformationResult(found, tuple(r.name for r in source.runs), source.doubts + notes)
 
 

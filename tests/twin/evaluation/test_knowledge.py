@@ -437,6 +437,8 @@ def test_a_comparison_reports_the_delay_between_two_motions_and_checks_the_fit(
         assert axis["delay"] == pytest.approx(0.007, abs=2e-4)
         assert axis["as_is"]["fit"] < axis["aligned"]["fit"]
         assert axis["aligned"]["fit"] > 99.0
+    rows = run(capsys, "compare", *reversed(files), "--out", str(out), "--force")[1].splitlines()
+    assert next(r for r in rows if r.startswith("delay")).count("ms ahead of the reference") == 2
     merged = recording.read(out)
     a, b, d = (merged[f"gimbal/{n}"].values for n in ("reference", "other", "difference"))
     assert d == pytest.approx(b - a, abs=1e-12)
