@@ -118,3 +118,4 @@ def test_every_python_block_of_the_page_runs_in_order(tmp_path, monkeypatch):
     space = {"__name__": "page"}
     for k, block in enumerate(blocks):
         exec(compile(block, f"docs/python.md, block {k}", "exec"), space)
+    assert [p.name for p in tmp_path.iterdir()] == ["runs"]
