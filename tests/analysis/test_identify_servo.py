@@ -20,7 +20,7 @@ from analysis.identify import (
 )
 from analysis.identify.channels import changes, nothing
 from analysis.identify.doubts import effective_warnings, warnings_of
-from analysis.identify.evidence.diagnostics import Saturation
+from analysis.identify.evidence.diagnostics import Saturation, limited
 from analysis.identify.evidence.uncertainty import whole_jacobian
 from analysis.identify.gimbal import shared_structure
 from analysis.identify.identification import layout_of
@@ -120,6 +120,23 @@ def test_an_unlimited_servo_is_not_flagged():
     rng = np.random.default_rng(1)
     r = studies.servo_record(rng, studies.Gimbal(40.0, 0.7, 0.01, 1.0), duration=6.0)
     assert identify([r]).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("exponent", "std", "spread", "flagged"),
+    [
+        (0.899, 0.006, 4.0, True),
+        (0.901, 0.006, 4.0, True),  # 4 ** -0.099 = 0.87: the largest step is 13 % slower
+        (0.901, 0.040, 4.0, False),  # not clear
+        (0.930, 0.006, 2.0, False),  # 2 ** -0.07 = 0.95
+        (0.930, 0.006, 20.0, True),  # 20 ** -0.07 = 0.81
+        (1.000, 0.006, 20.0, False),
+    ],
+)
+def test_a_speed_is_limited_where_the_largest_step_is_a_tenth_slower(
+    exponent, std, spread, flagged
+):
+    assert limited(exponent, std, spread) is flagged
 
 
 def stepped(jumps, gimbals):

@@ -67,8 +67,22 @@ def saturation(problem: Problem, predicted: Array) -> Saturation:
     exponent = float(x @ y / (x @ x))
     off = y - y.mean() - exponent * x
     std = float(np.sqrt(off @ off / max(len(x) - 2, 1) / (x @ x)))
-    flagged = exponent < 0.9 and 1.0 - exponent > 3.0 * std
-    return Saturation(exponent, std, len(pairs), spread, bool(flagged))
+    return Saturation(exponent, std, len(pairs), spread, limited(exponent, std, spread))
+
+
+def limited(exponent: float, std: float, spread: float) -> bool:
+    """Whether the speed grows less than the step, clearly and by an amount that matters.
+
+    A tenth matters: of the exponent, or of the speed of the largest step, at the end of its 95 %
+    interval that is nearer to a linear gimbal.
+
+    Parameters
+    ----------
+    exponent, std : of speed over step, and its deviation
+    spread : largest over smallest step
+    """
+    slower = 1.0 - spread ** (exponent + 1.96 * std - 1.0)
+    return 1.0 - exponent > 3.0 * std and (exponent < 0.9 or slower > 0.1)
 
 
 def _speeds(
