@@ -10,7 +10,7 @@ from twin.errors import TwinError as TwinError
 from twin.campaigns.results.result import CampaignResult
 from twin.cli.doctor import DoctorResult
 from twin.cli.parameters import ParametersResult
-from twin.evaluation.compare import CompareResult
+from twin.evaluation.compare_result import CompareResult
 from twin.evaluation.export import ExportResult
 from twin.evaluation.flights import FlightsResult
 from twin.evaluation.history_result import HistoryResult

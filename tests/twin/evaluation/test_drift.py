@@ -14,7 +14,8 @@ from analysis.recording.series import Event
 from tests.benchmarks.drift import BEFORE, CHANGES, PERIOD, commands, drifted, made
 from tests.benchmarks.explain import EFFECTS, explained
 from twin.errors import TwinError
-from twin.evaluation.compare import CompareResult, _before_fault, _Pair, _percent
+from twin.evaluation.compare import _before_fault, _Pair
+from twin.evaluation.compare_result import CompareResult, _percent
 from twin.evaluation.drift import RunDrift, run_drift
 from twin.evaluation.effects import COLUMNS, Motions
 from twin.evaluation.explain import RunExplanation

@@ -12,7 +12,7 @@ from twin.workflows.demo.result import FAIR, GOOD, DemoResult
 
 if TYPE_CHECKING:
     from analysis.recording import Recording
-    from twin.evaluation.compare import CompareResult
+    from twin.evaluation.compare_result import CompareResult
 
 GRADES = f"Fit: good from {GOOD:.0f} %, fair from {FAIR:.0f} %; 100 % is exact."
 BEFORE, AFTER = 0.05, 0.45  # s around a step that is shown

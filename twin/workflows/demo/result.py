@@ -10,7 +10,7 @@ from twin.config.result import Result, Rows
 
 if TYPE_CHECKING:
     from twin.campaigns.results.result import CampaignResult
-    from twin.evaluation.compare import CompareResult
+    from twin.evaluation.compare_result import CompareResult
     from twin.evaluation.identify_result import IdentifyResult
     from twin.experiments.calibrate import CalibrationResult
     from twin.experiments.flight.result import FlightResult
