@@ -210,7 +210,7 @@ def _bounded(
         )
         bounds.append(limits)
         none = Saturation(float("nan"), float("nan"), 0, 1.0, None)
-        simpler = simpler and limits.rate_limit.at_least  # a limit of speed hides a pole
+        simpler = simpler and limits.idle  # a limit of speed hides a pole
         axes.append(evidence(fit, first.outputs[i], none, known, stamps, (), {}, i, simpler))
         warnings += warnings_of(axes[-1], (channel,), longest, problem)
         warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])

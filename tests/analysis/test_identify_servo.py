@@ -173,23 +173,41 @@ def test_a_limited_servo_is_said_to_be_slower_in_large_steps():
     assert any(f"{name} -" in w for w in model.warnings if "rate-limited" in w)
 
 
-@pytest.mark.parametrize(("change", "warned"), [(4.0, True), (0.4, False)])
-def test_a_power_of_the_speed_is_a_warning_unless_the_poles_are_shown_not_to_change(change, warned):
-    """From the smallest step to the largest, 40 rad/s ± 20 % and ± 2 %; a limit hides a pole."""
+@pytest.mark.parametrize(
+    ("poles", "pole", "change", "warned"),
+    [
+        (2, "natural frequency", 4.0, True),
+        (2, "natural frequency", 0.4, False),
+        (1, "time constant", 5e-3, True),
+        (1, "time constant", 2e-4, False),
+        (4, "natural frequency 1", 100.0, True),
+        (4, "natural frequency 1", 1e-2, False),
+        (2, "damping", 1e-4, True),  # of a pole's speed nothing is known
+    ],
+)
+def test_a_power_of_the_speed_is_a_warning_unless_the_poles_are_shown_not_to_change(
+    poles, pole, change, warned
+):
+    """Change from the smallest step to the largest: 0 ± less or more than a tenth of the pole's.
+
+    A limit hides a pole; names of axes may have spaces.
+    """
     t = np.arange(0.0, 1.0, 0.01)
     answer = studies.step_pair(studies.Gimbal(40.0, 0.7, 0.013, 1.0), np.clip(t - 0.2, 0.0, 1.0))[0]
     angle = np.radians(5.0) * answer + 1e-5 * np.random.default_rng(1).normal(size=len(t))
-    r = measurement(t, np.radians([5.0]), command_time=[0.2], before=[0.0], angle=angle)
-    model, problem = identify([r]), assemble([r], 0, layout_of([r], 2, 0))
+    r = measurement(
+        t, np.radians([5.0]), command_time=[0.2], before=[0.0], angle=angle, outputs=["pitch axis"]
+    )
+    model, problem = identify([r], poles), assemble([r], 0, layout_of([r], poles, 0))
     axis = replace(
         model.axes[0],
         saturation=Saturation(0.8, 0.02, 16, 2.0, True),
-        sizes=(Estimate("natural frequency", change, change / 1.96, "rad/s"),),
-        simpler=True,
+        sizes=(Estimate(pole, 0.0, change / 1.96, ""),),
+        simpler=poles > 1,
     )
     said = " ".join(warnings_of(axis, model.channels[0], 0.5, problem))
     assert ("rate-limited" in said) == warned
-    assert ("--poles 1" in said) != warned
+    assert (f"--poles {poles - 1}" in said) == (poles > 1 and not warned)
 
 
 def behind_a_set_point(h=1e-4):
@@ -231,10 +249,29 @@ def test_colour_that_chance_gives_a_short_record_makes_no_effective_values():
     axis = identify([measurement(t, [1.0], command_time=[0.2], before=[0.0], angle=angle)]).axes[0]
     none = Estimate("x", 0.0, 0.0, "")
     bounds = ServoBounds("speed", {}, none, none, none)
-    for whiteness, warned in ((0.05, False), (1e-6, True)):
-        residual = replace(axis.residual_angle, autocorrelation=0.2, whiteness=whiteness)
-        found = replace(axis, residual_angle=residual, residual_rate=None, repeats=0.0)
+    by_chance, coloured, faint = (
+        replace(axis.residual_angle, autocorrelation=size, whiteness=whiteness)
+        for size, whiteness in ((0.2, 0.05), (0.2, 1e-6), (0.05, 1e-6))
+    )
+    for angle_, rate, warned in (
+        (by_chance, None, False),
+        (coloured, None, True),
+        (by_chance, faint, False),  # what matters of one sensor, what is shown of the other
+        (faint, by_chance, False),
+        (faint, coloured, True),
+    ):
+        found = replace(axis, residual_angle=angle_, residual_rate=rate, repeats=0.0)
         assert bool(effective_warnings(found, bounds)) == warned
+
+
+def test_a_servo_is_idle_only_where_none_of_its_limits_is_reached():
+    """Behind a set point any of the three may be the one that hides a pole."""
+    reached, idle = (Estimate("x", 1.0, 0.1, "rad/s", not least, least) for least in (False, True))
+    for up in (idle, reached):
+        assert ServoBounds("speed", {}, up, reached, reached).idle == (up is idle)
+        for back, slew in ((idle, reached), (reached, idle), (idle, idle)):
+            bounds = ServoBounds("set-point", {}, up, reached, reached, back, slew)
+            assert bounds.idle == (up is back is slew is idle)
 
 
 def test_a_structure_that_leaves_more_than_noise_has_effective_values():

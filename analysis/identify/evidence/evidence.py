@@ -128,6 +128,12 @@ class ServoBounds:
     slew: Estimate | None = None
 
     @property
+    def idle(self) -> bool:
+        """Whether no motion of the record reaches any of the limits of speed."""
+        speeds = (self.rate_limit, self.rate_limit_back, self.slew)
+        return all(e.at_least for e in speeds if e is not None)
+
+    @property
     def estimates(self) -> tuple[Estimate, ...]:
         """All that the structure has."""
         every = (self.rate_limit, self.rate_limit_back, self.slew, self.dead_band, self.backlash)

@@ -99,7 +99,7 @@ def _expected(fit: ServoFit, axis: int, theta: Array, free: NDArray[np.intp]) ->
 
 def idle_warnings(bounds: ServoBounds, axis: str) -> list[str]:
     """What a model with such a limit is flown with."""
-    names = [e.name.partition(" ")[2] for e in bounds.estimates if e.at_least]
+    names = [e.name.removeprefix(f"{axis} ") for e in bounds.estimates if e.at_least]
     if not names:
         return []
     text = f"axis '{axis}': its motion in this record does not reach the {' and the '.join(names)};"
