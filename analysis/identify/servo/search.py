@@ -1,8 +1,9 @@
 """Fit of a bounded servo: linear part and delay together with rate limit, dead band and backlash.
 
-Three places for the bound are tried, because servos differ in it, and the one that predicts steps
+Four places for the bound are tried, because servos differ in it, and the one that predicts steps
 held out best is kept. `speed`: the servo's own loop saturates (`servo.motion`). `command`: the
-command is limited to ramps ahead of the linear part (`problem.ramps`). `set-point`: as `speed`,
+command is limited to ramps ahead of the linear part (`problem.ramps`). `clipped`: the speed of a
+linear servo is clipped. `set-point`: as `speed`,
 behind a set point of bounded speed, with a limit each way. Gain, offsets and biases enter linearly
 and are solved for in every step.
 """
@@ -54,12 +55,14 @@ def search_servo(
     kept = np.ones(len(problem.measured), dtype=bool) if keep is None else keep
     floor = quantisation(problem)
     problem, alike, unit = prepared(problem, axis, kept, floor)
-    tried: tuple[Structure, ...] = ("speed", "command", "set-point")
+    tried: tuple[Structure, ...] = ("speed", "clipped", "command", "set-point")
     if structure is not None:
         tried = (structure,)
-    elif problem.layout.poles == 1 or not reverses(problem, axis):
-        # steps one way only do not show what becomes of small motions to and fro
+    elif problem.layout.poles == 1:
         tried = ("speed", "command")
+    elif not reverses(problem, axis):
+        # steps one way only do not show what becomes of small motions to and fro
+        tried = ("speed", "clipped", "command")
     fits = []
     for s in tried:
         progress.say(f"servo of structure {s}")
@@ -131,12 +134,13 @@ def _worth_having(
     poles = problem.layout.poles
     tight = _always(problem, axis, structure)
     band, play_ = poles + 2, poles + 3
-    if structure == "speed":
+    own_loop = structure in ("speed", "clipped")
+    if own_loop:
         theta = with_values(theta, [band], np.array([static]))
     choices = [(tight, theta)]
-    extra = [[band]] if structure == "speed" else []
+    extra = [[band]] if own_loop else []
     if structure != "set-point" and reverses(problem, axis):
-        extra += [[play_], [band, play_]] if structure == "speed" else [[play_]]
+        extra += [[play_], [band, play_]] if own_loop else [[play_]]
     least = scales(problem, structure)
     for more in extra:
         free = np.concatenate([tight, more])
