@@ -54,7 +54,7 @@ def identify(
     poles, zeros : of every transfer function
     delay : `free`, or the known transport delay [s]
     servo : fit a servo with bounded speed, dead band and backlash, each axis by itself; a structure
-        (`speed`, `command`) asks for that one instead of the better
+        (`speed`, `clipped`, `command`, `set-point`) asks for that one instead of the best
     denominators : every channel has its own poles, or those into one axis share theirs
     offsets : the angle sensor's offset is each record's own, or one for all
     max_delay : longest delay searched [s]; 0.1 s or ten samples if left out

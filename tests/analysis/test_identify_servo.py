@@ -280,13 +280,14 @@ def test_a_structure_that_leaves_more_than_noise_has_effective_values():
     assert any("effective values" in w for w in model.warnings)
 
 
-def test_speed_servo_without_limit_is_the_linear_response():
+@pytest.mark.parametrize("clipped", [False, True])
+def test_speed_servo_without_limit_is_the_linear_response(clipped):
     """2e-6: fourth-order steps of 1 ms at ωn = 40 rad/s."""
     g = studies.Gimbal(40.0, 0.7, 0.013, 1.0)
     t = np.linspace(0.0, 0.5, 101)
     w = 2 * 0.7 * 40.0
     angle, rate = speed_servo(
-        t, np.array([-1.0, 0.0]), np.array([0.0, 1.0]), 0.013, 1600.0 / w, w, 1e9, 0.0
+        t, np.array([-1.0, 0.0]), np.array([0.0, 1.0]), 0.013, 1600.0 / w, w, 1e9, 0.0, clipped
     )
     exact = studies.step_pair(g, t)
     assert angle == pytest.approx(exact[0], abs=2e-6)
@@ -364,6 +365,14 @@ def test_zeros_and_servo_exclude_each_other():
         identify([r], 2, 1, servo=True)
 
 
+@pytest.mark.parametrize("structure", ["clipped", "set-point"])
+def test_a_structure_of_second_order_is_not_fitted_with_one_pole(structure):
+    rng = np.random.default_rng(1)
+    r = studies.servo_record(rng, studies.Gimbal(40.0, 0.7, 0.01, 1.0), duration=3.0)
+    with pytest.raises(IdentificationError, match=f"structure '{structure}' has 2 poles, not 1"):
+        identify([r], 1, servo=structure)
+
+
 def servo_of_gain(gain, structure, up, down, slew):
     """An identified servo of an axis: its channel, and its bounds at the output."""
     w = 45.0
@@ -376,7 +385,7 @@ def servo_of_gain(gain, structure, up, down, slew):
     return channel, ServoBounds(structure, {}, **estimates)
 
 
-@pytest.mark.parametrize("structure", ["speed", "command", "set-point"])
+@pytest.mark.parametrize("structure", ["speed", "clipped", "command", "set-point"])
 def test_an_identified_servo_is_flown_as_it_was_found_on_each_axis(structure):
     """The file's own simulation against the identification's; steps of 1 ms, hence 0.5 % of 0.2.
 

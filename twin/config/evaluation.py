@@ -114,9 +114,10 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
     ignored."""
     servo: Flag = False
     """Fit servos with speed limit, dead band and backlash."""
-    structure: Literal["best", "speed", "command", "set-point"] = "best"
-    """Structure with `--servo`: the servo's own loop saturates (speed), its command is rate-limited
-    (command), or it follows a set point of bounded speed (set-point)."""
+    structure: Literal["best", "speed", "clipped", "command", "set-point"] = "best"
+    """Structure with `--servo`: the servo's own loop saturates (speed), its speed is clipped
+    (clipped), its command is rate-limited (command), or it follows a set point of bounded speed
+    (set-point)."""
     coupling: Literal["auto", "none", "full"] = "auto"
     """Cross channels: where an axis follows the other's command by 2 % (auto), never, or always."""
     rate: str | None = None

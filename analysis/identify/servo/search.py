@@ -45,13 +45,15 @@ def search_servo(
     Raises
     ------
     IdentificationError : the layout has zeros or more than two poles, which no bounded servo here
-        has
+        has, or one pole where the structure has two
     """
     if problem.layout.zeros or problem.layout.poles not in (1, 2):
         raise IdentificationError(
             f"servo: fitted with 1 or 2 poles and no zeros, not {problem.layout.poles} and "
             f"{problem.layout.zeros}; leave zeros away or fit without the servo"
         )
+    if problem.layout.poles == 1 and structure in ("clipped", "set-point"):
+        raise IdentificationError(f"servo: the structure '{structure}' has 2 poles, not 1")
     kept = np.ones(len(problem.measured), dtype=bool) if keep is None else keep
     floor = quantisation(problem)
     problem, alike, unit = prepared(problem, axis, kept, floor)
