@@ -26,7 +26,7 @@ from analysis.identify.problem.assemble import assemble
 from analysis.identify.problem.layout import Layout
 from analysis.identify.problem.problem import Problem
 from analysis.identify.servo.known import known_of, known_of_servo
-from analysis.identify.servo.reached import idle_warnings, left_out
+from analysis.identify.servo.reached import idle_warnings, left_out, rival_warnings
 from analysis.identify.servo.search import search_servo
 from analysis.recording.measurements import Measurement
 from analysis.transfer_function.file import LONGEST_DELAY
@@ -215,6 +215,8 @@ def _bounded(
         warnings += warnings_of(axes[-1], (channel,), longest, problem)
         warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])
         warnings += idle_warnings(limits, first.outputs[i])
+        std = np.sqrt(np.diag(known.covariance)[: fit.poles + 2])
+        warnings += rival_warnings(fit, limits, std, first.outputs[i])
         warnings += effective_warnings(axes[-1], limits)
     warnings += stamp_warnings(records)
     return IdentifiedModel(

@@ -21,8 +21,8 @@ class Servo:
     transfer function, then backlash on the output. `speed`: the servo's own loop saturates, after
     the delay (see `analysis.transfer_function.speed`), then backlash; its channels must be of first
     or second order without zeros. `clipped`: as `speed`, but the speed itself is clipped, not what
-    the loop aims at. `set-point`: as `speed`, behind a set point of bounded speed, with a limit each
-    way. The channels of these two must be of second order.
+    the loop aims at. `set-point`: as `speed`, behind a set point of bounded speed, with a limit
+    each way. The channels of these two must be of second order.
 
     Attributes
     ----------

@@ -1,5 +1,7 @@
 """Servos of second order whose speed itself is clipped: against scipy, and small Euler steps."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -66,9 +68,9 @@ def test_a_record_shows_the_motion_at_its_own_times():
     angle, rate = speed_servo(time, at, u, DELAY, FREQUENCY**2 / w, w, LIMIT, 0.0, True)
     truth = 0.0, 0.0
     changes = at + DELAY
-    for row, (a, b) in enumerate(zip(time[:-1], time[1:], strict=True), 1):
+    for row, (a, b) in enumerate(itertools.pairwise(time), 1):
         edges = [a, *changes[(changes > a) & (changes < b)], b]
-        for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        for begin, end in itertools.pairwise(edges):
             now = u[np.searchsorted(changes, begin, side="right") - 1]
             truth = clipped(end - begin, now, FREQUENCY, DAMPING, LIMIT, *truth)
         assert angle[row] == pytest.approx(truth[0], abs=2e-7)

@@ -111,7 +111,8 @@ class ServoBounds:
     Attributes
     ----------
     structure : `speed`: the servo's own loop saturates; `clipped`: the speed of a linear servo is
-        clipped; `command`: ramps ahead of the linear part; `set-point`: as `speed`, behind a set point of bounded speed and with a limit each way
+        clipped; `command`: ramps ahead of the linear part; `set-point`: as `speed`, behind a set
+        point of bounded speed and with a limit each way
     losses : on steps held out, of every structure that was tried
     rate_limit : of the output [rad/s]; upward with `set-point`
     dead_band : half width, on the command [rad]

@@ -15,6 +15,7 @@ from analysis.identify.servo.starts import limits, reverses, with_values
 
 _LIFTED = 3.0  # ln: a limit 20 times higher bounds nothing
 _CHANCE = 3.84  # of a χ² of one degree of freedom, which is higher in 5 % of all cases
+_INTERVAL = 1.96  # deviations
 _HALVINGS = 20
 _LEAST = 1e-3  # of the highest dead band or backlash
 _TRIALS = 5  # halvings of the logarithm: within a quarter
@@ -104,6 +105,22 @@ def idle_warnings(bounds: ServoBounds, axis: str) -> list[str]:
         return []
     text = f"axis '{axis}': its motion in this record does not reach the {' and the '.join(names)};"
     return [f"{text} the model has the lowest that the record allows; record larger steps"]
+
+
+def rival_warnings(fit: ServoFit, bounds: ServoBounds, std: Array, axis: str) -> list[str]:
+    """Whether a structure that predicts as well has another delay, poles or limit.
+
+    Parameters
+    ----------
+    std : deviations of the fit's denominator, delay and ln rate limit
+    """
+    if fit.rival is None or bounds.idle:
+        return []
+    name, change = fit.rival
+    if not (np.abs(change) > _INTERVAL * std).any():
+        return []
+    text = f"axis '{axis}': the readings do not tell the structures '{fit.structure}' and '{name}'"
+    return [f"{text} apart, whose figures differ (--structure {name}); record steps of more sizes"]
 
 
 def _limits(fit: ServoFit) -> dict[str, Array]:

@@ -19,7 +19,7 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.linear.starts import ROWS, thinned
 from analysis.identify.problem.noise import Mask, Pair, quantisation
 from analysis.identify.problem.problem import Problem
-from analysis.identify.problem.segments import step_folds
+from analysis.identify.problem.segments import step_folds, step_of_row
 from analysis.identify.servo.dead_band import static_dead_band
 from analysis.identify.servo.descent import descend, in_units, loss_of, prepared, project, settled
 from analysis.identify.servo.fit import ServoFit
@@ -30,6 +30,8 @@ from analysis.transfer_function.servo import Structure
 _FOLLOWED = 3
 _FOLDS = 4
 _WORTH = 0.97  # of the held-out loss: what a parameter more must save
+_CHANCE = 1.64  # deviations of a difference that chance exceeds in 5 % of all cases
+_OTHER: dict[Structure, Structure] = {"speed": "clipped", "clipped": "speed"}  # equals in size
 
 
 def search_servo(
@@ -65,23 +67,36 @@ def search_servo(
     elif not reverses(problem, axis):
         # steps one way only do not show what becomes of small motions to and fro
         tried = ("speed", "clipped", "command")
-    fits = []
+    fits: dict[Structure, ServoFit] = {}
+    held_out: dict[Structure, Array] = {}
     for s in tried:
         progress.say(f"servo of structure {s}")
-        fits.append(_fit(alike, axis, s, max_delay, kept, floor))
-    losses = {
-        f.structure: loss * (1.0 if f.structure != "set-point" else 1.0 / _WORTH)
-        for f, loss in fits
-    }
-    best = min((f for f, _ in fits), key=lambda f: losses[f.structure])
+        fits[s], held_out[s] = _fit(alike, axis, s, max_delay, kept, floor)
+    losses = {s: float(loss.sum()) for s, loss in held_out.items()}
+    if "set-point" in losses:
+        losses["set-point"] /= _WORTH
+    told = not {"speed", "clipped"} <= set(losses)
+    if not told:
+        gain = _certainty(held_out["speed"] - held_out["clipped"])
+        told = abs(gain) > _CHANCE
+        if gain < _CHANCE:  # what the loop aims at has limits in servos, the speed in simulations
+            losses["clipped"] = max(losses["clipped"], losses["speed"])
+    best = min(fits.values(), key=lambda f: losses[f.structure])
+    other = None if told else _OTHER.get(best.structure)
+    if other is not None:
+        linear = np.arange(best.poles + 2)
+        best = replace(best, rival=(other, (fits[other].theta - best.theta)[linear]))
     best = without_idle_limits(best, axis, max_delay)
     return replace(in_units(best, problem, unit), losses=losses)
 
 
 def _fit(
     problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair
-) -> tuple[ServoFit, float]:
-    """Judge a grid of starts, follow the best few, settle the noise; also the loss held out."""
+) -> tuple[ServoFit, Array]:
+    """Judge a grid of starts, follow the best few, settle the noise; also the loss held out.
+
+    That loss is of every step (steps,).
+    """
     poles = problem.layout.poles
     starts = grid_of_starts(problem, max_delay, structure)
     if not reverses(problem, axis):
@@ -126,12 +141,13 @@ def _worth_having(
     starts: list[Array],
     max_delay: float,
     static: float,
-) -> tuple[NDArray[np.intp], Array, float]:
+) -> tuple[NDArray[np.intp], Array, Array]:
     """Which parameters to free, and where to start: dead band and backlash if they predict steps.
 
     On the steps it is fitted to, a second excuse for a static error always helps; so steps held
-    out decide. Where the gimbal settled, the dead band is read off there (`static_dead_band`).
-    Backlash shows only where the motion reverses: elsewhere it is gain by another name.
+    out decide, whose losses (steps,) are returned. Where the gimbal settled, the dead band is read
+    off there (`static_dead_band`). Backlash shows only where the motion reverses: elsewhere it is
+    gain by another name.
     """
     poles = problem.layout.poles
     tight = _always(problem, axis, structure)
@@ -154,28 +170,40 @@ def _worth_having(
         ]
         choices.append((free, _best(problem, axis, structure, begins, max_delay, free)))
     folds = step_folds(problem, axis, _FOLDS)
+    steps = step_of_row(problem, axis)
     losses = []
     for free, start in choices:
-        loss = 0.0
+        squares = np.zeros(len(problem.measured))
         for fold in folds:
             training = problem.weighed(np.where(fold, 0.0, problem.weight))
             found, _ = descend(training, axis, structure, start, max_delay, free)
-            loss += _held_out(problem, project(training, axis, structure, found)[2], fold)
-        losses.append(loss)
-    best = int(np.argmin(losses))
-    if losses[best] >= _WORTH * losses[0]:
+            squares += _held_out(problem, project(training, axis, structure, found)[2], fold)
+        losses.append(np.bincount(steps, squares).astype(np.float64))
+    total = [float(loss.sum()) for loss in losses]
+    best = int(np.argmin(total))
+    if total[best] >= _WORTH * total[0]:
         best = 0
     return *choices[best], losses[best]
 
 
-def _held_out(problem: Problem, residual: Array, fold: Mask) -> float:
-    """Weighted squares of the held-out residual around each record's own offset."""
-    total = 0.0
+def _certainty(differences: Array) -> float:
+    """Sum of differences over its deviation, from their own scatter.
+
+    Between models none of which holds the other: Q. H. Vuong, Econometrica 57 (1989), 307-333.
+    """
+    n = len(differences)
+    deviation = float(np.std(differences, ddof=1)) * np.sqrt(n) if n > 1 else 0.0
+    return float(differences.sum()) / deviation if deviation > 0.0 else 0.0
+
+
+def _held_out(problem: Problem, residual: Array, fold: Mask) -> Array:
+    """Weighted squares (rows,) of the held-out residual around each record's own offset."""
+    squares = np.zeros(len(residual))
     for index in range(len(problem.parts)):
         for is_rate in (False, True):
             rows = fold & (problem.owner == index) & (problem.is_rate == is_rate)
             rows &= problem.weight > 0.0
             if rows.any():
                 centred = residual[rows] - residual[rows].mean()
-                total += float(np.sum((centred * problem.weight[rows]) ** 2))
-    return total
+                squares[rows] = (centred * problem.weight[rows]) ** 2
+    return squares
