@@ -215,8 +215,7 @@ def _bounded(
         warnings += warnings_of(axes[-1], (channel,), longest, problem)
         warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])
         warnings += idle_warnings(limits, first.outputs[i])
-        std = np.sqrt(np.diag(known.covariance)[: fit.poles + 2])
-        warnings += rival_warnings(fit, limits, std, first.outputs[i])
+        warnings += rival_warnings(fit, limits, known, first.outputs[i])
         warnings += effective_warnings(axes[-1], limits)
     warnings += stamp_warnings(records)
     return IdentifiedModel(

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from analysis.identify import identify
 from analysis.identify.servo.motion import speed_servo
+from analysis.identify.servo.search import _better
 from analysis.recording import measurement
 from analysis.transfer_function.speed import clip_move
 
@@ -78,16 +79,10 @@ def test_a_record_shows_the_motion_at_its_own_times():
     assert np.abs(rate).max() == pytest.approx(LIMIT)
 
 
-def test_the_servo_is_told_from_others_and_its_figures_are_found():
-    """A limit of 60°/s, as servos are simulated: Euler steps of 20 µs, noise of 0.03°, 200 Hz.
-
-    Fitted as `set-point` or `speed`, its delay lay 10 ms outside an interval of ± 1 to 4 ms.
-    3.3 of the stated deviations: one in a thousand records is further off. Steps of h date the
-    motion by up to h, here 0.5 of the delay's deviation.
-    """
-    rng, h = np.random.default_rng(3), 2e-5
-    t, at = np.arange(0.0, 6.0, 0.005), np.arange(0.2, 6.0, 0.6)
-    u = np.radians(rng.permutation(np.geomspace(1.0, 14.0, len(at))))
+def record(rng, duration, largest, noise, h=2e-5):
+    """Steps of many sizes at 200 Hz, by Euler steps of h."""
+    t, at = np.arange(0.0, duration, 0.005), np.arange(0.2, duration, 0.6)
+    u = rng.permutation(np.geomspace(np.radians(1.0), largest, len(at)))
     u *= np.where(np.arange(len(at)) % 2, -1.0, 1.0)
     every = round(0.005 / h)
     late = np.searchsorted(at + DELAY, np.arange(len(t) * every) * h, side="right")
@@ -100,9 +95,19 @@ def test_the_servo_is_told_from_others_and_its_figures_are_found():
         v += h * FREQUENCY * (FREQUENCY * (c - y) - 2.0 * DAMPING * v)
         v = min(max(v, -LIMIT), LIMIT)
         y += 0.5 * h * (before + v)
-    angle += 5e-4 * rng.normal(size=len(t))
-    r = measurement(t, u, command_time=at, before=[0.0], angle=angle)
-    model = identify([r], servo=True, max_delay=0.06)
+    angle += noise * rng.normal(size=len(t))
+    return measurement(t, u, command_time=at, before=[0.0], angle=angle)
+
+
+def test_the_servo_is_told_from_others_and_its_figures_are_found():
+    """A limit of 60°/s, as servos are simulated; Euler steps of 20 µs, noise of 0.03°.
+
+    Fitted as `set-point` or `speed`, its delay lay 10 ms outside an interval of ± 1 to 4 ms.
+    3.3 of the stated deviations: one in a thousand records is further off.
+    """
+    model = identify(
+        [record(np.random.default_rng(3), 6.0, np.radians(14.0), 5e-4)], servo=True, max_delay=0.06
+    )
     assert model.servo[0].structure == "clipped"
     true = {"x/x delay": DELAY, "x/x natural frequency": FREQUENCY, "x/x damping": DAMPING}
     for name, value in {**true, "x rate limit": LIMIT, "x/x gain": 1.0}.items():
@@ -110,3 +115,33 @@ def test_the_servo_is_told_from_others_and_its_figures_are_found():
         assert found.std < 0.02 * value
         assert abs(found.value - value) < 3.3 * found.std
     assert model.warnings == ()
+
+
+def test_a_structure_that_predicts_as_well_with_other_figures_is_named():
+    """Small steps in much noise: fitted as `speed`, the delay lies outside its interval."""
+    r = record(np.random.default_rng(1), 4.0, np.radians(6.0), 6e-3)
+    model = identify([r], servo=True, max_delay=0.06)
+    assert model.servo[0].structure == "speed"
+    low, high = model.estimate("x/x delay").interval
+    assert not low < DELAY < high
+    assert any(
+        "do not tell the structures 'speed' and 'clipped' apart" in w for w in model.warnings
+    )
+    asked = identify([r], servo="clipped", max_delay=0.06)
+    low, high = asked.estimate("x/x delay").interval
+    assert low < DELAY < high
+    assert not any("apart" in w for w in asked.warnings)
+
+
+def test_a_structure_is_better_only_beyond_chance():
+    """Steps whose differences scatter ten times as far as their mean, and a tenth as far."""
+    even = np.tile([1.0, -1.0], 8)
+    losses = {
+        "speed": 10.0 + 0.1 + even,
+        "clipped": np.full(16, 10.0),
+        "command": np.full(16, 20.0),
+    }
+    assert not _better("clipped", "speed", losses)
+    assert not _better("speed", "clipped", losses)
+    assert _better("clipped", "speed", {**losses, "speed": 10.0 + 10.0 + even})
+    assert _better("clipped", "command", losses)

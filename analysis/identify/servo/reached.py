@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.array import Array
 from analysis.identify.evidence.evidence import ServoBounds
+from analysis.identify.evidence.uncertainty import Uncertainty
 from analysis.identify.linear.starts import thinned
 from analysis.identify.servo.descent import descend, fit_at, loss_of
 from analysis.identify.servo.fit import ServoFit
@@ -107,16 +108,13 @@ def idle_warnings(bounds: ServoBounds, axis: str) -> list[str]:
     return [f"{text} the model has the lowest that the record allows; record larger steps"]
 
 
-def rival_warnings(fit: ServoFit, bounds: ServoBounds, std: Array, axis: str) -> list[str]:
-    """Whether a structure that predicts as well has another delay, poles or limit.
-
-    Parameters
-    ----------
-    std : deviations of the fit's denominator, delay and ln rate limit
-    """
+def rival_warnings(fit: ServoFit, bounds: ServoBounds, known: Uncertainty, axis: str) -> list[str]:
+    """Whether a structure that predicts as well has another delay, poles or limit."""
     if fit.rival is None or bounds.idle:
         return []
     name, change = fit.rival
+    places, at = list(range(len(change))), fit.theta[: len(change)]
+    std = known.deviations(np.array, at, places, np.zeros(len(change)))
     if not (np.abs(change) > _INTERVAL * std).any():
         return []
     text = f"axis '{axis}': the readings do not tell the structures '{fit.structure}' and '{name}'"

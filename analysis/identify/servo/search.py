@@ -8,6 +8,7 @@ behind a set point of bounded speed, with a limit each way. Gain, offsets and bi
 and are solved for in every step.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +32,6 @@ _FOLLOWED = 3
 _FOLDS = 4
 _WORTH = 0.97  # of the held-out loss: what a parameter more must save
 _CHANCE = 1.64  # deviations of a difference that chance exceeds in 5 % of all cases
-_OTHER: dict[Structure, Structure] = {"speed": "clipped", "clipped": "speed"}  # equals in size
 
 
 def search_servo(
@@ -75,19 +75,13 @@ def search_servo(
     losses = {s: float(loss.sum()) for s, loss in held_out.items()}
     if "set-point" in losses:
         losses["set-point"] /= _WORTH
-    told = not {"speed", "clipped"} <= set(losses)
-    if not told:
-        gain = _certainty(held_out["speed"] - held_out["clipped"])
-        told = abs(gain) > _CHANCE
-        if gain < _CHANCE:  # what the loop aims at has limits in servos, the speed in simulations
-            losses["clipped"] = max(losses["clipped"], losses["speed"])
+    if "clipped" in losses and not _better("clipped", "speed", held_out):
+        # servos limit what their loop aims at; the speed itself is clipped in simulations
+        losses["clipped"] = max(losses["clipped"], losses.get("speed", 0.0))
     best = min(fits.values(), key=lambda f: losses[f.structure])
-    other = None if told else _OTHER.get(best.structure)
-    if other is not None:
-        linear = np.arange(best.poles + 2)
-        best = replace(best, rival=(other, (fits[other].theta - best.theta)[linear]))
+    rival = _rival(best, fits, held_out)
     best = without_idle_limits(best, axis, max_delay)
-    return replace(in_units(best, problem, unit), losses=losses)
+    return replace(in_units(best, problem, unit), losses=losses, rival=rival)
 
 
 def _fit(
@@ -186,14 +180,35 @@ def _worth_having(
     return *choices[best], losses[best]
 
 
-def _certainty(differences: Array) -> float:
-    """Sum of differences over its deviation, from their own scatter.
+def _better(one: Structure, other: Structure, held_out: Mapping[Structure, Array]) -> bool:
+    """Whether one structure predicts steps held out better than another, beyond chance.
 
-    Between models none of which holds the other: Q. H. Vuong, Econometrica 57 (1989), 307-333.
+    By the scatter of the differences over the steps, of models none of which holds the other:
+    Q. H. Vuong, Econometrica 57 (1989), 307-333.
     """
-    n = len(differences)
-    deviation = float(np.std(differences, ddof=1)) * np.sqrt(n) if n > 1 else 0.0
-    return float(differences.sum()) / deviation if deviation > 0.0 else 0.0
+    if other not in held_out:
+        return True
+    gain = held_out[other] - held_out[one]
+    deviation = float(np.std(gain, ddof=1)) * np.sqrt(len(gain)) if len(gain) > 1 else 0.0
+    return float(gain.sum()) > _CHANCE * deviation
+
+
+def _rival(
+    best: ServoFit, fits: Mapping[Structure, ServoFit], held_out: Mapping[Structure, Array]
+) -> tuple[Structure, Array] | None:
+    """The structure that predicts steps held out nearly as well, and what its figures differ by."""
+    near = [
+        s
+        for s in fits
+        if s != best.structure
+        and (s, best.structure) != ("set-point", "speed")  # it holds the other
+        and not _better(best.structure, s, held_out)
+    ]
+    if not near:
+        return None
+    other = min(near, key=lambda s: float(held_out[s].sum()))
+    shared = best.poles + 2
+    return other, fits[other].theta[:shared] - best.theta[:shared]
 
 
 def _held_out(problem: Problem, residual: Array, fold: Mask) -> Array:
