@@ -74,7 +74,7 @@ def clip_move(
     edge = limit / k  # error at which the speed aimed at is the limit
     if edge < 2.0 * dead_band:
         edge = dead_band + 0.5 * edge
-    left, ramps = time, True
+    left, ramps, ends = time, True, True
     while left > 0.0:
         beyond = (u - y if v > 0.0 else y - u) - edge
         if ramps and abs(v) >= limit and beyond > 0.0:
@@ -87,11 +87,14 @@ def clip_move(
         a, b = _loop_step(y, v, u, h, k, w, dead_band)
         if abs(b) > limit:
             side = limit if b > 0.0 else -limit
-            _, start = _slope(y, v, u, k, w, np.inf, dead_band)
-            _, end = _slope(a, b, u, k, w, np.inf, dead_band)
-            h *= _crossing(v / side, h * start / side, b / side, h * end / side)
-            a, _ = _loop_step(y, v, u, h, k, w, dead_band)
-            b, ramps = side, True
+            if ends:  # not twice in a row, so that every loop of these comes to its end
+                _, start = _slope(y, v, u, k, w, np.inf, dead_band)
+                _, end = _slope(a, b, u, k, w, np.inf, dead_band)
+                h *= _crossing(v / side, h * start / side, b / side, h * end / side)
+                a, _ = _loop_step(y, v, u, h, k, w, dead_band)
+            b, ramps, ends = side, True, not ends
+        else:
+            ends = True
         y, v = a, b
         left -= h
     return y, v
