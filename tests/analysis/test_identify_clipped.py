@@ -145,3 +145,5 @@ def test_a_structure_is_better_only_beyond_chance():
     assert not _better("speed", "clipped", losses)
     assert _better("clipped", "speed", {**losses, "speed": 10.0 + 10.0 + even})
     assert _better("clipped", "command", losses)
+    one_step = np.where(np.arange(16) == 3, 1e4, 10.0)
+    assert _better("clipped", "speed", {**losses, "speed": one_step})

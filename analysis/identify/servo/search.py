@@ -190,7 +190,8 @@ def _better(one: Structure, other: Structure, held_out: Mapping[Structure, Array
         return True
     gain = held_out[other] - held_out[one]
     deviation = float(np.std(gain, ddof=1)) * np.sqrt(len(gain)) if len(gain) > 1 else 0.0
-    return float(gain.sum()) > _CHANCE * deviation
+    # one step that only one of them explains makes the scatter as large as the gain
+    return float(gain.sum()) > min(_CHANCE * deviation, float(held_out[one].sum()))
 
 
 def _rival(
