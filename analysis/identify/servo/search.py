@@ -22,7 +22,15 @@ from analysis.identify.problem.noise import Mask, Pair, quantisation
 from analysis.identify.problem.problem import Problem
 from analysis.identify.problem.segments import step_folds, step_of_row
 from analysis.identify.servo.dead_band import static_dead_band
-from analysis.identify.servo.descent import descend, in_units, loss_of, prepared, project, settled
+from analysis.identify.servo.descent import (
+    descend,
+    fit_at,
+    in_units,
+    loss_of,
+    prepared,
+    project,
+    settled,
+)
 from analysis.identify.servo.fit import ServoFit
 from analysis.identify.servo.reached import without_idle_limits
 from analysis.identify.servo.starts import grid_of_starts, reverses, scales, with_values
@@ -31,6 +39,7 @@ from analysis.transfer_function.servo import Structure
 _FOLLOWED = 3
 _FOLDS = 4
 _WORTH = 0.97  # of the held-out loss: what a parameter more must save
+_HOPELESS = 10.0  # times the lowest loss held out: what a dead band or play does not explain
 _CHANCE = 1.64  # deviations of a difference that chance exceeds in 5 % of all cases
 
 
@@ -59,19 +68,20 @@ def search_servo(
     kept = np.ones(len(problem.measured), dtype=bool) if keep is None else keep
     floor = quantisation(problem)
     problem, alike, unit = prepared(problem, axis, kept, floor)
-    tried: tuple[Structure, ...] = ("speed", "clipped", "command", "set-point")
+    tried: tuple[Structure, ...] = ("speed", "command", "set-point", "clipped")
     if structure is not None:
         tried = (structure,)
     elif problem.layout.poles == 1:
         tried = ("speed", "command")
     elif not reverses(problem, axis):
         # steps one way only do not show what becomes of small motions to and fro
-        tried = ("speed", "clipped", "command")
+        tried = ("speed", "command", "clipped")
     fits: dict[Structure, ServoFit] = {}
     held_out: dict[Structure, Array] = {}
     for s in tried:
         progress.say(f"servo of structure {s}")
-        fits[s], held_out[s] = _fit(alike, axis, s, max_delay, kept, floor)
+        least = min((float(loss.sum()) for loss in held_out.values()), default=np.inf)
+        fits[s], held_out[s] = _fit(alike, axis, s, max_delay, kept, floor, least)
     losses = {s: float(loss.sum()) for s, loss in held_out.items()}
     if "set-point" in losses:
         losses["set-point"] /= _WORTH
@@ -85,11 +95,12 @@ def search_servo(
 
 
 def _fit(
-    problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair
-) -> tuple[ServoFit, Array]:
+    problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair,
+    least: float,
+) -> tuple[ServoFit, Array]:  # fmt: skip
     """Judge a grid of starts, follow the best few, settle the noise; also the loss held out.
 
-    That loss is of every step (steps,).
+    That loss is of every step (steps,); `least` is the lowest of structures tried before.
     """
     poles = problem.layout.poles
     starts = grid_of_starts(problem, max_delay, structure)
@@ -98,6 +109,11 @@ def _fit(
     few = thinned(problem, ROWS)
     tight = _always(problem, axis, structure)
     theta = _best(few, axis, structure, starts, max_delay, tight)
+    if structure == "clipped" and loss_of(few, axis, structure, theta) > _HOPELESS * least:
+        # far behind another already where it is fitted: dead band and play are not looked for
+        fit = fit_at(few, axis, structure, theta, (np.nan, np.nan), True)
+        squares = fit.weighted**2
+        return fit, np.bincount(step_of_row(few, axis), squares).astype(np.float64)
     static = static_dead_band(problem, axis)
     free, theta, held_out = _worth_having(few, axis, structure, theta, starts, max_delay, static)
     fit = settled(problem, axis, structure, theta, free, max_delay, kept, floor)
