@@ -209,7 +209,7 @@ def identify(
     max_delay_ms: float | None = ...,
     select_order: bool = ...,
     servo: bool = ...,
-    structure: Literal['best', 'speed', 'command', 'set-point'] = ...,
+    structure: Literal['best', 'speed', 'clipped', 'command', 'set-point'] = ...,
     coupling: Literal['auto', 'none', 'full'] = ...,
     rate: str | None = ...,
     from_pulses: bool = ...,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.identify.evidence.diagnostics import Saturation, residual_tests
+from analysis.identify.evidence.diagnostics import Residuals, Saturation, residual_tests
 from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.identify.evidence.uncertainty import Uncertainty
 from analysis.identify.evidence.unexplained import repeatable
@@ -159,7 +159,7 @@ def effective_warnings(axis: AxisEvidence, bounds: ServoBounds) -> list[str]:
     gimbal crosses the play of its gears, none of eight held the motor's own limit.
     """
     tests = [t for t in (axis.residual_angle, axis.residual_rate) if t is not None]
-    if _noise_alone(axis) or not (axis.repeats > _ANSWER or any(t.whiteness < 1e-3 for t in tests)):
+    if _noise_alone(axis) or not (axis.repeats > _ANSWER or any(map(_coloured, tests))):
         return []
     text = f"axis '{axis.name}': the structure '{bounds.structure}' leaves more than noise; "
     text += "its delay, poles, limits, dead band and backlash are effective values, those of "
@@ -209,13 +209,18 @@ def _changed(axis: AxisEvidence, channel: ChannelFit) -> str | None:
     ]
     if found:
         return f" (from the smallest to the largest: {', '.join(found)})"
-    value = {e.name.partition(" ")[2]: e.value for e in channel.estimates}
-    most = [
-        (abs(e.value) + 1.96 * e.std) / value[e.name]
+    own = {_figure(e, channel): abs(e.value) for e in channel.estimates}
+    shares = [
+        (abs(e.value) + 1.96 * e.std) / own[e.name]
         for e in axis.sizes
-        if e.name == "natural frequency"
+        if e.name.startswith(("natural frequency", "time constant"))
     ]
-    return "" if not axis.sizes or any(share > _SAME for share in most) else None
+    return None if shares and max(shares) <= _SAME else ""
+
+
+def _figure(estimate: Estimate, channel: ChannelFit) -> str:
+    """What a channel's estimate is of: its name without the channel's, which may have spaces."""
+    return estimate.name.removeprefix(channel.estimates[0].name.removesuffix("gain"))
 
 
 def _short(value: float, unit: str) -> str:
@@ -228,11 +233,15 @@ def _noise_alone(axis: AxisEvidence) -> bool:
     return axis.repeats < _ANSWER and all(t.autocorrelation < _COLOURED for t in tests)
 
 
+def _coloured(tests: Residuals) -> bool:
+    """Whether a residual has a colour that matters and that chance does not give."""
+    return tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3
+
+
 def _residual_warnings(axis: AxisEvidence, name: str) -> list[str]:
     found = []
     for what, tests in (("angle", axis.residual_angle), ("rate", axis.residual_rate)):
-        coloured = tests and tests.autocorrelation > _COLOURED and tests.whiteness < 1e-3
-        if tests and coloured and not axis.allowed:
+        if tests and _coloured(tests) and not axis.allowed:
             found.append(
                 f"{name}: the {what} residual is not white (autocorrelation "
                 f"{tests.autocorrelation:.2f}); intervals do not allow for it, record more steps"
@@ -248,7 +257,7 @@ def _residual_warnings(axis: AxisEvidence, name: str) -> list[str]:
 def _smear_warnings(axis: AxisEvidence, name: str, channel: ChannelFit) -> list[str]:
     found = []
     for e in channel.estimates:
-        change = axis.smear.get(e.name.partition(" ")[2], 0.0)
+        change = axis.smear.get(_figure(e, channel), 0.0)
         if abs(change) > 1.96 * e.std:
             found.append(f"{e.name} {_short(change, e.unit)}")
     if not found:

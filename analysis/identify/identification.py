@@ -26,7 +26,7 @@ from analysis.identify.problem.assemble import assemble
 from analysis.identify.problem.layout import Layout
 from analysis.identify.problem.problem import Problem
 from analysis.identify.servo.known import known_of, known_of_servo
-from analysis.identify.servo.reached import idle_warnings, left_out
+from analysis.identify.servo.reached import idle_warnings, left_out, rival_warnings
 from analysis.identify.servo.search import search_servo
 from analysis.recording.measurements import Measurement
 from analysis.transfer_function.file import LONGEST_DELAY
@@ -54,7 +54,7 @@ def identify(
     poles, zeros : of every transfer function
     delay : `free`, or the known transport delay [s]
     servo : fit a servo with bounded speed, dead band and backlash, each axis by itself; a structure
-        (`speed`, `command`) asks for that one instead of the better
+        (`speed`, `clipped`, `command`, `set-point`) asks for that one instead of the best
     denominators : every channel has its own poles, or those into one axis share theirs
     offsets : the angle sensor's offset is each record's own, or one for all
     max_delay : longest delay searched [s]; 0.1 s or ten samples if left out
@@ -210,11 +210,12 @@ def _bounded(
         )
         bounds.append(limits)
         none = Saturation(float("nan"), float("nan"), 0, 1.0, None)
-        simpler = simpler and limits.rate_limit.at_least  # a limit of speed hides a pole
+        simpler = simpler and limits.idle  # a limit of speed hides a pole
         axes.append(evidence(fit, first.outputs[i], none, known, stamps, (), {}, i, simpler))
         warnings += warnings_of(axes[-1], (channel,), longest, problem)
         warnings += checks.check_gain(fit.gain, first, first.inputs[i], first.outputs[i])
         warnings += idle_warnings(limits, first.outputs[i])
+        warnings += rival_warnings(fit, limits, known, first.outputs[i])
         warnings += effective_warnings(axes[-1], limits)
     warnings += stamp_warnings(records)
     return IdentifiedModel(

@@ -57,8 +57,8 @@ class TransferFunctionModel:
             raise ModelFileError(f"servo has {len(self.servos)} entries for {rows} outputs")
         for servo, row in zip(self.servos, self.channels, strict=False):
             for c in (c for c in row if servo.structure != "command" and not c.zero):
-                if not speed_loop(c.num, c.den)[2] and servo.structure == "set-point":
-                    raise ModelFileError("a servo of structure 'set-point' has two poles")
+                if not speed_loop(c.num, c.den)[2] and servo.structure != "speed":
+                    raise ModelFileError(f"a servo of structure '{servo.structure}' has two poles")
         for i, row in enumerate(self.channels):
             if len(row) != len(self.inputs):
                 raise ModelFileError(
@@ -203,7 +203,7 @@ class TransferFunctionModel:
 
     @staticmethod
     def _bounded(channel: Channel, u: Array, dt: float, servo: Servo) -> Array:
-        from analysis.transfer_function.speed import move, track
+        from analysis.transfer_function.speed import clip_move, move, track
 
         gain, k, w = speed_loop(channel.num, channel.den)
         shift, first = whole_steps(channel.delay, dt)
@@ -218,11 +218,12 @@ class TransferFunctionModel:
                     y, v, r = track(y, v, r, late[n], first, *tail)
                 y, v, r = track(y, v, r, late[n + 1], dt - first, *tail)
             return out
+        moved = clip_move if servo.structure == "clipped" else move
         for n in range(len(u)):
             out[n] = gain * y
             if first > 0.0:
-                y, v = move(y, v, late[n], first, k, w, up, servo.dead_band)
-            y, v = move(y, v, late[n + 1], dt - first, k, w, up, servo.dead_band)
+                y, v = moved(y, v, late[n], first, k, w, up, servo.dead_band)
+            y, v = moved(y, v, late[n + 1], dt - first, k, w, up, servo.dead_band)
         return out
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from analysis.array import Array
 from analysis.transfer_function.file import ModelFileError
 
-Structure = Literal["command", "speed", "set-point"]
-STRUCTURES: tuple[Structure, ...] = ("command", "speed", "set-point")
+Structure = Literal["command", "speed", "clipped", "set-point"]
+STRUCTURES: tuple[Structure, ...] = ("command", "speed", "clipped", "set-point")
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +20,9 @@ class Servo:
     `structure` says where. `command`: dead band and rate limit on the command, then delay and
     transfer function, then backlash on the output. `speed`: the servo's own loop saturates, after
     the delay (see `analysis.transfer_function.speed`), then backlash; its channels must be of first
-    or second order without zeros. `set-point`: as `speed`, behind a set point of bounded speed,
-    with a limit each way; its channels must be of second order.
+    or second order without zeros. `clipped`: as `speed`, but the speed itself is clipped, not what
+    the loop aims at. `set-point`: as `speed`, behind a set point of bounded speed, with a limit
+    each way. The channels of these two must be of second order.
 
     Attributes
     ----------
@@ -106,7 +107,7 @@ def speed_loop(num: Sequence[float], den: Sequence[float]) -> tuple[float, float
     a = [c / den[0] for c in den]
     if len(num) != 1 or len(a) not in (2, 3) or min(a) <= 0.0:
         raise ModelFileError(
-            "a servo of structure 'speed' or 'set-point' has stable channels of first or second"
+            "a servo whose own speed is bounded has stable channels of first or second"
             f" order without zeros, not of {len(num) - 1} zeros and {len(a) - 1} poles"
         )
     gain = num[0] / den[0] / a[-1]

@@ -5,10 +5,15 @@ linear k·w/(s² + w·s + k·w). Within the dead band the motor is off; beyond i
 count in full over one more dead band, as behind a servo's pulse stretcher. Compiled, and shared by
 the simulation here and the actuator in flight.
 
+`clip_move` is the servo whose speed itself is clipped: v̇ = w·(k·e − v), held at ± limit while that
+points outward. Its dead band is that of `move`.
+
 `track` is the servo that aims at a set point which follows its command at a bounded speed, with
 another fastest speed each way (a load helps one of them). Of its error only what is beyond the dead
 band counts.
 """
+
+import numpy as np
 
 from analysis.compiled import njit
 
@@ -54,6 +59,74 @@ def move(
         y += h / 6.0 * (a1 + 2.0 * b1 + 2.0 * c1 + d1)
         v += h / 6.0 * (a2 + 2.0 * b2 + 2.0 * c2 + d2)
     return y, v
+
+
+@njit(nogil=True)
+def clip_move(
+    y: float, v: float, u: float, time: float, k: float, w: float, limit: float, dead_band: float
+) -> tuple[float, float]:
+    """As `move`, of second order, where the speed itself is clipped.
+
+    Runge–Kutta steps end where the speed reaches its limit; from there to where it leaves it the
+    motion is a ramp.
+    """
+    longest = min(_LONGEST, _SHARE / max(k, w))
+    edge = limit / k  # error at which the speed aimed at is the limit
+    if edge < 2.0 * dead_band:
+        edge = dead_band + 0.5 * edge
+    left, ramps, ends = time, True, True
+    while left > 0.0:
+        beyond = (u - y if v > 0.0 else y - u) - edge
+        if ramps and abs(v) >= limit and beyond > 0.0:
+            span = min(beyond / limit, left)
+            y += span * v
+            left -= span
+            ramps = False  # rounding may leave a trace of the way; the speed falls from here
+            continue
+        h = left / (int(left / longest) + 1)
+        a, b = _loop_step(y, v, u, h, k, w, dead_band)
+        if abs(b) > limit:
+            side = limit if b > 0.0 else -limit
+            if ends:  # not twice in a row, so that every loop of these comes to its end
+                _, start = _slope(y, v, u, k, w, np.inf, dead_band)
+                _, end = _slope(a, b, u, k, w, np.inf, dead_band)
+                h *= _crossing(v / side, h * start / side, b / side, h * end / side)
+                a, _ = _loop_step(y, v, u, h, k, w, dead_band)
+            b, ramps, ends = side, True, not ends
+        else:
+            ends = True
+        y, v = a, b
+        left -= h
+    return y, v
+
+
+@njit(nogil=True)
+def _loop_step(
+    y: float, v: float, u: float, h: float, k: float, w: float, dead_band: float
+) -> tuple[float, float]:
+    a1, a2 = _slope(y, v, u, k, w, np.inf, dead_band)
+    b1, b2 = _slope(y + 0.5 * h * a1, v + 0.5 * h * a2, u, k, w, np.inf, dead_band)
+    c1, c2 = _slope(y + 0.5 * h * b1, v + 0.5 * h * b2, u, k, w, np.inf, dead_band)
+    d1, d2 = _slope(y + h * c1, v + h * c2, u, k, w, np.inf, dead_band)
+    y += h / 6.0 * (a1 + 2.0 * b1 + 2.0 * c1 + d1)
+    v += h / 6.0 * (a2 + 2.0 * b2 + 2.0 * c2 + d2)
+    return y, v
+
+
+@njit(nogil=True)
+def _crossing(start: float, slope: float, end: float, slope_after: float) -> float:
+    """Where in 0 … 1 the cubic with these values and slopes at both ends rises to 1."""
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        s = 0.5 * (low + high)
+        r = 1.0 - s
+        value = (1.0 + 2.0 * s) * r * r * start + s * r * r * slope
+        value += (1.0 + 2.0 * r) * s * s * end - r * s * s * slope_after
+        if value < 1.0:
+            low = s
+        else:
+            high = s
+    return high
 
 
 @njit(nogil=True)

@@ -190,23 +190,41 @@ def test_a_limited_servo_is_said_to_be_slower_in_large_steps():
     assert any(f"{name} -" in w for w in model.warnings if "rate-limited" in w)
 
 
-@pytest.mark.parametrize(("change", "warned"), [(4.0, True), (0.4, False)])
-def test_a_power_of_the_speed_is_a_warning_unless_the_poles_are_shown_not_to_change(change, warned):
-    """From the smallest step to the largest, 40 rad/s ± 20 % and ± 2 %; a limit hides a pole."""
+@pytest.mark.parametrize(
+    ("poles", "pole", "change", "warned"),
+    [
+        (2, "natural frequency", 4.0, True),
+        (2, "natural frequency", 0.4, False),
+        (1, "time constant", 5e-3, True),
+        (1, "time constant", 2e-4, False),
+        (4, "natural frequency 1", 100.0, True),
+        (4, "natural frequency 1", 1e-2, False),
+        (2, "damping", 1e-4, True),  # of a pole's speed nothing is known
+    ],
+)
+def test_a_power_of_the_speed_is_a_warning_unless_the_poles_are_shown_not_to_change(
+    poles, pole, change, warned
+):
+    """Change from the smallest step to the largest: 0 ± less or more than a tenth of the pole's.
+
+    A limit hides a pole; names of axes may have spaces.
+    """
     t = np.arange(0.0, 1.0, 0.01)
     answer = studies.step_pair(studies.Gimbal(40.0, 0.7, 0.013, 1.0), np.clip(t - 0.2, 0.0, 1.0))[0]
     angle = np.radians(5.0) * answer + 1e-5 * np.random.default_rng(1).normal(size=len(t))
-    r = measurement(t, np.radians([5.0]), command_time=[0.2], before=[0.0], angle=angle)
-    model, problem = identify([r]), assemble([r], 0, layout_of([r], 2, 0))
+    r = measurement(
+        t, np.radians([5.0]), command_time=[0.2], before=[0.0], angle=angle, outputs=["pitch axis"]
+    )
+    model, problem = identify([r], poles), assemble([r], 0, layout_of([r], poles, 0))
     axis = replace(
         model.axes[0],
         saturation=Saturation(0.8, 0.02, 16, 2.0, True),
-        sizes=(Estimate("natural frequency", change, change / 1.96, "rad/s"),),
-        simpler=True,
+        sizes=(Estimate(pole, 0.0, change / 1.96, ""),),
+        simpler=poles > 1,
     )
     said = " ".join(warnings_of(axis, model.channels[0], 0.5, problem))
     assert ("rate-limited" in said) == warned
-    assert ("--poles 1" in said) != warned
+    assert (f"--poles {poles - 1}" in said) == (poles > 1 and not warned)
 
 
 def behind_a_set_point(h=1e-4):
@@ -248,10 +266,29 @@ def test_colour_that_chance_gives_a_short_record_makes_no_effective_values():
     axis = identify([measurement(t, [1.0], command_time=[0.2], before=[0.0], angle=angle)]).axes[0]
     none = Estimate("x", 0.0, 0.0, "")
     bounds = ServoBounds("speed", {}, none, none, none)
-    for whiteness, warned in ((0.05, False), (1e-6, True)):
-        residual = replace(axis.residual_angle, autocorrelation=0.2, whiteness=whiteness)
-        found = replace(axis, residual_angle=residual, residual_rate=None, repeats=0.0)
+    by_chance, coloured, faint = (
+        replace(axis.residual_angle, autocorrelation=size, whiteness=whiteness)
+        for size, whiteness in ((0.2, 0.05), (0.2, 1e-6), (0.05, 1e-6))
+    )
+    for angle_, rate, warned in (
+        (by_chance, None, False),
+        (coloured, None, True),
+        (by_chance, faint, False),  # what matters of one sensor, what is shown of the other
+        (faint, by_chance, False),
+        (faint, coloured, True),
+    ):
+        found = replace(axis, residual_angle=angle_, residual_rate=rate, repeats=0.0)
         assert bool(effective_warnings(found, bounds)) == warned
+
+
+def test_a_servo_is_idle_only_where_none_of_its_limits_is_reached():
+    """Behind a set point any of the three may be the one that hides a pole."""
+    reached, idle = (Estimate("x", 1.0, 0.1, "rad/s", not least, least) for least in (False, True))
+    for up in (idle, reached):
+        assert ServoBounds("speed", {}, up, reached, reached).idle == (up is idle)
+        for back, slew in ((idle, reached), (reached, idle), (idle, idle)):
+            bounds = ServoBounds("set-point", {}, up, reached, reached, back, slew)
+            assert bounds.idle == (up is back is slew is idle)
 
 
 def test_a_structure_that_leaves_more_than_noise_has_effective_values():
@@ -260,13 +297,14 @@ def test_a_structure_that_leaves_more_than_noise_has_effective_values():
     assert any("effective values" in w for w in model.warnings)
 
 
-def test_speed_servo_without_limit_is_the_linear_response():
+@pytest.mark.parametrize("clipped", [False, True])
+def test_speed_servo_without_limit_is_the_linear_response(clipped):
     """2e-6: fourth-order steps of 1 ms at ωn = 40 rad/s."""
     g = studies.Gimbal(40.0, 0.7, 0.013, 1.0)
     t = np.linspace(0.0, 0.5, 101)
     w = 2 * 0.7 * 40.0
     angle, rate = speed_servo(
-        t, np.array([-1.0, 0.0]), np.array([0.0, 1.0]), 0.013, 1600.0 / w, w, 1e9, 0.0
+        t, np.array([-1.0, 0.0]), np.array([0.0, 1.0]), 0.013, 1600.0 / w, w, 1e9, 0.0, clipped
     )
     exact = studies.step_pair(g, t)
     assert angle == pytest.approx(exact[0], abs=2e-6)
@@ -344,6 +382,14 @@ def test_zeros_and_servo_exclude_each_other():
         identify([r], 2, 1, servo=True)
 
 
+@pytest.mark.parametrize("structure", ["clipped", "set-point"])
+def test_a_structure_of_second_order_is_not_fitted_with_one_pole(structure):
+    rng = np.random.default_rng(1)
+    r = studies.servo_record(rng, studies.Gimbal(40.0, 0.7, 0.01, 1.0), duration=3.0)
+    with pytest.raises(IdentificationError, match=f"structure '{structure}' has 2 poles, not 1"):
+        identify([r], 1, servo=structure)
+
+
 def servo_of_gain(gain, structure, up, down, slew):
     """An identified servo of an axis: its channel, and its bounds at the output."""
     w = 45.0
@@ -356,7 +402,7 @@ def servo_of_gain(gain, structure, up, down, slew):
     return channel, ServoBounds(structure, {}, **estimates)
 
 
-@pytest.mark.parametrize("structure", ["speed", "command", "set-point"])
+@pytest.mark.parametrize("structure", ["speed", "clipped", "command", "set-point"])
 def test_an_identified_servo_is_flown_as_it_was_found_on_each_axis(structure):
     """The file's own simulation against the identification's; steps of 1 ms, hence 0.5 % of 0.2.
 

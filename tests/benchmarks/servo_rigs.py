@@ -30,7 +30,7 @@ COUNT = 10
 REST = 0.2  # s; after the last command, in which an axis comes to rest
 Signal = Literal["prbs", "multisine"]
 SIGNALS: tuple[Signal, ...] = ("prbs", "multisine")
-Structure = Literal["best", "speed", "command", "set-point"]
+Structure = Literal["best", "speed", "clipped", "command", "set-point"]
 
 
 def records(folder: Path, unit: int, seed: int) -> tuple[Path, ...]:

@@ -113,11 +113,12 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
     """Choose the numbers of poles and zeros on held-out steps; `--poles` and `--zeros` are
     ignored."""
     servo: Flag = False
-    """Fit servos with speed limit, dead band and backlash; takes one to two minutes for an
-    axis of thousands of readings."""
-    structure: Literal["best", "speed", "command", "set-point"] = "best"
-    """Structure with `--servo`: the servo's own loop saturates (speed), its command is rate-limited
-    (command), or it follows a set point of bounded speed (set-point)."""
+    """Fit servos with speed limit, dead band and backlash; takes some two minutes for an axis of
+    thousands of readings."""
+    structure: Literal["best", "speed", "clipped", "command", "set-point"] = "best"
+    """Structure with `--servo`: the servo's own loop saturates (speed), its speed is clipped
+    (clipped), its command is rate-limited (command), or it follows a set point of bounded speed
+    (set-point)."""
     coupling: Literal["auto", "none", "full"] = "auto"
     """Cross channels: where an axis follows the other's command by 2 % (auto), never, or always."""
     rate: str | None = None

@@ -139,7 +139,8 @@ def _unexplained(a: AxisEvidence) -> Rows:
     for what, tests in (("angle", a.residual_angle), ("rate", a.residual_rate)):
         if tests and tests.whiteness < 1e-3:
             text = f"not white, autocorrelation {tests.autocorrelation:.2f}"
-            text += "; the intervals allow for it" if a.allowed else ""
+            if a.allowed:  # by its colour or the scatter of steps, both as if it were noise
+                text += "; the intervals allow for coloured noise, not for a wrong structure"
             rows.append((f"{a.name} {what} residual", text))
     if a.repeats >= 0.005:
         text = f"another linear model explains {100 * a.repeats:.0f} % of it"

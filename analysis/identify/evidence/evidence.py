@@ -70,7 +70,8 @@ class AxisEvidence(Plain):
         unknown
     stamps : how far each step's time is off beyond the noise, rms [s]; NaN if unknown
     disagree : steps scatter more than noise explains, and the intervals are theirs
-    allowed : intervals allow for a residual that is not white, by its colour or by whole steps
+    allowed : intervals allow for coloured noise, by its colour or by whole steps; a structure that
+        lacks a motion may leave the truth outside them
     repeats : share of the residual's power that a better linear model would take
     sizes : what poles and delay change by from the smallest to the largest step, where the speed
         does not grow with the step
@@ -109,8 +110,9 @@ class ServoBounds:
 
     Attributes
     ----------
-    structure : `speed`: the servo's own loop saturates; `command`: ramps ahead of the linear part;
-        `set-point`: as `speed`, behind a set point of bounded speed and with a limit each way
+    structure : `speed`: the servo's own loop saturates; `clipped`: the speed of a linear servo is
+        clipped; `command`: ramps ahead of the linear part; `set-point`: as `speed`, behind a set
+        point of bounded speed and with a limit each way
     losses : on steps held out, of every structure that was tried
     rate_limit : of the output [rad/s]; upward with `set-point`
     dead_band : half width, on the command [rad]
@@ -126,6 +128,12 @@ class ServoBounds:
     backlash: Estimate
     rate_limit_back: Estimate | None = None
     slew: Estimate | None = None
+
+    @property
+    def idle(self) -> bool:
+        """Whether no motion of the record reaches any of the limits of speed."""
+        speeds = (self.rate_limit, self.rate_limit_back, self.slew)
+        return all(e.at_least for e in speeds if e is not None)
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:

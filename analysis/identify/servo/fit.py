@@ -27,6 +27,8 @@ class ServoFit:
         its place
     idle : limits of speed that the readings do not ask for, and the lowest that they allow, on the
         command's side [rad/s]
+    rival : another structure that predicts steps held out as well, and by how much its denominator,
+        delay and ln rate limit differ; None without one
     """
 
     problem: Problem
@@ -40,6 +42,7 @@ class ServoFit:
     converged: bool
     losses: Mapping[Structure, float] = field(default_factory=dict)
     idle: Mapping[str, float] = field(default_factory=dict)
+    rival: tuple[Structure, Array] | None = None
 
     @property
     def weighted(self) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.compiled import njit
-from analysis.transfer_function.speed import move, track, wanted_speed
+from analysis.transfer_function.speed import clip_move, move, track, wanted_speed
 
 
 @njit(nogil=True)  # pragma: no cover - compiled
@@ -20,8 +20,14 @@ def speed_servo(
     w: float,
     limit: float,
     dead_band: float,
+    clipped: bool,
 ) -> tuple[Array, Array]:
-    """Angle (n,) [rad] and rate (n,) [rad/s] at the given times, from rest at the first command."""
+    """Angle (n,) [rad] and rate (n,) [rad/s] at the given times, from rest at the first command.
+
+    Parameters
+    ----------
+    clipped : the speed itself is, not what the loop aims at
+    """
     n = len(time)
     angle, rate = np.empty(n), np.empty(n)
     y, v, u, event = command[0], 0.0, command[0], 0
@@ -31,7 +37,10 @@ def speed_servo(
             due = input_time[event] + delay if event < len(command) else np.inf
             until = min(due, time[row])
             if until > now:
-                y, v = move(y, v, u, until - now, k, w, limit, dead_band)
+                if clipped:
+                    y, v = clip_move(y, v, u, until - now, k, w, limit, dead_band)
+                else:
+                    y, v = move(y, v, u, until - now, k, w, limit, dead_band)
                 now = until
             if due > time[row]:
                 break

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.array import Array
 from analysis.identify.evidence.evidence import ServoBounds
+from analysis.identify.evidence.uncertainty import Uncertainty
 from analysis.identify.linear.starts import thinned
 from analysis.identify.servo.descent import descend, fit_at, loss_of
 from analysis.identify.servo.fit import ServoFit
@@ -15,6 +16,7 @@ from analysis.identify.servo.starts import limits, reverses, with_values
 
 _LIFTED = 3.0  # ln: a limit 20 times higher bounds nothing
 _CHANCE = 3.84  # of a χ² of one degree of freedom, which is higher in 5 % of all cases
+_INTERVAL = 1.96  # deviations
 _HALVINGS = 20
 _LEAST = 1e-3  # of the highest dead band or backlash
 _TRIALS = 5  # halvings of the logarithm: within a quarter
@@ -99,11 +101,24 @@ def _expected(fit: ServoFit, axis: int, theta: Array, free: NDArray[np.intp]) ->
 
 def idle_warnings(bounds: ServoBounds, axis: str) -> list[str]:
     """What a model with such a limit is flown with."""
-    names = [e.name.partition(" ")[2] for e in bounds.estimates if e.at_least]
+    names = [e.name.removeprefix(f"{axis} ") for e in bounds.estimates if e.at_least]
     if not names:
         return []
     text = f"axis '{axis}': its motion in this record does not reach the {' and the '.join(names)};"
     return [f"{text} the model has the lowest that the record allows; record larger steps"]
+
+
+def rival_warnings(fit: ServoFit, bounds: ServoBounds, known: Uncertainty, axis: str) -> list[str]:
+    """Whether a structure that predicts as well has another delay, poles or limit."""
+    if fit.rival is None or bounds.idle:
+        return []
+    name, change = fit.rival
+    places, at = list(range(len(change))), fit.theta[: len(change)]
+    std = known.deviations(np.array, at, places, np.zeros(len(change)))
+    if not (np.abs(change) > _INTERVAL * std).any():
+        return []
+    text = f"axis '{axis}': the readings do not tell the structures '{fit.structure}' and '{name}'"
+    return [f"{text} apart, whose figures differ (--structure {name}); record steps of more sizes"]
 
 
 def _limits(fit: ServoFit) -> dict[str, Array]:

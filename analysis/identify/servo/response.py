@@ -24,9 +24,12 @@ def servo_response(
     dead_band, backlash = float(theta[poles + 2]), float(theta[poles + 3])
     command = np.ascontiguousarray(part.input[:, axis])
     motion: tuple[Array, Array]
-    if structure == "speed":
+    if structure in ("speed", "clipped"):
         k, w = _loop(theta[:poles])
-        motion = speed_servo(part.time, part.input_time, command, delay, k, w, limit, dead_band)
+        motion = speed_servo(
+            part.time, part.input_time, command, delay, k, w, limit, dead_band,
+            structure == "clipped",
+        )  # fmt: skip
     elif structure == "set-point":
         k, w = _loop(theta[:poles])
         slew, back = np.exp(theta[poles + 4 : poles + 6])

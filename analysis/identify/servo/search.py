@@ -1,12 +1,14 @@
 """Fit of a bounded servo: linear part and delay together with rate limit, dead band and backlash.
 
-Three places for the bound are tried, because servos differ in it, and the one that predicts steps
+Four places for the bound are tried, because servos differ in it, and the one that predicts steps
 held out best is kept. `speed`: the servo's own loop saturates (`servo.motion`). `command`: the
-command is limited to ramps ahead of the linear part (`problem.ramps`). `set-point`: as `speed`,
+command is limited to ramps ahead of the linear part (`problem.ramps`). `clipped`: the speed of a
+linear servo is clipped. `set-point`: as `speed`,
 behind a set point of bounded speed, with a limit each way. Gain, offsets and biases enter linearly
 and are solved for in every step.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +20,17 @@ from analysis.identify.errors import IdentificationError
 from analysis.identify.linear.starts import ROWS, thinned
 from analysis.identify.problem.noise import Mask, Pair, quantisation
 from analysis.identify.problem.problem import Problem
-from analysis.identify.problem.segments import step_folds
+from analysis.identify.problem.segments import step_folds, step_of_row
 from analysis.identify.servo.dead_band import static_dead_band
-from analysis.identify.servo.descent import descend, in_units, loss_of, prepared, project, settled
+from analysis.identify.servo.descent import (
+    descend,
+    fit_at,
+    in_units,
+    loss_of,
+    prepared,
+    project,
+    settled,
+)
 from analysis.identify.servo.fit import ServoFit
 from analysis.identify.servo.reached import without_idle_limits
 from analysis.identify.servo.starts import grid_of_starts, reverses, scales, with_values
@@ -29,6 +39,8 @@ from analysis.transfer_function.servo import Structure
 _FOLLOWED = 3
 _FOLDS = 4
 _WORTH = 0.97  # of the held-out loss: what a parameter more must save
+_HOPELESS = 10.0  # times the lowest loss held out: what a dead band or play does not explain
+_CHANCE = 1.64  # deviations of a difference that chance exceeds in 5 % of all cases
 
 
 def search_servo(
@@ -44,39 +56,52 @@ def search_servo(
     Raises
     ------
     IdentificationError : the layout has zeros or more than two poles, which no bounded servo here
-        has
+        has, or one pole where the structure has two
     """
     if problem.layout.zeros or problem.layout.poles not in (1, 2):
         raise IdentificationError(
             f"servo: fitted with 1 or 2 poles and no zeros, not {problem.layout.poles} and "
             f"{problem.layout.zeros}; leave zeros away or fit without the servo"
         )
+    if problem.layout.poles == 1 and structure in ("clipped", "set-point"):
+        raise IdentificationError(f"servo: the structure '{structure}' has 2 poles, not 1")
     kept = np.ones(len(problem.measured), dtype=bool) if keep is None else keep
     floor = quantisation(problem)
     problem, alike, unit = prepared(problem, axis, kept, floor)
-    tried: tuple[Structure, ...] = ("speed", "command", "set-point")
+    tried: tuple[Structure, ...] = ("speed", "command", "set-point", "clipped")
     if structure is not None:
         tried = (structure,)
-    elif problem.layout.poles == 1 or not reverses(problem, axis):
-        # steps one way only do not show what becomes of small motions to and fro
+    elif problem.layout.poles == 1:
         tried = ("speed", "command")
-    fits = []
+    elif not reverses(problem, axis):
+        # steps one way only do not show what becomes of small motions to and fro
+        tried = ("speed", "command", "clipped")
+    fits: dict[Structure, ServoFit] = {}
+    held_out: dict[Structure, Array] = {}
     for s in tried:
         progress.say(f"servo of structure {s}")
-        fits.append(_fit(alike, axis, s, max_delay, kept, floor))
-    losses = {
-        f.structure: loss * (1.0 if f.structure != "set-point" else 1.0 / _WORTH)
-        for f, loss in fits
-    }
-    best = min((f for f, _ in fits), key=lambda f: losses[f.structure])
+        least = min((float(loss.sum()) for loss in held_out.values()), default=np.inf)
+        fits[s], held_out[s] = _fit(alike, axis, s, max_delay, kept, floor, least)
+    losses = {s: float(loss.sum()) for s, loss in held_out.items()}
+    if "set-point" in losses:
+        losses["set-point"] /= _WORTH
+    if "clipped" in losses and not _better("clipped", "speed", held_out):
+        # servos limit what their loop aims at; the speed itself is clipped in simulations
+        losses["clipped"] = max(losses["clipped"], losses.get("speed", 0.0))
+    best = min(fits.values(), key=lambda f: losses[f.structure])
+    rival = _rival(best, fits, held_out)
     best = without_idle_limits(best, axis, max_delay)
-    return replace(in_units(best, problem, unit), losses=losses)
+    return replace(in_units(best, problem, unit), losses=losses, rival=rival)
 
 
 def _fit(
-    problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair
-) -> tuple[ServoFit, float]:
-    """Judge a grid of starts, follow the best few, settle the noise; also the loss held out."""
+    problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair,
+    least: float,
+) -> tuple[ServoFit, Array]:  # fmt: skip
+    """Judge a grid of starts, follow the best few, settle the noise; also the loss held out.
+
+    That loss is of every step (steps,); `least` is the lowest of structures tried before.
+    """
     poles = problem.layout.poles
     starts = grid_of_starts(problem, max_delay, structure)
     if not reverses(problem, axis):
@@ -84,6 +109,11 @@ def _fit(
     few = thinned(problem, ROWS)
     tight = _always(problem, axis, structure)
     theta = _best(few, axis, structure, starts, max_delay, tight)
+    if structure == "clipped" and loss_of(few, axis, structure, theta) > _HOPELESS * least:
+        # far behind another already where it is fitted: dead band and play are not looked for
+        fit = fit_at(few, axis, structure, theta, (np.nan, np.nan), True)
+        squares = fit.weighted**2
+        return fit, np.bincount(step_of_row(few, axis), squares).astype(np.float64)
     static = static_dead_band(problem, axis)
     free, theta, held_out = _worth_having(few, axis, structure, theta, starts, max_delay, static)
     fit = settled(problem, axis, structure, theta, free, max_delay, kept, floor)
@@ -121,22 +151,24 @@ def _worth_having(
     starts: list[Array],
     max_delay: float,
     static: float,
-) -> tuple[NDArray[np.intp], Array, float]:
+) -> tuple[NDArray[np.intp], Array, Array]:
     """Which parameters to free, and where to start: dead band and backlash if they predict steps.
 
     On the steps it is fitted to, a second excuse for a static error always helps; so steps held
-    out decide. Where the gimbal settled, the dead band is read off there (`static_dead_band`).
-    Backlash shows only where the motion reverses: elsewhere it is gain by another name.
+    out decide, whose losses (steps,) are returned. Where the gimbal settled, the dead band is read
+    off there (`static_dead_band`). Backlash shows only where the motion reverses: elsewhere it is
+    gain by another name.
     """
     poles = problem.layout.poles
     tight = _always(problem, axis, structure)
     band, play_ = poles + 2, poles + 3
-    if structure == "speed":
+    own_loop = structure in ("speed", "clipped")
+    if own_loop:
         theta = with_values(theta, [band], np.array([static]))
     choices = [(tight, theta)]
-    extra = [[band]] if structure == "speed" else []
+    extra = [[band]] if own_loop else []
     if structure != "set-point" and reverses(problem, axis):
-        extra += [[play_], [band, play_]] if structure == "speed" else [[play_]]
+        extra += [[play_], [band, play_]] if own_loop else [[play_]]
     least = scales(problem, structure)
     for more in extra:
         free = np.concatenate([tight, more])
@@ -148,28 +180,62 @@ def _worth_having(
         ]
         choices.append((free, _best(problem, axis, structure, begins, max_delay, free)))
     folds = step_folds(problem, axis, _FOLDS)
+    steps = step_of_row(problem, axis)
     losses = []
     for free, start in choices:
-        loss = 0.0
+        squares = np.zeros(len(problem.measured))
         for fold in folds:
             training = problem.weighed(np.where(fold, 0.0, problem.weight))
             found, _ = descend(training, axis, structure, start, max_delay, free)
-            loss += _held_out(problem, project(training, axis, structure, found)[2], fold)
-        losses.append(loss)
-    best = int(np.argmin(losses))
-    if losses[best] >= _WORTH * losses[0]:
+            squares += _held_out(problem, project(training, axis, structure, found)[2], fold)
+        losses.append(np.bincount(steps, squares).astype(np.float64))
+    total = [float(loss.sum()) for loss in losses]
+    best = int(np.argmin(total))
+    if total[best] >= _WORTH * total[0]:
         best = 0
     return *choices[best], losses[best]
 
 
-def _held_out(problem: Problem, residual: Array, fold: Mask) -> float:
-    """Weighted squares of the held-out residual around each record's own offset."""
-    total = 0.0
+def _better(one: Structure, other: Structure, held_out: Mapping[Structure, Array]) -> bool:
+    """Whether one structure predicts steps held out better than another, beyond chance.
+
+    By the scatter of the differences over the steps, of models none of which holds the other:
+    Q. H. Vuong, Econometrica 57 (1989), 307-333.
+    """
+    if other not in held_out:
+        return True
+    gain = held_out[other] - held_out[one]
+    deviation = float(np.std(gain, ddof=1)) * np.sqrt(len(gain)) if len(gain) > 1 else 0.0
+    # one step that only one of them explains makes the scatter as large as the gain
+    return float(gain.sum()) > min(_CHANCE * deviation, float(held_out[one].sum()))
+
+
+def _rival(
+    best: ServoFit, fits: Mapping[Structure, ServoFit], held_out: Mapping[Structure, Array]
+) -> tuple[Structure, Array] | None:
+    """The structure that predicts steps held out nearly as well, and what its figures differ by."""
+    near = [
+        s
+        for s in fits
+        if s != best.structure
+        and (s, best.structure) != ("set-point", "speed")  # it holds the other
+        and not _better(best.structure, s, held_out)
+    ]
+    if not near:
+        return None
+    other = min(near, key=lambda s: float(held_out[s].sum()))
+    shared = best.poles + 2
+    return other, fits[other].theta[:shared] - best.theta[:shared]
+
+
+def _held_out(problem: Problem, residual: Array, fold: Mask) -> Array:
+    """Weighted squares (rows,) of the held-out residual around each record's own offset."""
+    squares = np.zeros(len(residual))
     for index in range(len(problem.parts)):
         for is_rate in (False, True):
             rows = fold & (problem.owner == index) & (problem.is_rate == is_rate)
             rows &= problem.weight > 0.0
             if rows.any():
                 centred = residual[rows] - residual[rows].mean()
-                total += float(np.sum((centred * problem.weight[rows]) ** 2))
-    return total
+                squares[rows] = (centred * problem.weight[rows]) ** 2
+    return squares

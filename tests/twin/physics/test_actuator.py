@@ -226,9 +226,10 @@ def test_servo_block_equals_its_reference_in_analysis():
     assert np.abs(np.diff(truth, axis=0)).max() < 5.5e-3  # 4 rad/s and overshoot of the dynamics
 
 
+@pytest.mark.parametrize("structure", ["speed", "clipped"])
 @pytest.mark.parametrize("integrator", ["implicitfast", "rk4"])
-def test_speed_bounded_servo_equals_scipy_between_its_switches(integrator):
-    servo = Servo(rate_limit=2.0, dead_band=0.003, structure="speed")
+def test_speed_bounded_servo_equals_scipy_between_its_switches(integrator, structure):
+    servo = Servo(rate_limit=2.0, dead_band=0.003, structure=structure)
     system = TransferFunctionModel.second_order(45.0, 0.8, 0.0123)
     system = TransferFunctionModel(system.channels, servo=servo)
     commands = staircase(250, seed=6)
@@ -241,7 +242,12 @@ def test_speed_bounded_servo_equals_scipy_between_its_switches(integrator):
         e = u - x[0]
         beyond = abs(e) - 0.003
         e = 0.0 if beyond <= 0 else e * min(1.0, 2 * beyond / abs(e))
-        return [x[1], w * (np.clip(k * e, -2.0, 2.0) - x[1])]
+        if structure == "speed":
+            return [x[1], w * (np.clip(k * e, -2.0, 2.0) - x[1])]
+        return [np.clip(x[1], -2.0, 2.0), held(x[1], w * (k * e - x[1]))]
+
+    def held(v, a):
+        return 0.0 if abs(v) >= 2.0 and a * v > 0.0 else a
 
     for n in range(1, 250):
         for a, b in ((0.0, 0.3e-3), (0.3e-3, DT)):  # the delayed command changes in between

@@ -5,7 +5,8 @@ backlash; then per input: number of states, whole steps of delay, whether a rest
 the register, feedthrough, and the matrices A, now, before, C, then what the output's rate is of the
 states and of the command. Minus one state marks a servo whose own speed is bounded, followed by
 gain, k, w, limit, dead band and the rest of the delay; minus two one behind a set point of bounded
-speed, followed by those, the limit downward and the slew.
+speed, followed by those, the limit downward and the slew; minus three one whose speed is clipped,
+followed by what follows minus one.
 """
 
 from typing import Final
@@ -22,7 +23,7 @@ from analysis.transfer_function import (
     speed_loop,
     whole_steps,
 )
-from analysis.transfer_function.speed import move, track
+from analysis.transfer_function.speed import clip_move, move, track
 from hardware.frames import AXES
 from twin.errors import TwinError
 from twin.physics.native.cache import jit
@@ -37,6 +38,8 @@ _HEAD: Final = 6
 _PER_INPUT: Final = 5
 _SPEED: Final = -1
 _SET_POINT: Final = -2
+_CLIPPED: Final = -3
+_MARKS: Final = {"speed": _SPEED, "set-point": _SET_POINT, "clipped": _CLIPPED}
 _LOOP: Final = 6
 _LOOP_BEHIND_SET_POINT: Final = 8
 # 1/s; a hobby servo's poles lie at 10 to 300. Its Runge–Kutta steps are 0.2 of the fastest time
@@ -91,18 +94,25 @@ def _packed_speed(channel: Channel, servo: Servo, dt: float, axis: str) -> tuple
     late = 1 if rest > 0.0 else 0
     up, down, slew = servo.limits
     behind = servo.structure == "set-point"
-    head = [_SET_POINT if behind else _SPEED, shift, late, shift + late, 0.0]
+    head = [_MARKS[servo.structure], shift, late, shift + late, 0.0]
     tail = [*loop, up, servo.dead_band, rest, *((down, slew) if behind else ())]
     return [float(v) for v in head + tail], (3 if behind else 2) + shift + late
 
 
 @jit
 def _advance_speed(
-    p: Array, dt: float, act: Array, following: Array, place: int, now: float, before: float
-) -> float:
+    p: Array, dt: float, act: Array, following: Array, place: int, now: float, before: float,
+    clipped: bool,
+) -> float:  # fmt: skip
     """One step of a speed-bounded servo; its next output [rad]."""
     gain, k, w, limit, dead_band, rest = p
     y, v = act[place], act[place + 1]
+    if clipped:
+        if rest > 0.0:
+            y, v = clip_move(y, v, before, rest, k, w, limit, dead_band)
+        y, v = clip_move(y, v, now, dt - rest, k, w, limit, dead_band)
+        following[place], following[place + 1] = y, v
+        return gain * y
     if rest > 0.0:
         y, v = move(y, v, before, rest, k, w, limit, dead_band)
     y, v = move(y, v, now, dt - rest, k, w, limit, dead_band)
@@ -170,9 +180,9 @@ def advance(p: Array, act: Array, following: Array, commands: Array) -> None:
         if n == 0 and D == 0.0:
             continue
         before = act[register + shift] if late else 0.0
-        if n == _SPEED:
+        if n in (_SPEED, _CLIPPED):
             loop = p[at : at + _LOOP]
-            y += _advance_speed(loop, dt, act, following, place, now, before)
+            y += _advance_speed(loop, dt, act, following, place, now, before, n == _CLIPPED)
             moved = (following[place] - act[place]) / dt  # of first order, whose speed is no state
             speed += loop[0] * (following[place + 1] if loop[2] > 0.0 else moved)
             at, place = at + _LOOP, place + 2
