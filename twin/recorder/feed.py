@@ -16,7 +16,7 @@ from twin.recorder.sink import one_line
 
 FLUSH_SECONDS = 60.0  # a slow disk needs a few; without it Rerun waits for ever
 # Rerun keeps 2 kB for each write of a signal until the file is closed, for the index at its end.
-PART = 100  # of the run: a write of a file is no shorter than that
+PART = 25  # of the run: a write of a file is no shorter than that
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -34,7 +34,7 @@ class Feed:
     capacity : largest number of rows before they are written
     drain_ns : experiment time between two writes [ns]
     live : whether the stream is a viewer's, which keeps its first layout; in a file, a write also
-        has at least 1 % of the time until then
+        has at least 4 % of the time until then
 
     Attributes
     ----------

@@ -606,8 +606,8 @@ def test_the_writes_of_a_long_run_grow_with_it(tmp_path):
             recorder.row[0] = t
             recorder.commit(t * 100_000_000, t)
     assert recording.read(path)["vehicle/mass"].values[:, 0].tolist() == list(range(10 * seconds))
-    # one a second for 100 s, then each a hundredth longer than the time until then
-    expected = 100 + 100 * np.log(seconds / 100)
+    # one a second for 25 s, then each ends 4 % later than the one before
+    expected = 25 + np.log(seconds / 25) / np.log(1.04)
     assert _writes(path, "/vehicle/mass") == pytest.approx(expected, rel=0.03)
 
 
