@@ -16,7 +16,7 @@ from twin.workflows.demo import demo
 
 # twenty flights on two processes; what a campaign answers is tested with it
 CAMPAIGN = SimpleNamespace(
-    answers=SimpleNamespace(text="hit holds in 95.0% of 20 runs"), passed=True, as_dict=dict
+    answers=SimpleNamespace(text="hit holds in 95.0 % of 20 runs"), passed=True, as_dict=dict
 )
 SHORT = {"REPEATS": 1, "HOLD_S": 0.3, "LONGEST_FLIGHT_S": 0.6}
 

@@ -98,7 +98,7 @@ def test_the_wind_is_said_in_words():
     given = {"wind_speed": 5, "wind_turbulence": 0.2}
     model = load(ModelConfig(overrides=given)).mj
     mean = "5 m/s from the west (270° from north over east)"
-    assert wind_text(model) == f"{mean}, gusts 20% rms of 5 m/s"
+    assert wind_text(model) == f"{mean}, gusts 20 % rms of 5 m/s"
     assert wind_text(load(ModelConfig()).mj) == ""
     for name, value, says in (("azimuth", 270, "write 270°"), ("speed", -1, "not be negative")):
         with pytest.raises(TwinError, match=says):

@@ -207,18 +207,21 @@ def _sentence(
     e = estimates.get(f"{name}_rate")
     if e is None:
         return "No run counts."
-    text = f"{name} holds in {e.value:.1%} of {e.n} runs ({e.low:.1%} to {e.high:.1%})"
+    value, low, high = (100 * x for x in (e.value, e.low, e.high))
+    text = f"{name} holds in {value:.1f} % of {e.n} runs ({low:.1f} % to {high:.1f} %)"
     grids = [v.name for v in study.vary if v.kind == "grid"]
     for grid in grids:
         named = [c for c in cells if c.parameter == grid and c.rate is not None]
         good = [c.value for c in named if c.rate is not None and c.rate.low >= SHARE]
         if named:
-            text += f"; in at least {SHARE:.0%} with {len(good)} of {len(named)} {grid} values"
+            text += (
+                f"; in at least {100 * SHARE:.0f} % with {len(good)} of {len(named)} {grid} values"
+            )
             text += f": {', '.join(good)}" if good else ""
     if first:
         least = first[0]
         text += (
-            f"; {least.name} limits it first: {least.limit} for {SHARE:.0%}, a margin of"
+            f"; {least.name} limits it first: {least.limit} for {100 * SHARE:.0f} %, a margin of"
             f" {least.margin:.2g} at the nominal value"
         )
     return text + "."

@@ -53,7 +53,7 @@ def _answer(study: Study, result: CampaignResult) -> Section:
         rows.append((f"{v.text}: {word}", *_estimate("", v.estimate)[1:]))
         meanings.append("The statistic of this condition")
     rows = [(*row, said) for row, said in zip(rows, meanings, strict=True)]
-    head = ("statistic", "value", f"{study.confidence:.0%} interval", "runs", "meaning")
+    head = ("statistic", "value", f"{100 * study.confidence:.0f} % interval", "runs", "meaning")
     ends = ", ".join(f"{name} {n}" for name, n in a.outcomes.items())
     title = study.title if study.title[-1:] in ".?!" else f"{study.title}."
     flown = f"{title} {result.runs} of {result.planned} runs, by their end: {ends}."
@@ -75,7 +75,7 @@ def _map(a: Answers) -> Section:
         )
         lines.append(Line("probability", p.values, p.share, "run0", k, low=p.low, high=p.high))
         ends = np.array([p.values.min(), p.values.max()])
-        lines.append(Line(f"{SHARE:.0%}", ends, np.full(2, SHARE), "run1", k, "dash"))
+        lines.append(Line(f"{100 * SHARE:.0f} %", ends, np.full(2, SHARE), "run1", k, "dash"))
         margin = "–" if p.margin is None else f"{p.margin:.2g}"
         effect = a.on_attitude.get(p.name)
         of_error = (_short(effect.rank),) if effect else ("–",) if a.on_attitude else ()
@@ -86,7 +86,7 @@ def _map(a: Answers) -> Section:
         " resampled runs."
     )
     plot = Plot("map", caption, "", tuple(panels), tuple(lines), panel_height=200)
-    head: tuple[str, ...] = ("parameter", "nominal", f"limit for {SHARE:.0%}", "margin")
+    head: tuple[str, ...] = ("parameter", "nominal", f"limit for {100 * SHARE:.0f} %", "margin")
     about = "Margin: the nominal value over its limit, or the inverse where less is better."
     if a.on_attitude:
         head = (*head, "attitude error")
@@ -126,13 +126,13 @@ def _frontier(f: Frontier, properties: Sequence[Property]) -> Plot:
     # an open end of the band is drawn to the end of the range
     ends = [np.clip(v, y.values.min(), y.values.max()) for v in (f.low, f.high)]
     lines = (
-        Line(f"{SHARE:.0%}", f.at, f.value, "run0", low=ends[0], high=ends[1]),
+        Line(f"{100 * SHARE:.0f} %", f.at, f.value, "run0", low=ends[0], high=ends[1]),
         Line("nominal", np.array([of[f.x].nominal]), np.array([y.nominal]), "run1", 0, "dots"),
     )
     side = "above" if y.better > 0 else "below"
     caption = (
         f"Between the two parameters with the smallest margins, all others at their nominal values:"
-        f" {side} the line the measure holds in more than {SHARE:.0%}. Where the line ends,"
+        f" {side} the line the measure holds in more than {100 * SHARE:.0f} %. Where the line ends,"
         f" {f.y} has no limit in its range, or already its nominal value is beyond it."
     )
     panels = (Panel("", f.y, x_label=f.x),)
@@ -143,7 +143,7 @@ def _cells(a: Answers) -> Section:
     rows = []
     for c in a.cells:
         rate = ("–", "–") if c.rate is None else (
-            f"{c.rate.value:.1%}", f"{c.rate.low:.1%} to {c.rate.high:.1%}",
+            f"{100 * c.rate.value:.1f} %", f"{100 * c.rate.low:.1f} % to {100 * c.rate.high:.1f} %",
         )  # fmt: skip
         rows.append(
             (c.parameter, c.value, Cell(rate[0], "number"), Cell(rate[1], "number"),

@@ -109,7 +109,11 @@ class CampaignResult(Result):
             rows.append((name, e.text() + meaning))
         rows += self._map() + self._influences()
         for c in a.cells:
-            rate = "" if c.rate is None else f"{c.rate.value:.1%} ({c.rate.low:.1%} at least), "
+            rate = (
+                ""
+                if c.rate is None
+                else f"{100 * c.rate.value:.1f} % ({100 * c.rate.low:.1f} % at least), "
+            )
             rows.append((c.parameter, f"{c.value}: {rate}{a.figure} {c.figure.value:.3g}"))
         for v in self.verdicts:
             word = {True: "FAILED", False: "passed", None: "UNDECIDED"}[v.holds]
@@ -120,7 +124,7 @@ class CampaignResult(Result):
 
     def _map(self) -> Rows:
         return [
-            (f"for {SHARE:.0%}", f"{p.name}: {p.limit}, nominal {p.nominal:.3g}")
+            (f"for {100 * SHARE:.0f} %", f"{p.name}: {p.limit}, nominal {p.nominal:.3g}")
             for p in self.answers.map
         ]
 

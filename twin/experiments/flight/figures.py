@@ -82,9 +82,9 @@ class Figures:
             attack = f"angle of attack {self.max_angle_of_attack_deg:.2f}°"
             rows.append(("", f"{attack}, from a third of the largest airspeed on"))
         if self.gimbal_saturation is not None:
-            rows.append(("gimbal at limit", f"{self.gimbal_saturation:.1%} of the burn"))
+            rows.append(("gimbal at limit", f"{100 * self.gimbal_saturation:.1f} % of the burn"))
         if self.control_margin is not None:
-            left = f"{self.control_margin:.0%} or more of the stroke, in 95 % of the burn"
+            left = f"{100 * self.control_margin:.0f} % or more of the stroke, in 95 % of the burn"
             rows.append(("stroke left", left))
         if self.turn_radius_m is not None and self.turn_radius_m < STRAIGHT_M:
             rows.append(("smallest turn", f"{self.turn_radius_m:.0f} m radius under power"))

@@ -18,7 +18,7 @@ def wind_text(model: mujoco.MjModel) -> str:
         0.0 if (values := numeric(model, f"wind_{name}")) is None else float(values[0])
         for name in ("speed", "azimuth", "turbulence")
     )
-    gusts = f", gusts {turbulence:.0%} rms of {speed:g} m/s" if speed and turbulence else ""
+    gusts = f", gusts {100 * turbulence:.0f} % rms of {speed:g} m/s" if speed and turbulence else ""
     if numeric(model, "air_profile") is not None:
         return f"by the launch's profile{gusts}"
     if not speed:
