@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from analysis.array import Array
+from analysis.comparison.grade import Grade
 
 Style = Literal["line", "thin", "dash", "dots", "rings"]
 
@@ -100,9 +101,6 @@ class Cell:
 
     text: str
     mark: Literal["", "off", "warn", "number"] = ""
-
-
-Grade = Literal["good", "fair", "poor"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,14 +5,15 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 from analysis.comparison.compare import Comparison
+from analysis.comparison.grade import FAIR_FIT, GOOD_FIT, Grade
+from analysis.comparison.grade import grade as grade_of
 from analysis.flown import Flown
 from analysis.recording.measurements import Measurement
 from analysis.report.numbers import ReportNumbers
-from analysis.report.parts import Grade, Section, Verdicts
+from analysis.report.parts import Section, Verdicts
 from analysis.report.sections.key_figures import largest_figures
 from analysis.report.words import number, value_text
 
-GOOD_FIT, FAIR_FIT = 95.0, 85.0  # %; a difference of 5 and 15 % of the motion's own deviation
 SAME_FIT = 0.5  # %; a fit without offset that is higher by less is not mentioned
 SHORTEST_DELAY = 0.5e-3  # s; a shorter one is not mentioned
 MATCH: dict[Grade, str] = {
@@ -47,13 +48,13 @@ def _compared(c: Comparison) -> str:
     rms, worst = (number(math.degrees(v), 2) for v in (axis.as_is.rmse, axis.as_is.worst))
     differs = f"it differs by {rms}° rms, by {worst}° at most{late}."
     fit, moving = f"fit {number(c.fit, 3)} % on axis {axis.axis}", _without_offset(c)
-    if _grade(moving) != _grade(c.fit) and moving >= FAIR_FIT:
-        match = MATCH[_grade(moving)].format(c.other, c.reference)
+    if grade_of(moving) != grade_of(c.fit) and moving >= FAIR_FIT:
+        match = MATCH[grade_of(moving)].format(c.other, c.reference)
         offset = f"{match} but for a constant offset: fit {number(moving, 3)} % without it"
         return f"{offset}, {fit} with it; {differs}"
     if axis.as_is.fit_moving - axis.as_is.fit >= SAME_FIT:
         fit += f" ({number(axis.as_is.fit_moving, 3)} % without the constant offset)"
-    return f"{MATCH[_grade(c.fit)].format(c.other, c.reference)}: {fit}; {differs}"
+    return f"{MATCH[grade_of(c.fit)].format(c.other, c.reference)}: {fit}; {differs}"
 
 
 def _without_offset(c: Comparison) -> float:
@@ -101,10 +102,6 @@ def _flight(name: str, f: Flown) -> str:
     return f"Flight {name}: {', '.join(texts)}."
 
 
-def _grade(fit: float) -> Grade:
-    return "good" if fit >= GOOD_FIT else "fair" if fit >= FAIR_FIT else "poor"
-
-
 def _fits(found: Sequence[Comparison]) -> Iterator[tuple[str, Grade]]:
     """Fits; one that only a constant offset keeps below fair is fair too."""
     for c in found:
@@ -112,10 +109,10 @@ def _fits(found: Sequence[Comparison]) -> Iterator[tuple[str, Grade]]:
             continue
         text, grade, moving = (
             f"{c.other}: fit {number(c.fit, 3)} %",
-            _grade(c.fit),
+            grade_of(c.fit),
             _without_offset(c),
         )
-        if _grade(moving) != grade and moving >= FAIR_FIT:
+        if grade_of(moving) != grade and moving >= FAIR_FIT:
             text, grade = f"{text}, {number(moving, 3)} % without offset", "fair"
         yield text, grade
 

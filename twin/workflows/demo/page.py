@@ -5,16 +5,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analysis.comparison.grade import FAIR_FIT, GOOD_FIT, Grade, grade
 from analysis.recording import read
 from analysis.report import Line, Panel, Plot, Section, Table
-from analysis.report.parts import Grade, Verdicts, held
-from twin.workflows.demo.result import FAIR, GOOD, DemoResult
+from analysis.report.parts import Verdicts, held
+from twin.workflows.demo.result import DemoResult
 
 if TYPE_CHECKING:
     from analysis.recording import Recording
     from twin.evaluation.compare_result import CompareResult
 
-GRADES = f"Fit: good from {GOOD:.0f} %, fair from {FAIR:.0f} %; 100 % is exact."
+GRADES = f"Fit: good from {GOOD_FIT:.0f} %, fair from {FAIR_FIT:.0f} %; 100 % is exact."
 BEFORE, AFTER = 0.05, 0.45  # s around a step that is shown
 FILES = (
     ("steps.rrd", "the rig's answer to steps, and the physical model beside it"),
@@ -52,8 +53,7 @@ def sections(result: DemoResult) -> tuple[Section, ...]:
 
 def _verdict(name: str, compared: "CompareResult") -> tuple[str, Grade]:
     fit = compared.comparison.fit
-    grade: Grade = "good" if fit >= GOOD else "fair" if fit >= FAIR else "poor"
-    return f"{name}: fit {fit:.1f} %", grade
+    return f"{name}: fit {fit:.1f} %", grade(fit)
 
 
 def _step(result: DemoResult) -> Plot:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from analysis.comparison.grade import GOOD_FIT, grade
 from twin.config.result import Result, Rows
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from twin.experiments.step import StepResult
 
 FIGURE = 1.96  # standard deviations of a 95 % interval
-GOOD, FAIR = 90.0, 75.0  # fit [%] from which on a model follows the rig well, and roughly
+FOLLOWS = {"good": "closely", "fair": "roughly", "poor": "poorly"}
 
 
 class Stages(NamedTuple):
@@ -180,6 +181,6 @@ class DemoResult(Result):
 def _followed(topic: str, compared: "CompareResult", what: str) -> Fact:
     fit = compared.comparison.fit
     rms = math.degrees(max(a.as_is.rmse for a in compared.comparison.axes if a.commanded))
-    word = "well" if fit >= GOOD else "roughly" if fit >= FAIR else "poorly"
+    word = FOLLOWS[grade(fit)]
     text = f"follows the rig {word}: fit {fit:.1f} %, {rms:.2f}° rms"
-    return Fact(topic, text, f"{what}; 100 % is exact, {GOOD:.0f} % and more is well")
+    return Fact(topic, text, f"{what}; 100 % is exact, {GOOD_FIT:.0f} % and more is close")
