@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.identify.evidence.diagnostics import Residuals, Saturation, residual_tests
+from analysis.identify.evidence.diagnostics import Residuals, Saturation, beginning, residual_tests
 from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.identify.evidence.uncertainty import Uncertainty
 from analysis.identify.evidence.unexplained import repeatable
@@ -19,6 +19,7 @@ from analysis.recording.measurements import Measurement
 _POOR = 80.0  # percent of fit: below, a figure is a guess
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
 _SAME = 0.1  # of a frequency: below, a change between sizes of steps is taken for none
+_BEGINS = 2.5  # residual of the start over any other; at most 1.1 in records that begin at rest
 _ANSWER = 0.1  # share of the residual's power that another linear model would take; chance: 0
 
 
@@ -85,7 +86,7 @@ def evidence(
         tests[0], tests[1], checked, fit.converged, known.spread, stamps, known.disagree,
         known.disagree or known.colour is not None,
         repeatable(problem, residual, min(own, problem.parts[0].input.shape[1] - 1)), sizes, smear,
-        simpler,
+        simpler, beginning(problem, residual),
     )  # fmt: skip
 
 
@@ -142,7 +143,7 @@ def warnings_of(
         found.append(
             f"{name}: {explain} the readings as well as {poles}; fit with --poles {poles - 1}"
         )
-    found += [*_fit_warnings(axis, name), *limited]
+    found += [*_begin_warnings(axis, name), *_fit_warnings(axis, name), *limited]
     found += _residual_warnings(axis, name)
     found += _smear_warnings(axis, name, row[own])
     if axis.spikes:
@@ -177,6 +178,15 @@ def _fits(axis: AxisEvidence) -> dict[str, list[float]]:
 def _fit(axis: AxisEvidence) -> float:
     """Median over records and sensors [%]."""
     return float(np.median([f for fits in _fits(axis).values() for f in fits] or [np.nan]))
+
+
+def _begin_warnings(axis: AxisEvidence, name: str) -> list[str]:
+    if axis.beginning < _BEGINS:
+        return []
+    text = f"{name}: the gimbal already moves when a record begins (the residual there is"
+    text += f" {axis.beginning:.1f} times that of any time after it): let it begin at rest, give"
+    text += " the command before it (--before), or fit the start as well (--initial free)"
+    return [text]
 
 
 def _fit_warnings(axis: AxisEvidence, name: str) -> list[str]:

@@ -122,6 +122,24 @@ def test_an_unlimited_servo_is_not_flagged():
     assert identify([r]).warnings == ()
 
 
+def test_a_record_that_begins_in_motion_is_said_to():
+    rng = np.random.default_rng(1)
+    g = studies.Gimbal(20.0, 0.5, 0.02, 1.0)
+    at, u = studies.random_steps(rng, 8.0, 0.5, 8.0)
+    t = np.arange(at[3] + 0.06, 8.0, 0.005)  # on the way to the fourth angle
+    u[2:4] = [[-0.1], [0.1]]
+    angle, rate = studies.sensed(rng, *studies.moved([g], t, at, u))
+    r = measurement(
+        t, u[3:], command_time=np.append(t[0], at[4:]), before=u[3], angle=angle, rate=rate
+    )
+    found = identify([r])
+    assert any("already moves when a record begins" in w for w in found.warnings)
+    assert found.axes[0].beginning > 5.0
+    free = identify([replace(r, initial="free")])
+    assert free.warnings == ()
+    assert studies.frequency_error(free, g, g) < studies.frequency_error(found, g, g)
+
+
 @pytest.mark.parametrize(
     ("exponent", "std", "spread", "flagged"),
     [

@@ -11,6 +11,9 @@ from analysis.identify.problem.problem import Problem
 from analysis.identify.problem.segments import step_of_row
 from analysis.plain import Plain
 
+STARTS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)  # s; lengths of the start of a record
+FEWEST_ROWS = 8  # of a start
+
 
 @dataclass(frozen=True, slots=True)
 class Saturation(Plain):
@@ -68,6 +71,31 @@ def saturation(problem: Problem, predicted: Array) -> Saturation:
     off = y - y.mean() - exponent * x
     std = float(np.sqrt(off @ off / max(len(x) - 2, 1) / (x @ x)))
     return Saturation(exponent, std, len(pairs), spread, limited(exponent, std, spread))
+
+
+def beginning(problem: Problem, residual: Array) -> float:
+    """Residual (rows,) of the start of a record over the largest of an equal time after it, rms.
+
+    The largest over records, sensors and lengths of the start. Near 1 where a record begins at rest
+    under the command in force; large where the gimbal moved before.
+    """
+    most, counted = 0.0, problem.weight > 0.0
+    weighed = residual * problem.weight
+    for owner, part in enumerate(problem.parts):
+        for is_rate in (False, True):
+            rows = np.flatnonzero(counted & (problem.owner == owner) & (problem.is_rate == is_rate))
+            if part.free or not len(rows):
+                continue
+            since = problem.time[rows] - part.time[0]
+            for length in STARTS:
+                count = int(np.searchsorted(since, length))
+                if count < FEWEST_ROWS or length > 0.25 * since[-1]:
+                    continue
+                parts = weighed[rows[: len(rows) // count * count]].reshape(-1, count)
+                rms = np.sqrt(np.mean(parts**2, axis=1))
+                if rms[1:].max() > 0.0:
+                    most = max(most, float(rms[0] / rms[1:].max()))
+    return most
 
 
 def limited(exponent: float, std: float, spread: float) -> bool:

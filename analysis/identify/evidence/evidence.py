@@ -77,6 +77,8 @@ class AxisEvidence(Plain):
         does not grow with the step
     smear : what the scatter of the steps' times changes poles and delay by
     simpler : one pole less explains the readings as well
+    beginning : residual of the start of a record over the largest of an equal time after it, rms;
+        0 where the gimbal was free to move before
     """
 
     name: str
@@ -97,6 +99,7 @@ class AxisEvidence(Plain):
     sizes: tuple[Estimate, ...]
     smear: dict[str, float]
     simpler: bool = False
+    beginning: float = 0.0
 
     @property
     def fit(self) -> tuple[float, ...]:
