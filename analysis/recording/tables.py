@@ -123,7 +123,7 @@ def _read_text(path: Path, encoding: str) -> Table:
         io.TextIOWrapper(content, encoding=encoding, newline="") as file,
     ):
         sample = file.read(SAMPLE)
-        if "\0" in sample:
+        if "\0" in sample.rstrip("\0"):  # a log may lie in more room than it fills
             raise AnalysisError(f"{path}: holds zero bytes; not a text file")
         file.seek(0)
         try:

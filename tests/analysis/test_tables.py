@@ -145,9 +145,44 @@ def test_encodings_separators_unit_rows_and_dates_of_other_programs(tmp_path, co
     assert ("row 2 (s, deg" in found.note) is (b"s,deg" in content)
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        't,u\n"0,0","1,5"\n"0,25","-2"\n',  # LibreOffice, commas for both
+        "t u y\n0,000 1,5 0,0\n0,250 -2,0 0,1\n",
+        't;u\n"0,000";"1,500"\n"0,250";"-2,000"\n',
+        "t|u\n0.0|1.5\n0.25|-2\n",
+        "t = 0 u = 1.5\nt = 0.25 u = -2\n",
+        "t,u\n0,1.5\n0.25,\u22122\n",
+        "t,u\n(sec),(\u00b0)\n0,1.5\n0.25,-2\n",
+        "t,u\n0,1.5\n0.25,-2\n" + 300 * "\0",  # room that a log has not filled
+        "t,u\n00:00.5,1.5\n00:00.75,-2\n",  # minutes and seconds, as Excel writes them
+        "t,u\n9:59:59.75,1.5\n10:00:00.00,-2\n",
+    ],
+)
+def test_numbers_as_people_and_programs_write_them(tmp_path, content):
+    found = table(tmp_path, content)
+    assert found.stack(["t", "u"]).tolist() == [[0, 1.5], [0.25, -2]]
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
+def test_commas_between_thousands_are_no_decimal_commas_and_no_times_of_day(tmp_path, delimiter):
+    rows = [delimiter.join((f'"{10000 + 10 * k:,}"', f"{0.5 * k}")) for k in range(9)]
+    found = table(tmp_path, delimiter.join("tu") + "\n" + "\n".join(rows) + "\n")
+    with pytest.raises(AnalysisError, match="'10,000' is not a number"):
+        found.column("t")
+
+
+def test_a_name_may_hold_the_separator_in_quotes(tmp_path):
+    found = table(tmp_path, '"time, s", "u, deg"\n0, 1.5\n0.25, -2\n')
+    assert list(found.columns) == ["time, s", "u, deg"]
+
+
 def test_marks_of_missing_readings_are_empty_fields(tmp_path):
-    found = table(tmp_path, "t,u\n0,NA\n1,null\n2,n/a\n3,NaN\n4,\n5,7\n").column("u")
-    np.testing.assert_array_equal(found, [np.nan] * 5 + [7])
+    found = table(tmp_path, "t,u\n0,NA\n1,null\n2,n/a\n3,NaN\n4,\n5,--\n6,-nan(ind)\n7,7\n").column(
+        "u"
+    )
+    np.testing.assert_array_equal(found, [np.nan] * 7 + [7])
 
 
 def test_a_counter_of_32_bits_goes_on_behind_its_overflow(tmp_path):
