@@ -22,8 +22,8 @@ _STAMPED = re.compile(r"(\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) -> ?")
 _LABELLED = re.compile(r"([A-Za-z_][^:=,\t\n]{0,63})[:=]\s*([-+.\dA-Za-z]{1,32})\s*(?:[,\t ]\s*|$)")
 _UNITS = frozenset({
     "", "-", "1", "%", "s", "sec", "seconds", "ms", "us", "µs", "rad", "mrad", "deg", "degree",
-    "degrees", "°", "turn", "rad/s", "deg/s", "°/s", "v", "mv", "volt", "volts", "a", "ma", "percent", "counts",
-    "lsb", "m", "mm", "m/s", "m/s²", "m/s2", "g", "n",
+    "degrees", "°", "turn", "rad/s", "deg/s", "°/s", "v", "mv", "volt", "volts", "a", "ma",
+    "percent", "counts", "lsb", "m", "mm", "m/s", "m/s²", "m/s2", "g", "n",
 })  # fmt: skip  # of a row below the names
 _FORTRAN = re.compile(r"[-+]?\d*\.?\d+[dD][-+]?\d+")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")  # or a decimal comma

@@ -436,6 +436,41 @@ def test_few_rows_without_a_stamp_are_left_out(tmp_path):
     assert "1 row without a stamp in 't' left out" in r.note
 
 
+@pytest.mark.parametrize(
+    ("row", "stamp", "lost"),
+    [
+        (55, "0.0", 55),  # goes back once
+        (55, "0.54", 55),  # again the stamp before, with another reading
+        (55, "99", 55),  # runs ahead once
+        (0, "4294967.2", 0),
+        (299, "0", 299),
+    ],
+)
+def test_a_row_out_of_order_is_left_out_and_said_so(tmp_path, row, stamp, lost):
+    rows = [[f"{k / 100}", f"{k % 7}", f"{k}"] for k in range(300)]
+    rows[row][0] = stamp
+    r = chosen(table(tmp_path, "t,u,pot\n" + "\n".join(map(",".join, rows)) + "\n"))
+    assert r.angle.values[:, 0].tolist() == [k for k in range(300) if k != lost]
+    assert "1 row whose 't' does not increase left out" in r.note
+
+
+def test_rows_that_repeat_the_one_before_count_once_however_many(tmp_path):
+    rows = [f"{k / 100},{k % 7},{k}" for k in range(100)]
+    twice = [row for row in rows for _ in range(2)]
+    r = chosen(table(tmp_path, "t,u,pot\n" + "\n".join(twice) + "\n"))
+    assert r.angle.values[:, 0].tolist() == list(range(100))
+    assert "100 rows that repeat the one before left out" in r.note
+    other = [f"{k // 2 / 100},{k % 7},{k}" for k in range(100)]  # the stamps are too coarse
+    with pytest.raises(RecordingError, match="50 do not"):
+        chosen(table(tmp_path, "t,u,pot\n" + "\n".join(other) + "\n"))
+
+
+def test_a_log_begun_anew_is_refused_as_a_whole(tmp_path):
+    rows = [f"{k % 200 / 100},{k % 7},{k}" for k in range(300)]
+    with pytest.raises(RecordingError, match=r"from 1\.99 s to 0 s at sample 200"):
+        chosen(table(tmp_path, "t,u,pot\n" + "\n".join(rows) + "\n"))
+
+
 def test_a_header_longer_than_what_is_looked_at_keeps_its_separator(tmp_path):
     names = [f"column number {k:03d}" for k in range(500)]
     found = table(tmp_path, ";".join(names) + "\n" + ";".join("1,5" for _ in names) + "\n")
