@@ -28,6 +28,8 @@ def increasing(stamps: Array, most: float) -> Array | None:
     before = np.full(len(stamps), -1)
     for k, stamp in enumerate(stamps.tolist()):
         at = bisect_left(lasts, stamp)
+        if at < len(lasts) and lasts[at] == stamp:
+            continue  # the first of one stamp stays
         before[k] = rows[at - 1] if at else -1
         lasts[at : at + 1] = [stamp]
         rows[at : at + 1] = [k]

@@ -87,7 +87,7 @@ class Table:
                 same = same[(now == before) | (np.isnan(now) & np.isnan(before))]
         kept = np.ones(len(column), dtype=bool)
         kept[same] = False
-        return self._rows(kept, "that repeat the one before")
+        return self._rows(kept, "repeating the one before")
 
     def _ordered(self, time: str) -> "Table":
         stamps = unwrapped(self.column(time))

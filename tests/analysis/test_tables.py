@@ -459,7 +459,7 @@ def test_rows_that_repeat_the_one_before_count_once_however_many(tmp_path):
     twice = [row for row in rows for _ in range(2)]
     r = chosen(table(tmp_path, "t,u,pot\n" + "\n".join(twice) + "\n"))
     assert r.angle.values[:, 0].tolist() == list(range(100))
-    assert "100 rows that repeat the one before left out" in r.note
+    assert "100 rows repeating the one before left out" in r.note
     other = [f"{k // 2 / 100},{k % 7},{k}" for k in range(100)]  # the stamps are too coarse
     with pytest.raises(RecordingError, match="50 do not"):
         chosen(table(tmp_path, "t,u,pot\n" + "\n".join(other) + "\n"))
