@@ -48,6 +48,10 @@ class Columns:
         at the sample that first shows them
     stamps : without `commands`, what is known of that sample; see `measurement`
     before : the command in force before the first stamp, in its unit
+
+    Raises
+    ------
+    AnalysisError : one column of a table for two purposes
     """
 
     time: str
@@ -60,6 +64,19 @@ class Columns:
     commands: Path | None = None
     stamps: InputStamps = "shown"
     before: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what a slip of the pen makes: a model of a column from itself fits well."""
+        here = (self.time, *self.angle, *self.rate)
+        commanded = (self.time, *self.inputs)
+        tables = (here, commanded) if self.commands else ((*commanded, *here[1:]),)
+        for names in tables:
+            twice = next((n for n in names if names.count(n) > 1), None)
+            if twice is not None:
+                raise AnalysisError(
+                    f"column '{twice}' is named twice; time, command, angle and rate of an axis"
+                    " are different columns"
+                )
 
 
 def measurement_of_table(

@@ -88,6 +88,17 @@ def test_commands_beyond_a_quarter_turn_have_a_doubtful_unit(tmp_path, more, sai
     assert note == (f"command 'u' reaches {said}" if said else "")
 
 
+@pytest.mark.parametrize("names", [("t", "u", "u"), ("t", "t", "pot"), ("t", "u", "t")])
+def test_one_column_for_two_purposes_is_refused(names):
+    time, command, angle = names
+    with pytest.raises(AnalysisError, match="is named twice"):
+        Columns(time, (command,), (angle,))
+
+
+def test_a_table_of_commands_may_call_its_column_as_the_other_one_does(tmp_path):
+    Columns("t", ("angle",), ("angle",), commands=tmp_path / "commands.csv")
+
+
 def test_unknown_unit_lists_the_valid_ones(tmp_path):
     with pytest.raises(AnalysisError, match=r"no unit 'degrees'.*deg.*rad"):
         chosen(table(tmp_path, GOOD), unit="degrees")

@@ -1,5 +1,6 @@
 """Files given to a command as measurements: recordings of the twin, and tables from any rig."""
 
+import csv
 import hashlib
 import math
 from collections.abc import Sequence
@@ -76,6 +77,9 @@ def _refuse_twins(files: tuple[Path, ...]) -> None:
 def _recorded(config: Identify, file: Path) -> Given:
     if file.is_dir():
         raise TwinError(f"{file}: is a folder; name a recording or a table in it")
+    known = tables.KINDS | {".rrd"}
+    if config.given and file.suffix.lower() not in known:
+        raise TwinError(f"{file}: '{file.suffix}' is no table; {', '.join(sorted(known))} are read")
     for flag in config.given:
         if flag != "--angle":  # names a signal here
             raise TwinError(f"{flag} is only for tables; {file} is a recording")
@@ -161,4 +165,6 @@ def _numbers(flag: str, text: str) -> tuple[float, ...]:
 
 
 def _names(text: str | None) -> tuple[str, ...]:
-    return tuple(n.strip() for n in (text or "").split(",") if n.strip())
+    """Names between commas; one that holds a comma stands in double quotes."""
+    fields = next(csv.reader([text or ""], skipinitialspace=True), [])
+    return tuple(n.strip() for n in fields if n.strip())

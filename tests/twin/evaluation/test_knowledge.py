@@ -333,6 +333,8 @@ MISTAKES = [
     ("identify text.rrd", "not a Rerun recording"),
     ("identify run.csv", "--time t"),
     ("identify run.csv --time t --input u --angle pt", "did you mean 'pot'"),
+    ("identify run.csv --time t --input t --angle pot", "column 't' is named twice"),
+    ("identify run.xls --time t --input u --angle pot", "run.xls: '.xls' is no table; .csv"),
     ("identify run.csv --time t --input u --angle pot --angle-unit grad", "no unit 'grad'"),
     (
         "identify run.csv --time t --input u --angle pot --input-unit deg",
