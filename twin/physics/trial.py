@@ -15,6 +15,8 @@ def main() -> None:
     """Compile the model on standard input; errors that MuJoCo reports are left to the caller."""
     limited.confine()
     request = json.load(sys.stdin)
+    said: list[str] = []
+    mujoco.set_mju_user_warning(said.append)
     try:
         if request["text"] is None:
             model = mujoco.MjModel.from_xml_path(request["path"])
@@ -22,10 +24,13 @@ def main() -> None:
             model = mujoco.MjSpec.from_string(request["text"]).compile()
         if 0 < model.opt.timestep < 1:
             mujoco.mj_step(model, mujoco.MjData(model))
-    except ValueError:  # it will be reported where it is compiled again
-        pass
+    except ValueError as error:  # others will be reported where it is compiled again
+        if "allocate memory" in str(error):  # where there may be enough to fill the machine
+            limited.refuse("MuJoCo cannot hold it: it needs more memory than a model may")
     except (mujoco.FatalError, MemoryError) as error:
         limited.refuse(f"MuJoCo cannot hold it: {error}")
+    if any("'NaN'" in message for message in said):  # MuJoCo only warns
+        limited.refuse("an attribute is NaN; every number must be finite")
 
 
 if __name__ == "__main__":
