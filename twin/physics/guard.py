@@ -41,6 +41,7 @@ COUNTED: Final = ("replicate", "flexcomp", "composite")  # elements that stand f
 SIZED: Final = {"hfield": ("nrow", "ncol"), "texture": ("width", "height"), "numeric": ("size",)}
 SIDES: Final = ("right", "left", "up", "down", "front", "back")
 
+_NAN: Final = re.compile(r"(?i)(?<!\S)[-+]?nan(?!\S)")
 _COMMENT: Final = re.compile(rb"<!--.*?-->", re.DOTALL)
 Digests = Mapping[Path, str]
 _approved: set[str] = set()  # in this process
@@ -158,6 +159,9 @@ class _Walk:
         self, element: ET.Element, models: Mapping[str, float], path: Path, main: Path
     ) -> float:
         """Elements that one stands for, itself included."""
+        for key, value in element.attrib.items():
+            if key != "name" and _NAN.search(value):  # MuJoCo only warns
+                raise TwinError(f"{path}: <{element.tag} {key}> is NaN; numbers must be finite")
         inside = sum(self._expanded(child, models, path, main) for child in element)
         if element.tag == "include" and "file" in element.attrib:
             name = element.attrib["file"]
