@@ -15,6 +15,7 @@ from analysis.identify import by_frames, by_pulses
 from analysis.recording import Measurement, tables
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
+from analysis.units import is_number
 from twin.config import Columns, Identify
 from twin.errors import TwinError
 
@@ -155,10 +156,9 @@ def _columns(config: Columns, file: Path, rate: tuple[str, ...] = ()) -> recordi
 
 
 def _numbers(flag: str, text: str) -> tuple[float, ...]:
-    try:
-        found = tuple(float(n) for n in _names(text))
-    except ValueError:
-        raise TwinError(f"{flag} {text}: must be numbers, separated by commas") from None
+    if not all(map(is_number, _names(text))):
+        raise TwinError(f"{flag} {text}: must be numbers, separated by commas")
+    found = tuple(float(n) for n in _names(text))
     if not found or not np.isfinite(found).all():
         raise TwinError(f"{flag} {text}: must be finite numbers, separated by commas")
     return found
