@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin.errors import TwinError
+from twin.errors import DivergenceError, TwinError
 from twin.physics import native
 from twin.plant.model.model import REFERENCE_GIMBAL, ModelConfig, load
 from twin.plant.plant import Plant
@@ -35,6 +35,20 @@ def test_a_driven_transfer_function_ends_at_its_static_gain():
     channels = json.loads(REFERENCE_GIMBAL.read_text())["channels"]
     gain = [[c["num"][-1] / c["den"][-1] for c in row] for row in channels]
     np.testing.assert_allclose(state.angle, gain @ np.array(ANGLE), atol=radians(0.02))
+
+
+def test_a_gimbal_on_the_bench_that_leaves_its_stops_has_diverged(tmp_path):
+    content = json.loads(REFERENCE_GIMBAL.read_text())
+    content["channels"][0][0]["num"][-1] *= 1e5
+    model = tmp_path / "model.json"
+    model.write_text(json.dumps(content))
+    config = ModelConfig(scene="bench", gimbal="transfer-function", transfer_function=model)
+    with native.installed():
+        plant = Plant(load(config))
+        plant.drive(ANGLE)
+        with pytest.raises(DivergenceError, match=r"diverged at 0\.\d+ s: joint 'gimbal_x' is at"):
+            for _ in range(100):
+                plant.advance(10)
 
 
 def test_joints_that_follow_take_the_measured_angle_exactly():
