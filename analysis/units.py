@@ -77,7 +77,9 @@ def of_any_kind(text: str) -> float:
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is one number without a unit; also `nan` and `inf`."""
+    """Whether a text is one number without a unit; also `nan` and `inf`, but not `1_0` or `１`."""
+    if "_" in text or not text.isascii():
+        return False
     try:
         float(text)
     except ValueError:

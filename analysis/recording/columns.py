@@ -19,6 +19,7 @@ from analysis.recording.measurements import (
     check_stamps,
 )
 from analysis.recording.series import Recording, TimeSeries
+from analysis.recording.stamps import TURN, unwrapped
 from analysis.schema import AnalysisError, unknown
 
 UNITS: Mapping[str, float] = MappingProxyType(
@@ -28,7 +29,6 @@ UNITS: Mapping[str, float] = MappingProxyType(
     }
 )  # fmt: skip
 NO_ANGLES = ("us", "percent", "counts", "1")  # pulse width [µs], of full travel, of a converter
-_TURN = 2.0**32  # of a counter such as micros()
 FARTHEST = math.pi / 2  # rad; no gimbal is commanded so far
 _SLOWEST = 0.5  # s between samples; no gimbal's motion is sampled that seldom
 
@@ -48,6 +48,10 @@ class Columns:
         at the sample that first shows them
     stamps : without `commands`, what is known of that sample; see `measurement`
     before : the command in force before the first stamp, in its unit
+
+    Raises
+    ------
+    AnalysisError : one column of a table for two purposes
     """
 
     time: str
@@ -60,6 +64,19 @@ class Columns:
     commands: Path | None = None
     stamps: InputStamps = "shown"
     before: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what a slip of the pen makes: a model of a column from itself fits well."""
+        here = (self.time, *self.angle, *self.rate)
+        commanded = (self.time, *self.inputs)
+        tables = (here, commanded) if self.commands else ((*commanded, *here[1:]),)
+        for names in tables:
+            twice = next((n for n in names if names.count(n) > 1), None)
+            if twice is not None:
+                raise AnalysisError(
+                    f"column '{twice}' is named twice; time, command, angle and rate of an axis"
+                    " are different columns"
+                )
 
 
 def measurement_of_table(
@@ -97,7 +114,7 @@ def measurement_of_table(
         given = tables.read(columns.commands).dated(columns.time)
     commands, held = _filled(given or table, columns.inputs)
     run = measurement(
-        _unwrapped(table.column(columns.time)) * seconds,
+        unwrapped(table.column(columns.time)) * seconds,
         commands,
         angle=table.stack(columns.angle) if columns.angle else None,
         rate=table.stack(columns.rate) if columns.rate else None,
@@ -133,7 +150,7 @@ def commands_of_table(
         commands that are not finite
     """
     table = tables.read(path).dated(time)
-    stamps = _unwrapped(table.column(time))
+    stamps = unwrapped(table.column(time))
     if time_scale is None:
         _check_seconds(table.source, time, stamps)
     values, note = _filled(table, inputs)
@@ -192,7 +209,7 @@ def _of_commands(
     if given is None:
         return None
     apart = given.begins.get(name, 0.0) - table.begins.get(name, 0.0)
-    commands, readings = (_unwrapped(t.column(name)) for t in (given, table))
+    commands, readings = (unwrapped(t.column(name)) for t in (given, table))
     return (commands + _turns_apart(commands, readings)) * seconds + apart
 
 
@@ -202,16 +219,10 @@ def _turns_apart(stamps: Array, others: Array) -> float:
         return 0.0
     first, last = float(stamps.min()), float(stamps.max())
     low, high = float(others.min()), float(others.max())
-    for turn in (0.0, _TURN, -_TURN):
+    for turn in (0.0, TURN, -TURN):
         if first + turn <= high and last + turn >= low:
             return turn
     return 0.0
-
-
-def _unwrapped(stamps: Array) -> Array:
-    """Stamps (n,) of a counter of 32 bits through its overflows: `micros()` has one in 72 min."""
-    over = (np.diff(stamps, prepend=stamps[:1]) < -0.99 * _TURN) & (stamps < _TURN)
-    return stamps + _TURN * np.cumsum(over) if over.any() else stamps
 
 
 def _scale(unit: str) -> float:

@@ -1,5 +1,6 @@
 """Lines of a text file as lines of a table: of programs, serial monitors, plotters, and JSON."""
 
+import csv
 import json
 import math
 import re
@@ -9,20 +10,26 @@ from datetime import UTC, datetime
 
 SAMPLE = 8192  # characters, from which the form of a file follows
 STAMP = "monitor_time"  # column of a serial monitor's stamps
-MISSING = frozenset({"", "na", "n/a", "#n/a", "null", "none"})  # float() reads "nan" itself
+MISSING = frozenset({
+    "", "na", "n/a", "#n/a", "null", "none", "-", "--", "---", "nan(ind)", "-nan(ind)", "ovf",
+})  # fmt: skip  # float() reads "nan" itself
 LONGEST_FIELD = 256  # characters
 _LONGEST_JSON = 4096  # characters
 _SEPARATOR = re.compile(r"\ufeff?sep=(.)\s*$")  # first line of tables that Excel is to open
 _COMMENTS = ("#", "%", "//")
 # Arduino's Serial Monitor with its stamps; its plotter takes labels before the values
 _STAMPED = re.compile(r"(\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) -> ?")
-_LABELLED = re.compile(r"([A-Za-z_][^:,\t\n]{0,63}):\s*([-+.\dA-Za-z]{1,32})\s*(?:[,\t ]\s*|$)")
+_LABELLED = re.compile(r"([A-Za-z_][^:=,\t\n]{0,63})[:=]\s*([-+.\dA-Za-z]{1,32})\s*(?:[,\t ]\s*|$)")
 _UNITS = frozenset({
-    "", "-", "1", "%", "s", "ms", "us", "µs", "rad", "mrad", "deg", "degree", "degrees", "°",
-    "turn", "rad/s", "deg/s", "°/s", "v", "mv", "volt", "volts", "a", "ma", "percent", "counts",
-    "lsb", "m", "mm", "m/s", "m/s²", "m/s2", "g", "n",
+    "", "-", "1", "%", "s", "sec", "seconds", "ms", "us", "µs", "rad", "mrad", "deg", "degree",
+    "degrees", "°", "turn", "rad/s", "deg/s", "°/s", "v", "mv", "volt", "volts", "a", "ma",
+    "percent", "counts", "lsb", "m", "mm", "m/s", "m/s²", "m/s2", "g", "n",
 })  # fmt: skip  # of a row below the names
 _FORTRAN = re.compile(r"[-+]?\d*\.?\d+[dD][-+]?\d+")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")  # or a decimal comma
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}([T ].*)?")
+_TIME = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,:]\d+)?(Z|[-+]\d{2}:?\d{2})?")
+_MINUTES = re.compile(r"\d{1,2}:\d{2}[.,]\d+")  # and seconds, as Excel writes them
 
 
 class TableLines:
@@ -35,6 +42,7 @@ class TableLines:
     Attributes
     ----------
     delimiter : between the fields of a line that is given
+    decimal_comma : whether numbers may have one; between commas, in quotes
     stamped : whether a serial monitor's stamps stand before the lines; they are the first field
     names : of the fields, where every line has them
     number : of the last line
@@ -55,6 +63,7 @@ class TableLines:
             found = Counter(tuple(f) for f in map(_labelled, lines) if f)
             self.names = list(found.most_common(1)[0][0])
         self.delimiter = "," if self.names else _delimiter(lines)
+        self.decimal_comma = _commas_are_decimal(lines, self.delimiter)
         self._begin = 0 if self.names else _first_line(lines, self.delimiter)
         self._file = iter(file)
         self.number, self.comment, self.ended, self.text = 0, "", True, 0
@@ -108,7 +117,8 @@ def number(text: str, *, decimal_comma: bool) -> float:
     text = text.strip()
     if text.lower() in MISSING:
         return math.nan
-    if len(text) > LONGEST_FIELD or "_" in text:
+    text = text.replace("\u2212", "-")  # the minus of typography
+    if len(text) > LONGEST_FIELD or "_" in text or text.endswith(","):
         return math.inf
     try:
         value = float(text.replace(",", ".") if decimal_comma else text)
@@ -120,10 +130,20 @@ def number(text: str, *, decimal_comma: bool) -> float:
 
 
 def instant(text: str) -> datetime | None:
-    """Instant of an ISO 8601 date and time, or of a time of day; None where it is neither."""
+    """Instant of an ISO 8601 date and time, or of a time of day; None where it is neither.
+
+    A time of day may lack its hours where it has a fraction: 01:02.5 is 62.5 s.
+    """
     text = text.strip()
+    # fromisoformat takes "10,000" for ten o'clock, and "00:01.5" for a minute past midnight
+    if _MINUTES.fullmatch(text):
+        text = f"00:{text}"
+    if _TIME.fullmatch(text):
+        text = f"1970-01-01T{'0' * (text[1] == ':')}{text}"
+    elif not _DATE.fullmatch(text):
+        return None
     try:
-        moment = datetime.fromisoformat(text if "-" in text else f"1970-01-01T{text}")
+        moment = datetime.fromisoformat(text)
     except ValueError:
         return None
     return moment.replace(tzinfo=moment.tzinfo or UTC)
@@ -162,25 +182,29 @@ def _of_json(line: str) -> dict[str, str] | None:
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
-    fields = line.strip(" ").split(delimiter)
+    line = line.strip(" ")
+    if '"' in line:
+        fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    else:
+        fields = line.split(delimiter)
     return [f.strip().strip('"') for f in fields if f or delimiter != " "]
 
 
 def _numbers(line: str, delimiter: str) -> int:
     """How many fields of a line are numbers or instants."""
     return sum(
-        math.isfinite(number(f, decimal_comma=delimiter in ";\t")) or instant(f) is not None
+        math.isfinite(number(f, decimal_comma=True)) or instant(f) is not None
         for f in _fields(line, delimiter)
     )
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The separator that makes most numbers; between semicolons or tabs they may have a comma."""
+    """The separator that makes most numbers; but between commas they may have a comma."""
     lines = [line for line in lines if line.strip() and not line.startswith(_COMMENTS)]
     first = lines[0] if lines else ""
     if stated := _SEPARATOR.match(first):
         return stated[1]
-    candidates = (";", "\t", ",", " ")
+    candidates = (";", "\t", "|", ",", " ")
     alike = {c: Counter(n for line in lines if (n := _numbers(line, c)) > 1) for c in candidates}
     counts = {c: max((n * k for n, k in found.items()), default=0) for c, found in alike.items()}
     if any(counts.values()):
@@ -200,6 +224,19 @@ def _first_line(lines: Sequence[str], delimiter: str) -> int:
     if not names:  # perhaps one separator more or less, as at the end of every row
         near = above[-1:] if above and abs(rows[above[-1]][1] - wide) < 2 else []
         return (near or [begin])[0]
-    units = {f.strip("()[]").lower() for f in _fields(lines[names[-1]], delimiter)} <= _UNITS
+    units = all(map(_is_unit, _fields(lines[names[-1]], delimiter)))
     before = [k for k in above if k < names[-1]][-1:]  # the line above them
     return before[0] if units and before and before[0] in names else names[-1]
+
+
+def _is_unit(field: str) -> bool:
+    return field.strip("()[]").lower() in _UNITS or f"{field[:1]}{field[-1:]}" in {"()", "[]"}
+
+
+def _commas_are_decimal(lines: Sequence[str], delimiter: str) -> bool:
+    """Whether numbers have decimal commas, not commas between their thousands."""
+    fields = [f for line in lines if "," in line for f in _fields(line, delimiter)]
+    numbers = [f for f in fields if math.isfinite(number(f, decimal_comma=True))]
+    if any("," in f and not _THOUSANDS.fullmatch(f) for f in numbers):
+        return True
+    return delimiter != "," and not any("." in f for f in numbers)

@@ -13,6 +13,7 @@ import numpy as np
 from analysis import limited
 from analysis.array import Array
 from analysis.files import opened
+from analysis.recording.stamps import increasing, unwrapped
 from analysis.recording.table_lines import SAMPLE, TableLines
 from analysis.recording.text_table import STRAY, columns_of
 from analysis.schema import AnalysisError, unknown
@@ -60,18 +61,48 @@ class Table:
         return self.columns[name]
 
     def dated(self, time: str) -> "Table":
-        """The table without the rows that have no stamp, with a note; as it is if they are many.
+        """The table without few rows that have no stamp or are out of order, and repeated rows.
+
+        With a note of what was left out; as it is if those are many.
 
         Raises
         ------
         AnalysisError : as `column`
         """
+        return self._stamped(time)._once(time)._ordered(time)
+
+    def _stamped(self, time: str) -> "Table":
         stamped = ~np.isnan(self.column(time))
-        lost = len(stamped) - int(stamped.sum())
-        if not 0 < lost <= STRAY * len(stamped):
+        if (~stamped).sum() > STRAY * len(stamped):
             return self
-        columns = {n: c[stamped] if len(c) == len(stamped) else c for n, c in self.columns.items()}
-        said = f"{lost} row{'s' * (lost > 1)} without a stamp in '{time}' left out"
+        return self._rows(stamped, f"without a stamp in '{time}'")
+
+    def _once(self, time: str) -> "Table":
+        """Without rows that are wholly those before them."""
+        column = self.column(time)
+        same = np.flatnonzero(np.diff(column) == 0.0) + 1
+        for other in self.columns.values():
+            if len(other) == len(column):
+                now, before = other[same], other[same - 1]
+                same = same[(now == before) | (np.isnan(now) & np.isnan(before))]
+        kept = np.ones(len(column), dtype=bool)
+        kept[same] = False
+        return self._rows(kept, "repeating the one before")
+
+    def _ordered(self, time: str) -> "Table":
+        stamps = unwrapped(self.column(time))
+        if np.isnan(stamps).any() or (np.diff(stamps) > 0.0).all():
+            return self
+        kept = increasing(stamps, STRAY * len(stamps))
+        return self if kept is None else self._rows(kept, f"whose '{time}' does not increase")
+
+    def _rows(self, kept: Array, why: str) -> "Table":
+        """Some rows, with a note of the others; columns of other lengths stay."""
+        lost = len(kept) - int(kept.sum())
+        if not lost:
+            return self
+        columns = {n: c[kept] if len(c) == len(kept) else c for n, c in self.columns.items()}
+        said = f"{lost} row{'s' * (lost > 1)} {why} left out"
         note = f"{self.note}; {said}" if self.note else said
         return replace(self, columns=MappingProxyType(columns), note=note)
 
@@ -123,7 +154,7 @@ def _read_text(path: Path, encoding: str) -> Table:
         io.TextIOWrapper(content, encoding=encoding, newline="") as file,
     ):
         sample = file.read(SAMPLE)
-        if "\0" in sample:
+        if "\0" in sample.rstrip("\0"):  # a log may lie in more room than it fills
             raise AnalysisError(f"{path}: holds zero bytes; not a text file")
         file.seek(0)
         try:

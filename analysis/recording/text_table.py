@@ -39,10 +39,10 @@ def columns_of(source: str, lines: TableLines) -> TextColumns:
     AnalysisError : no header, no rows, too many of them, or rows of other lengths than the header
     csv.Error : quotes that do not end
     """
-    reader = csv.reader(lines, delimiter=lines.delimiter, strict=True)
+    reader = csv.reader(lines, delimiter=lines.delimiter, strict=True, skipinitialspace=True)
     names, rows = _header(source, lines, reader)
     _check_names(source, names[lines.stamped :])
-    found = _Rows(source, names, decimal_comma=lines.delimiter in ";\t")
+    found = _Rows(source, names, decimal_comma=lines.decimal_comma)
     for row in islice(rows, MOST_ROWS + 1):
         if not any(f.strip() for f in row):
             continue

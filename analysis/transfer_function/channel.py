@@ -39,6 +39,9 @@ class Channel:
             raise ModelFileError("num, den and delay_s must be finite")
         if den == (0.0,):
             raise ModelFileError("den is zero; it must hold a polynomial in s")
+        with np.errstate(over="ignore"):
+            if not np.isfinite(np.divide([*num, *den], den[0])).all():
+                raise ModelFileError("num and den must be finite also where den begins with 1")
         if len(num) > len(den):
             raise ModelFileError(
                 f"num has degree {len(num) - 1} and den {len(den) - 1}: the channel is improper,"

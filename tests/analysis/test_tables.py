@@ -88,6 +88,17 @@ def test_commands_beyond_a_quarter_turn_have_a_doubtful_unit(tmp_path, more, sai
     assert note == (f"command 'u' reaches {said}" if said else "")
 
 
+@pytest.mark.parametrize("names", [("t", "u", "u"), ("t", "t", "pot"), ("t", "u", "t")])
+def test_one_column_for_two_purposes_is_refused(names):
+    time, command, angle = names
+    with pytest.raises(AnalysisError, match="is named twice"):
+        Columns(time, (command,), (angle,))
+
+
+def test_a_table_of_commands_may_call_its_column_as_the_other_one_does(tmp_path):
+    Columns("t", ("angle",), ("angle",), commands=tmp_path / "commands.csv")
+
+
 def test_unknown_unit_lists_the_valid_ones(tmp_path):
     with pytest.raises(AnalysisError, match=r"no unit 'degrees'.*deg.*rad"):
         chosen(table(tmp_path, GOOD), unit="degrees")
@@ -145,9 +156,44 @@ def test_encodings_separators_unit_rows_and_dates_of_other_programs(tmp_path, co
     assert ("row 2 (s, deg" in found.note) is (b"s,deg" in content)
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        't,u\n"0,0","1,5"\n"0,25","-2"\n',  # LibreOffice, commas for both
+        "t u y\n0,000 1,5 0,0\n0,250 -2,0 0,1\n",
+        't;u\n"0,000";"1,500"\n"0,250";"-2,000"\n',
+        "t|u\n0.0|1.5\n0.25|-2\n",
+        "t = 0 u = 1.5\nt = 0.25 u = -2\n",
+        "t,u\n0,1.5\n0.25,\u22122\n",
+        "t,u\n(sec),(\u00b0)\n0,1.5\n0.25,-2\n",
+        "t,u\n0,1.5\n0.25,-2\n" + 300 * "\0",  # room that a log has not filled
+        "t,u\n00:00.5,1.5\n00:00.75,-2\n",  # minutes and seconds, as Excel writes them
+        "t,u\n9:59:59.75,1.5\n10:00:00.00,-2\n",
+    ],
+)
+def test_numbers_as_people_and_programs_write_them(tmp_path, content):
+    found = table(tmp_path, content)
+    assert found.stack(["t", "u"]).tolist() == [[0, 1.5], [0.25, -2]]
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
+def test_commas_between_thousands_are_no_decimal_commas_and_no_times_of_day(tmp_path, delimiter):
+    rows = [delimiter.join((f'"{10000 + 10 * k:,}"', f"{0.5 * k}")) for k in range(9)]
+    found = table(tmp_path, delimiter.join("tu") + "\n" + "\n".join(rows) + "\n")
+    with pytest.raises(AnalysisError, match="'10,000' is not a number"):
+        found.column("t")
+
+
+def test_a_name_may_hold_the_separator_in_quotes(tmp_path):
+    found = table(tmp_path, '"time, s", "u, deg"\n0, 1.5\n0.25, -2\n')
+    assert list(found.columns) == ["time, s", "u, deg"]
+
+
 def test_marks_of_missing_readings_are_empty_fields(tmp_path):
-    found = table(tmp_path, "t,u\n0,NA\n1,null\n2,n/a\n3,NaN\n4,\n5,7\n").column("u")
-    np.testing.assert_array_equal(found, [np.nan] * 5 + [7])
+    found = table(tmp_path, "t,u\n0,NA\n1,null\n2,n/a\n3,NaN\n4,\n5,--\n6,-nan(ind)\n7,7\n").column(
+        "u"
+    )
+    np.testing.assert_array_equal(found, [np.nan] * 7 + [7])
 
 
 def test_a_counter_of_32_bits_goes_on_behind_its_overflow(tmp_path):
@@ -399,6 +445,41 @@ def test_few_rows_without_a_stamp_are_left_out(tmp_path):
     r = chosen(table(tmp_path, "t,u,pot\n" + "\n".join(rows) + "\n"))
     assert len(r.angle.time) == 299
     assert "1 row without a stamp in 't' left out" in r.note
+
+
+@pytest.mark.parametrize(
+    ("row", "stamp", "lost"),
+    [
+        (55, "0.0", 55),  # goes back once
+        (55, "0.54", 55),  # again the stamp before, with another reading
+        (55, "99", 55),  # runs ahead once
+        (0, "4294967.2", 0),
+        (299, "0", 299),
+    ],
+)
+def test_a_row_out_of_order_is_left_out_and_said_so(tmp_path, row, stamp, lost):
+    rows = [[f"{k / 100}", f"{k % 7}", f"{k}"] for k in range(300)]
+    rows[row][0] = stamp
+    r = chosen(table(tmp_path, "t,u,pot\n" + "\n".join(map(",".join, rows)) + "\n"))
+    assert r.angle.values[:, 0].tolist() == [k for k in range(300) if k != lost]
+    assert "1 row whose 't' does not increase left out" in r.note
+
+
+def test_rows_that_repeat_the_one_before_count_once_however_many(tmp_path):
+    rows = [f"{k / 100},{k % 7},{k}" for k in range(100)]
+    twice = [row for row in rows for _ in range(2)]
+    r = chosen(table(tmp_path, "t,u,pot\n" + "\n".join(twice) + "\n"))
+    assert r.angle.values[:, 0].tolist() == list(range(100))
+    assert "100 rows repeating the one before left out" in r.note
+    other = [f"{k // 2 / 100},{k % 7},{k}" for k in range(100)]  # the stamps are too coarse
+    with pytest.raises(RecordingError, match="50 do not"):
+        chosen(table(tmp_path, "t,u,pot\n" + "\n".join(other) + "\n"))
+
+
+def test_a_log_begun_anew_is_refused_as_a_whole(tmp_path):
+    rows = [f"{k % 200 / 100},{k % 7},{k}" for k in range(300)]
+    with pytest.raises(RecordingError, match=r"from 1\.99 s to 0 s at sample 200"):
+        chosen(table(tmp_path, "t,u,pot\n" + "\n".join(rows) + "\n"))
 
 
 def test_a_header_longer_than_what_is_looked_at_keeps_its_separator(tmp_path):

@@ -211,6 +211,7 @@ def with_channel(**changes):
         (changed(channels=[[1, 2], [3, 4]]), r"channels\[0\]\[0\] must be an object"),
         (with_channel(num=[]), r"channels\[0\]\[1\].num has 0 elements"),
         (with_channel(num=[1, 2, 3], den=[1, 2]), "improper"),
+        (with_channel(num=[1e308], den=[1e-308, 1, 1]), "finite also where den begins with 1"),
         (with_channel(den=[0, 0]), "den is zero"),
         (with_channel(num=["1"]), r"num\[0\] must be a number, not a string"),
         (with_channel(num=[True]), "not a truth value"),

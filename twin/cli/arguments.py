@@ -16,8 +16,9 @@ from typing import Annotated, Any, get_args, get_origin
 
 import tyro
 
+from analysis.units import is_number
 from twin.config.base import Settings, hints
-from twin.config.types import FLAG, POSITIONAL, REPEATABLE, Overrides, Range
+from twin.config.types import FLAG, POSITIONAL, REPEATABLE, Flag, Overrides, Range
 from twin.config.verbs import BY_NAME, VERBS, Verb
 from twin.errors import TwinError
 
@@ -33,6 +34,7 @@ ELSEWHERE = {  # options that are expected where there is none
     "--potentiometer-deg": "only for calibrate and rig; other runs read it from --calibration",
     "--baud": "the line is fixed at 500000 baud",
 }
+_NUMERIC = re.compile(r"\b(int|float)\b")
 MISTAKE = 2  # tyro's exit code for arguments that it cannot use
 CONFIG = (
     tyro.conf.OmitArgPrefixes,
@@ -94,6 +96,7 @@ def parse(arguments: list[str]) -> tuple[Verb, Settings]:
         if "action" in hints(verb.settings) and not {"-h", "--help"}.isdisjoint(arguments):
             name += "".join(f" {word}" for word in arguments[1:2] if not word.startswith("-"))
         _check_paths(verb.settings, arguments)
+        _check_words(verb.settings, arguments[1:])
         given = _parsed(grouped, verb.settings.__doc__, name, arguments[1:])
         flat = {k: v for group in vars(given).values() for k, v in vars(group).items()}
         return verb, verb.settings.of(flat)
@@ -117,6 +120,34 @@ def _check_paths(kind: type[Settings], arguments: list[str]) -> None:
             raise TwinError(f"{before} '': must be a path; leave it out for the default")
         if takes and not before.startswith("--"):
             raise TwinError("'': must be a path, and is empty")
+
+
+def _check_words(kind: type[Settings], arguments: list[str]) -> None:
+    """Refuse options given twice, of which one would be lost, and numbers as Python writes them."""
+    options = {f"--{n.rstrip('_').replace('_', '-')}": hint for n, hint in hints(kind).items()}
+    seen: set[str] = set()
+    flag, hint = "", None
+    for argument in arguments:
+        word = argument
+        if argument.startswith("--"):
+            flag, _, word = argument.partition("=")
+            flag = flag.replace("_", "-")
+            hint = options.get(flag)
+            if flag in seen and hint not in (None, Flag, bool):
+                raise TwinError(f"{flag}: given twice; give it once")
+            if REPEATABLE not in getattr(hint, "__metadata__", ()):
+                seen.add(flag)
+        if hint is not None and _NUMERIC.search(str(hint)) and _is_foreign(word):
+            raise TwinError(f"{flag} {word}: must be a number of the digits 0 to 9")
+
+
+def _is_foreign(word: str) -> bool:
+    """Whether Python reads a number that nobody else does."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return not is_number(word)
 
 
 def _suggested(advice: str, kind: type[Settings]) -> str:

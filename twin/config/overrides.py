@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from analysis.files import FileError, content
-from analysis.units import UnitError, of_any_kind
+from analysis.units import UnitError, is_number, of_any_kind
 from twin.errors import TwinError
 
 LARGEST_FILE = 1_000_000  # bytes
@@ -41,6 +41,7 @@ def _pairs(
         return
     if isinstance(given, str):
         raise TwinError(f"--set {given!r}: must be a list of NAME=VALUE, or a mapping")
+    texts: set[str] = set()
     for item in given:
         if isinstance(item, list | tuple) and len(item) == 2 and isinstance(item[0], str):
             yield item[0], item[1]
@@ -48,12 +49,15 @@ def _pairs(
         name, equals, text = item.partition("=") if isinstance(item, str) else ("", "", "")
         if not equals:
             raise TwinError(f"--set {str(item)[:60]!r}: must be NAME=VALUE, such as wind_speed=3")
+        if name.strip() in texts:
+            raise TwinError(f"--set {str(item)[:60]}: {name.strip()} is given twice; give it once")
+        texts.add(name.strip())
         yield name, text
 
 
 def _from_file(file: Path) -> dict[str, float]:
     try:
-        values = json.loads(content(file, LARGEST_FILE))
+        values = json.loads(content(file, LARGEST_FILE), object_pairs_hook=_once)
     except FileError as error:
         raise TwinError(f"cannot read overrides {error}") from None
     except (ValueError, RecursionError) as error:
@@ -61,6 +65,15 @@ def _from_file(file: Path) -> dict[str, float]:
     if not isinstance(values, dict):
         raise TwinError(f'{file}: overrides are one JSON object, {{"name": number, …}}')
     return {str(name): number(value, f"{file}: {name}") for name, value in values.items()}
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(n for n in names if names.count(n) > 1)
+        raise ValueError(f"{twice[:60]!r} is given twice")
+    return values
 
 
 def number(value: object, where: str) -> float:
@@ -84,7 +97,6 @@ def number(value: object, where: str) -> float:
 
 
 def _float(value: float | str) -> float:
-    try:
-        return float(value)
-    except ValueError:
-        return of_any_kind(str(value))
+    if isinstance(value, str) and not is_number(value):
+        return of_any_kind(value)
+    return float(value)

@@ -1,5 +1,6 @@
 """Files given to a command as measurements: recordings of the twin, and tables from any rig."""
 
+import csv
 import hashlib
 import math
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ from analysis.identify import by_frames, by_pulses
 from analysis.recording import Measurement, tables
 from analysis.recording.caveats import caveats
 from analysis.recording.loader import is_table
+from analysis.units import is_number
 from twin.config import Columns, Identify
 from twin.errors import TwinError
 
@@ -76,6 +78,9 @@ def _refuse_twins(files: tuple[Path, ...]) -> None:
 def _recorded(config: Identify, file: Path) -> Given:
     if file.is_dir():
         raise TwinError(f"{file}: is a folder; name a recording or a table in it")
+    known = tables.KINDS | {".rrd"}
+    if config.given and file.suffix.lower() not in known:
+        raise TwinError(f"{file}: '{file.suffix}' is no table; {', '.join(sorted(known))} are read")
     for flag in config.given:
         if flag != "--angle":  # names a signal here
             raise TwinError(f"{flag} is only for tables; {file} is a recording")
@@ -151,14 +156,15 @@ def _columns(config: Columns, file: Path, rate: tuple[str, ...] = ()) -> recordi
 
 
 def _numbers(flag: str, text: str) -> tuple[float, ...]:
-    try:
-        found = tuple(float(n) for n in _names(text))
-    except ValueError:
-        raise TwinError(f"{flag} {text}: must be numbers, separated by commas") from None
+    if not all(map(is_number, _names(text))):
+        raise TwinError(f"{flag} {text}: must be numbers, separated by commas")
+    found = tuple(float(n) for n in _names(text))
     if not found or not np.isfinite(found).all():
         raise TwinError(f"{flag} {text}: must be finite numbers, separated by commas")
     return found
 
 
 def _names(text: str | None) -> tuple[str, ...]:
-    return tuple(n.strip() for n in (text or "").split(",") if n.strip())
+    """Names between commas; one that holds a comma stands in double quotes."""
+    fields = next(csv.reader([text or ""], skipinitialspace=True), [])
+    return tuple(n.strip() for n in fields if n.strip())

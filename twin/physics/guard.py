@@ -29,8 +29,10 @@ LARGEST_SUM: Final = 60_000_000  # bytes of all files
 DEEPEST: Final = 8  # files that refer to the next
 MOST_ELEMENTS: Final = 20_000  # after replication; the largest shipped scene has 400
 MOST_VALUES: Final = 4_000_000  # cells of height fields, texels, entries of arrays
+MOST_PIXELS: Final = 20_000_000  # of all pictures; 4096 x 4096 are 17 million
 SECONDS: Final = 4.0  # of a processor to compile; as much again follows in this process
 MEGABYTES: Final = 700
+TRIAL: Final = "2"  # of `twin.physics.trial`; another one tries every model again
 ASSETS: Final = {
     "mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "flexcomp": "meshdir",
     "texture": "texturedir",
@@ -39,6 +41,7 @@ COUNTED: Final = ("replicate", "flexcomp", "composite")  # elements that stand f
 SIZED: Final = {"hfield": ("nrow", "ncol"), "texture": ("width", "height"), "numeric": ("size",)}
 SIDES: Final = ("right", "left", "up", "down", "front", "back")
 
+_NAN: Final = re.compile(r"(?i)(?<!\S)[-+]?nan(?!\S)")
 _COMMENT: Final = re.compile(rb"<!--.*?-->", re.DOTALL)
 Digests = Mapping[Path, str]
 _approved: set[str] = set()  # in this process
@@ -79,7 +82,7 @@ def approve(digests: Digests, name: Path, *, text: str | None = None) -> None:
     """
     if not digests:
         return
-    parts = [version("mujoco"), text or str(name), *(f"{p} {d}" for p, d in digests.items())]
+    parts = [version("mujoco"), TRIAL, text or str(name), *(f"{p} {d}" for p, d in digests.items())]
     key = hashlib.sha256("\n".join(parts).encode(errors="replace")).hexdigest()
     mark = _folder() / key
     if key in _approved or mark.is_file():
@@ -109,6 +112,7 @@ class _Walk:
         self._open: list[Path] = []
         self._bytes = 0
         self._values = 0.0
+        self._pixels = 0
 
     def elements(self, path: Path, main: Path) -> float:
         """Elements of a file with all that it includes and attaches, replicated."""
@@ -155,6 +159,9 @@ class _Walk:
         self, element: ET.Element, models: Mapping[str, float], path: Path, main: Path
     ) -> float:
         """Elements that one stands for, itself included."""
+        for key, value in element.attrib.items():
+            if key != "name" and _NAN.search(value):  # MuJoCo only warns
+                raise TwinError(f"{path}: <{element.tag} {key}> is NaN; numbers must be finite")
         inside = sum(self._expanded(child, models, path, main) for child in element)
         if element.tag == "include" and "file" in element.attrib:
             name = element.attrib["file"]
@@ -179,7 +186,17 @@ class _Walk:
                 for name in (asset.get(f"file{side}") for side in ("", *SIDES)):
                     # what is named otherwise MuJoCo finds, or not, within the limits
                     if name and (file := folder / name).exists() and not is_shipped(file):
-                        self._content(file, LARGEST_ASSET)
+                        self._pixels += _pixels(self._content(file, LARGEST_ASSET))
+                        if self._pixels > MOST_PIXELS:
+                            raise TwinError(f"{file}: has more than {MOST_PIXELS} pixels")
+
+
+def _pixels(data: bytes) -> int:
+    """Pixels that a PNG says it has, which a few bytes may stand for; 0 of other files."""
+    # W3C, Portable Network Graphics, 11.2.2: signature, length, IHDR, width, height
+    if data[:8] != b"\x89PNG\r\n\x1a\n" or len(data) < 24:
+        return 0
+    return int.from_bytes(data[16:20], "big") * int.from_bytes(data[20:24], "big")
 
 
 def document(path: Path, data: bytes) -> ET.Element:

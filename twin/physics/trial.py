@@ -22,8 +22,9 @@ def main() -> None:
             model = mujoco.MjSpec.from_string(request["text"]).compile()
         if 0 < model.opt.timestep < 1:
             mujoco.mj_step(model, mujoco.MjData(model))
-    except ValueError:  # it will be reported where it is compiled again
-        pass
+    except ValueError as error:  # others will be reported where it is compiled again
+        if "allocate memory" in str(error):  # where there may be enough to fill the machine
+            limited.refuse("MuJoCo cannot hold it: it needs more memory than a model may")
     except (mujoco.FatalError, MemoryError) as error:
         limited.refuse(f"MuJoCo cannot hold it: {error}")
 

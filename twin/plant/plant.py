@@ -318,7 +318,7 @@ class Plant:
             one, other = self.data.contact.geom.T
             if (self._own[one] & self._fixed[other] | self._fixed[one] & self._own[other]).any():
                 return True
-        return bool(self.position[2] < 0.0)
+        return self.has_vehicle and bool(self.position[2] < 0.0)
 
     def vehicle(self) -> VehicleState:
         """Copy of the vehicle's state."""

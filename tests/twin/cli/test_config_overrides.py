@@ -11,7 +11,7 @@ from twin.errors import TwinError
 
 
 @pytest.mark.parametrize(
-    "text", ["air_drag", "air_drag=x", "air_drag=nan", "air_drag=inf", "=", "a="]
+    "text", ["air_drag", "air_drag=x", "air_drag=nan", "air_drag=inf", "=", "a=", "a=1_0", "a=１"]
 )
 def test_a_text_that_is_no_assignment_of_a_finite_number_is_refused(text):
     with pytest.raises(TwinError):
@@ -30,6 +30,15 @@ def test_values_may_have_a_unit():
 def test_any_text_before_the_first_equals_sign_is_the_name(name, value):
     name = name.replace("=", "")
     assert overrides.parse([f"{name}={value!r}"]) == {name.strip(): value}
+
+
+def test_a_name_given_twice_is_refused(tmp_path):
+    with pytest.raises(TwinError, match="--set a=2: a is given twice"):
+        overrides.parse(["a=1", "a=2"])
+    file = tmp_path / "set.json"
+    file.write_text('{"a": 1, "b": 2, "a": 3}')
+    with pytest.raises(TwinError, match="'a' is given twice"):
+        overrides.parse([], file)
 
 
 def test_the_command_line_goes_over_the_file(tmp_path):

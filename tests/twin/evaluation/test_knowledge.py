@@ -333,6 +333,8 @@ MISTAKES = [
     ("identify text.rrd", "not a Rerun recording"),
     ("identify run.csv", "--time t"),
     ("identify run.csv --time t --input u --angle pt", "did you mean 'pot'"),
+    ("identify run.csv --time t --input t --angle pot", "column 't' is named twice"),
+    ("identify run.xls --time t --input u --angle pot", "run.xls: '.xls' is no table; .csv"),
     ("identify run.csv --time t --input u --angle pot --angle-unit grad", "no unit 'grad'"),
     (
         "identify run.csv --time t --input u --angle pot --input-unit deg",
@@ -393,6 +395,7 @@ def test_a_mistake_is_one_line_with_exit_2_and_leaves_nothing(
     for file in made.glob("*.rrd"):
         (tmp_path / file.name).symlink_to(file)
     (tmp_path / "text.rrd").write_text("text")
+    (tmp_path / "run.xls").write_text("text")
     lines = table.read_text().splitlines()
     still = [",".join([*line.split(",")[::2][:1], "1", line.split(",")[2]]) for line in lines[1:]]
     (tmp_path / "constant.csv").write_text("\n".join([lines[0], *still]))

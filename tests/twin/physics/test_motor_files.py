@@ -48,6 +48,12 @@ SAME = {
     "zeros.eng": ENG + "2.3 0\n2.4 0.0\n\n; end\n2.5 0\n",
     "start.eng": HEADER + "0 0\n" + CURVE,
     "no_line_end.eng": ENG.rstrip(),
+    "hash.eng": "# stand 2\n// cold\n" + ENG,
+    "decimal_commas.eng": ENG.replace(".", ","),
+    "twice.eng": HEADER + "0 0\n0 0\n" + "".join(f"{t} {f}\n{t} {f}\n" for t, f in POINTS),
+    "commas.eng": HEADER + CURVE.replace(" ", ", "),
+    "old_end.eng": ENG + "\x1a\0\0",
+    "rock_in.eng": '<?xml version="1.0"?>\n' + rse(ENGINE.format("Q20", DATA)),
     "rock.rse": rse(ENGINE.format("Q20", DATA)),
     "rock.xml": '<?xml version="1.0"?>\n' + rse(ENGINE.format("Q20", DATA)),
 }
@@ -69,6 +75,8 @@ TABLES = {
     "plain.csv": "0.05,18\n0.4,24\n1.2,21\n1.9,12\n2.2,0\n",
     "heading.csv": "time [s],thrust [N]\n0.05, 18\n0.4, 24\n1.2, 21\n1.9, 12\n2.2, 0\n2.3, 0\n",
     "semicolon.csv": "t;F\r\n0.05;18\r\n0.4;24\r\n1.2;21\r\n1.9;12\r\n2.2;0\r\n",
+    "decimal_commas.csv": "t;F\n0,05;18,0\n0,4;24\n1,2;21\n1,9;12\n2,2;0\n",
+    "units.csv": "t,F\n[s],[N]\n0.05,18\n0.4,24\n1.2,21\n1.9,12\n2.2,0\n",
     "tab.tsv": "0.05\t18\n0.4\t24\n1.2\t21\n1.9\t12\n2.2\t0\n",
     "blank.txt": "# stand 2\n" + CURVE,
 }
@@ -110,6 +118,8 @@ def test_a_thrust_table_without_a_figure_is_refused(tmp_path: Path, text: str, s
         ("0.05,18\n0.4,x\n", "line 2: 'x' is not a finite number"),
         ("0.05,18\n0.4,inf\n", "line 2: 'inf' is not a finite number"),
         ("time,thrust\nt,F\n", "line 2: 't' is not"),
+        ("t,thrust_lbf\n0.05,18\n", "column 'thrust_lbf' is in lbf; a thrust table has"),
+        ("t [ms],F [N]\n50,18\n", r"column '\[ms\]' is in ms"),
         ("", "holds no points"),
         ("0.05,18\n0.4,24\n", "never ends"),
         ("50,18\n400,24\n1200,21\n2200,0\n", r"burns 2200 s.*\(times must be in seconds\)"),
@@ -118,6 +128,18 @@ def test_a_thrust_table_without_a_figure_is_refused(tmp_path: Path, text: str, s
 def test_a_table_that_is_no_thrust_curve_is_refused(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(MotorError, match=says):
         load(written(tmp_path, "bad.csv", text), like=LIKE)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (ENG.encode("utf-16-le"), "holds zero bytes; not a text file"),
+        (HEADER + "-0.01 0\n" + CURVE, "curve starts at -0.01 s; times increase from 0"),
+    ],
+)
+def test_a_file_says_what_is_wrong_with_it(tmp_path: Path, text: str | bytes, says: str) -> None:
+    with pytest.raises(MotorError, match=says):
+        load(written(tmp_path, "bad.eng", text))
 
 
 BAD_MOTORS = {

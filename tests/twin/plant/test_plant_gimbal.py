@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from twin.errors import TwinError
+from twin.errors import DivergenceError, TwinError
 from twin.physics import native
 from twin.plant.model.model import REFERENCE_GIMBAL, ModelConfig, load
 from twin.plant.plant import Plant
@@ -35,6 +35,24 @@ def test_a_driven_transfer_function_ends_at_its_static_gain():
     channels = json.loads(REFERENCE_GIMBAL.read_text())["channels"]
     gain = [[c["num"][-1] / c["den"][-1] for c in row] for row in channels]
     np.testing.assert_allclose(state.angle, gain @ np.array(ANGLE), atol=radians(0.02))
+
+
+def test_a_gimbal_on_the_bench_that_leaves_its_stops_has_diverged(tmp_path):
+    content = json.loads(REFERENCE_GIMBAL.read_text())
+    content["channels"][0][0]["num"][-1] *= 1e3
+    model = tmp_path / "model.json"
+    model.write_text(json.dumps(content))
+
+    def driven(plant):
+        plant.drive(ANGLE)
+        for _ in range(30):
+            plant.advance(1)
+
+    with native.installed():
+        config = ModelConfig(scene="bench", gimbal="transfer-function", transfer_function=model)
+        plant = Plant(load(config))
+        with pytest.raises(DivergenceError, match=r"joint 'gimbal_x' is at 27.*, past its stops"):
+            driven(plant)
 
 
 def test_joints_that_follow_take_the_measured_angle_exactly():

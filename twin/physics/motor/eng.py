@@ -1,11 +1,13 @@
 """RASP `.eng` files: comment lines, a header line, lines of time and thrust; several to a file.
 
 Format: thrustcurve.org, "RASP file format"; the curve starts at (0, 0) without stating it and ends
-at zero thrust. Also read: comments anywhere, a byte order mark, any line ends, further points of
-zero thrust after the end.
+at zero thrust. Also read: comments anywhere, lines of comment that begin with # or //, a byte order
+mark, any line ends, decimal commas, a comma between time and thrust, points given twice, further
+points of zero thrust after the end.
 """
 
 import math
+import re
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -18,6 +20,7 @@ MOST_POINTS: Final = 20_000  # per motor
 MOST_MOTORS: Final = 10_000
 HEADER: Final = "name diameter[mm] length[mm] delays propellant[kg] loaded[kg] maker"
 HEADER_WORDS: Final = 7
+_DECIMAL: Final = re.compile(r"(?<=\s)([-+]?\d*),(?=\d+(?:\s|$))")
 
 
 def parse(text: str, source: str = "motor") -> list[Motor]:
@@ -43,15 +46,18 @@ def entries(text: str, source: str = "motor") -> list[Entry]:
     MotorError : the text holds no motor, or too many
     """
     drafts: list[_Draft] = []
-    for number, raw in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
-        words = raw.partition(";")[0].split()
-        if not words:
+    text = text.removeprefix("\ufeff").rstrip("\0\x1a")  # ends of files on old systems
+    if "\0" in text:
+        raise MotorError(f"{source}: holds zero bytes; not a text file")
+    for number, raw in enumerate(text.splitlines(), 1):
+        words = _DECIMAL.sub(r"\1.", f" {raw.partition(';')[0]}").split()
+        if not words or words[0].startswith(("#", "//")):
             continue
         where = f"{source}, line {number}"
         if not drafts or _starts_motor(words):
             drafts.append(_Draft(words, where))
         else:
-            drafts[-1].add(words, where)
+            drafts[-1].add([words[0].rstrip(","), *words[1:]], where)
         if len(drafts) > MOST_MOTORS:
             raise MotorError(f"{where}: more than {MOST_MOTORS} motors in one file")
     if not drafts:
@@ -61,7 +67,7 @@ def entries(text: str, source: str = "motor") -> list[Entry]:
 
 def _starts_motor(words: list[str]) -> bool:
     """Whether a line is a header, also a malformed one: a point begins with a number."""
-    return len(words) >= HEADER_WORDS or not is_number(words[0])
+    return len(words) >= HEADER_WORDS or not is_number(words[0].rstrip(","))
 
 
 @dataclass
@@ -136,8 +142,9 @@ class _Draft:
 def curve(points: list[tuple[float, float]]) -> tuple[list[float], list[float]]:
     """Times [s] and thrusts [N] from (0, 0) or the first point, without zeros after the end."""
     last = max((k for k, (_, thrust) in enumerate(points) if thrust != 0), default=0)
-    kept = points[: last + 2]
-    if kept and kept[0][0] != 0:
+    points = points[: last + 2]
+    kept = [p for p, before in zip(points, [None, *points], strict=False) if p != before]
+    if kept and kept[0][0] > 0:
         kept = [(0.0, 0.0), *kept]
     return [t for t, _ in kept], [f for _, f in kept]
 

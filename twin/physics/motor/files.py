@@ -84,7 +84,8 @@ def entries(path: Path, like: Mapping[str, float] | None = None) -> list[Entry]:
     """
     data = _content(path)
     text = _text(data)
-    if text.lstrip("\ufeff \t\r\n").startswith("<") and not _is_rasp(path):
+    begin = text.lstrip("\ufeff \t\r\n")
+    if begin.startswith(("<?xml", "<engine") if _is_rasp(path) else "<"):
         return rse.entries(data, str(path), LARGEST_FILE)
     if path.suffix.lower() in TABLES:
         return table.entries(text, str(path), path.stem, like)

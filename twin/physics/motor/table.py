@@ -23,6 +23,10 @@ FIGURES: Final[Mapping[str, Kind]] = {
 }
 _FIGURE = re.compile(r"\s*(\w+)\s*[=:]\s*(.*?)\s*")
 _SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
+_DECIMAL = re.compile(r"([-+]?\d*),(\d+)")  # between semicolons or tabs
+_OTHER_UNITS = re.compile(
+    r"(?:^|[^a-z])(ms|msec|milliseconds|min|kn|mn|lbf|lbs|lb|kgf|kg|g|ozf)(?=[^a-z]|$)"
+)
 
 
 def entries(
@@ -40,15 +44,16 @@ def entries(
     MotorError : not a table of two columns, or without the other figures
     """
     figures, points = dict(like or {}), []
-    heading = True  # one line of column names may come first
+    heading = True  # one line of column names may come first, and one of units
     for number, raw in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
         where = f"{source}, line {number}"
         line, _, comment = raw.partition("#")
         _read_figure(comment, where, figures)
         if not (line := line.strip(" \t,;")):
             continue
-        cells = _SEPARATOR.split(line)
-        if heading and not any(map(is_number, cells)):
+        cells = _cells(line)
+        if (heading or _are_units(cells)) and not any(map(is_number, cells)):
+            _check_units(cells, where)
             heading = False
             continue
         heading = False
@@ -86,6 +91,27 @@ def _read_figure(comment: str, where: str, figures: dict[str, float]) -> None:
         figures[match[1]] = quantity(value, FIGURES[match[1]])
     except UnitError as error:
         raise MotorError(f"{where}: {match[1]} = {text[:40]!r} {error}") from None
+
+
+def _cells(line: str) -> list[str]:
+    if ";" not in line and "\t" not in line:
+        return _SEPARATOR.split(line)
+    cells = [cell.strip() for cell in re.split(r"[;\t]", line)]
+    return [_DECIMAL.sub(r"\1.\2", c) if _DECIMAL.fullmatch(c) else c for c in cells]
+
+
+def _are_units(cells: list[str]) -> bool:
+    return all(cell.strip("()[]").lower() in {"s", "sec", "n", "newton"} for cell in cells)
+
+
+def _check_units(cells: list[str], where: str) -> None:
+    """Refuse columns that say they are in other units."""
+    for cell in cells:
+        if found := _OTHER_UNITS.search(cell.lower().replace("_", " ")):
+            raise MotorError(
+                f"{where}: column {cell[:40]!r} is in {found[1]}; a thrust table has time in s and"
+                " thrust in N"
+            )
 
 
 def _point(cells: list[str], where: str) -> tuple[float, float]:
