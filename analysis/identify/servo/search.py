@@ -107,7 +107,7 @@ def _fit(
     if not reverses(problem, axis):
         starts = [with_values(s, [poles + 3], np.zeros(1)) for s in starts]
     few = thinned(problem, ROWS)
-    tight = _always(problem, axis, structure)
+    tight = _always(problem, structure)
     theta = _best(few, axis, structure, starts, max_delay, tight)
     if structure == "clipped" and loss_of(few, axis, structure, theta) > _HOPELESS * least:
         # far behind another already where it is fitted: dead band and play are not looked for
@@ -134,13 +134,11 @@ def _best(
     return min(ended, key=lambda t: loss_of(problem, axis, structure, t))
 
 
-def _always(problem: Problem, axis: int, structure: Structure) -> NDArray[np.intp]:
-    """Parameters that are always searched: of `set-point` all that a motion shows, else no play."""
+def _always(problem: Problem, structure: Structure) -> NDArray[np.intp]:
+    """Parameters that are always searched: all but dead band and backlash."""
     poles = problem.layout.poles
-    if structure != "set-point":
-        return np.arange(poles + 2)
-    every = np.arange(poles + 6)
-    return every if reverses(problem, axis) else np.delete(every, poles + 3)
+    own = np.arange(poles + 2)
+    return np.append(own, [poles + 4, poles + 5]) if structure == "set-point" else own
 
 
 def _worth_having(
@@ -160,24 +158,28 @@ def _worth_having(
     gain by another name.
     """
     poles = problem.layout.poles
-    tight = _always(problem, axis, structure)
+    tight = _always(problem, structure)
     band, play_ = poles + 2, poles + 3
-    own_loop = structure in ("speed", "clipped")
-    if own_loop:
-        theta = with_values(theta, [band], np.array([static]))
     choices = [(tight, theta)]
-    extra = [[band]] if own_loop else []
-    if structure != "set-point" and reverses(problem, axis):
-        extra += [[play_], [band, play_]] if own_loop else [[play_]]
+    if structure in ("speed", "clipped"):
+        if static > 0.0:  # by chance in one of forty, and of a structure that is not the servo's
+            choices.append((tight, with_values(theta, [band], np.array([static]))))
+        extra = [[band], [play_], [band, play_]]
+    else:
+        extra = [[play_]] if structure == "command" else [[band], [play_], [band, play_]]
+    unpaid = len(choices)
     least = scales(problem, structure)
-    for more in extra:
+    for more in extra if reverses(problem, axis) else [e for e in extra if play_ not in e]:
         free = np.concatenate([tight, more])
         # settled angles fall short by a dead band or by half of a backlash: they cannot tell which
         shares = [static / len(more) if k == band else 2.0 * static / len(more) for k in more]
         values = np.maximum(shares, least[more])
-        begins = [
-            with_values(with_values(t, [band], np.zeros(1)), more, values) for t in (theta, *starts)
-        ]
+        near = [theta]
+        if structure == "set-point":  # one that is missed is taken for slew and delay: begin there
+            near += [start for _, start in choices[1:] if len(more) > 1]
+        begins = [with_values(t, more, np.where(t[more] > 0.0, t[more], values)) for t in near]
+        if structure != "set-point" or len(more) > 1:
+            begins += [with_values(t, more, values) for t in starts]
         choices.append((free, _best(problem, axis, structure, begins, max_delay, free)))
     folds = step_folds(problem, axis, _FOLDS)
     steps = step_of_row(problem, axis)
@@ -190,9 +192,9 @@ def _worth_having(
             squares += _held_out(problem, project(training, axis, structure, found)[2], fold)
         losses.append(np.bincount(steps, squares).astype(np.float64))
     total = [float(loss.sum()) for loss in losses]
-    best = int(np.argmin(total))
-    if total[best] >= _WORTH * total[0]:
-        best = 0
+    best, simple = int(np.argmin(total)), int(np.argmin(total[:unpaid]))
+    if total[best] >= _WORTH * total[simple]:
+        best = simple
     return *choices[best], losses[best]
 
 
