@@ -18,7 +18,7 @@ from analysis.array import Array
 from analysis.identify import progress
 from analysis.identify.errors import IdentificationError
 from analysis.identify.linear.starts import ROWS, thinned
-from analysis.identify.problem.noise import Mask, Pair, quantisation
+from analysis.identify.problem.noise import Mask, quantisation
 from analysis.identify.problem.problem import Problem
 from analysis.identify.problem.segments import step_folds, step_of_row
 from analysis.identify.servo.dead_band import static_dead_band
@@ -36,10 +36,12 @@ from analysis.identify.servo.reached import without_idle_limits
 from analysis.identify.servo.starts import grid_of_starts, reverses, scales, with_values
 from analysis.transfer_function.servo import Structure
 
+# the one that can do most first: what is far behind it needs no steps held out
+_ORDER: tuple[Structure, ...] = ("set-point", "speed", "command", "clipped")
 _FOLLOWED = 3
 _FOLDS = 4
 _WORTH = 0.97  # of the held-out loss: what a parameter more must save
-_HOPELESS = 10.0  # times the lowest loss held out: what a dead band or play does not explain
+_HOPELESS = 10.0  # times the lowest loss: what a dead band or play does not explain
 _CHANCE = 1.64  # deviations of a difference that chance exceeds in 5 % of all cases
 
 
@@ -76,13 +78,31 @@ def search_servo(
     elif not reverses(problem, axis):
         # steps one way only do not show what becomes of small motions to and fro
         tried = ("speed", "command", "clipped")
-    fits: dict[Structure, ServoFit] = {}
-    held_out: dict[Structure, Array] = {}
+    few = thinned(alike, ROWS)
+    begins = {s: grid_of_starts(alike, max_delay, s) for s in tried}
+    ends: dict[Structure, Array] = {}
     for s in tried:
         progress.say(f"servo of structure {s}")
+        ends[s] = _best(few, axis, s, begins[s], max_delay, _always(few, s))
+    without = {s: loss_of(few, axis, s, end) for s, end in ends.items()}
+    fits: dict[Structure, ServoFit] = {}
+    held_out: dict[Structure, Array] = {}
+    for s in sorted(tried, key=_ORDER.index):
+        progress.say(f"servo of structure {s}, dead band and play")
         least = min((float(loss.sum()) for loss in held_out.values()), default=np.inf)
-        fits[s], held_out[s] = _fit(alike, axis, s, max_delay, kept, floor, least)
-    losses = {s: float(loss.sum()) for s, loss in held_out.items()}
+        if without[s] > _HOPELESS * (least if s == "clipped" else min(without.values())):
+            # far behind another already where it is fitted: dead band and play are not looked for
+            fits[s] = fit_at(few, axis, s, ends[s], (np.nan, np.nan), True)
+            squares = fits[s].weighted ** 2
+            held_out[s] = np.bincount(step_of_row(few, axis), squares).astype(np.float64)
+            continue
+        static = static_dead_band(alike, axis)
+        free, theta, held_out[s] = _worth_having(
+            few, axis, s, ends[s], begins[s], max_delay, static, least
+        )
+        fits[s] = settled(alike, axis, s, theta, free, max_delay, kept, floor)
+    fits = {s: fits[s] for s in tried}
+    losses = {s: float(held_out[s].sum()) for s in tried}
     if "set-point" in losses:
         losses["set-point"] /= _WORTH
     if "clipped" in losses and not _better("clipped", "speed", held_out):
@@ -92,32 +112,6 @@ def search_servo(
     rival = _rival(best, fits, held_out)
     best = without_idle_limits(best, axis, max_delay)
     return replace(in_units(best, problem, unit), losses=losses, rival=rival)
-
-
-def _fit(
-    problem: Problem, axis: int, structure: Structure, max_delay: float, kept: Mask, floor: Pair,
-    least: float,
-) -> tuple[ServoFit, Array]:  # fmt: skip
-    """Judge a grid of starts, follow the best few, settle the noise; also the loss held out.
-
-    That loss is of every step (steps,); `least` is the lowest of structures tried before.
-    """
-    poles = problem.layout.poles
-    starts = grid_of_starts(problem, max_delay, structure)
-    if not reverses(problem, axis):
-        starts = [with_values(s, [poles + 3], np.zeros(1)) for s in starts]
-    few = thinned(problem, ROWS)
-    tight = _always(problem, axis, structure)
-    theta = _best(few, axis, structure, starts, max_delay, tight)
-    if structure == "clipped" and loss_of(few, axis, structure, theta) > _HOPELESS * least:
-        # far behind another already where it is fitted: dead band and play are not looked for
-        fit = fit_at(few, axis, structure, theta, (np.nan, np.nan), True)
-        squares = fit.weighted**2
-        return fit, np.bincount(step_of_row(few, axis), squares).astype(np.float64)
-    static = static_dead_band(problem, axis)
-    free, theta, held_out = _worth_having(few, axis, structure, theta, starts, max_delay, static)
-    fit = settled(problem, axis, structure, theta, free, max_delay, kept, floor)
-    return fit, held_out
 
 
 def _best(
@@ -134,13 +128,11 @@ def _best(
     return min(ended, key=lambda t: loss_of(problem, axis, structure, t))
 
 
-def _always(problem: Problem, axis: int, structure: Structure) -> NDArray[np.intp]:
-    """Parameters that are always searched: of `set-point` all that a motion shows, else no play."""
+def _always(problem: Problem, structure: Structure) -> NDArray[np.intp]:
+    """Parameters that are always searched: all but dead band and backlash."""
     poles = problem.layout.poles
-    if structure != "set-point":
-        return np.arange(poles + 2)
-    every = np.arange(poles + 6)
-    return every if reverses(problem, axis) else np.delete(every, poles + 3)
+    own = np.arange(poles + 2)
+    return np.append(own, [poles + 4, poles + 5]) if structure == "set-point" else own
 
 
 def _worth_having(
@@ -151,48 +143,65 @@ def _worth_having(
     starts: list[Array],
     max_delay: float,
     static: float,
+    least: float,
 ) -> tuple[NDArray[np.intp], Array, Array]:
     """Which parameters to free, and where to start: dead band and backlash if they predict steps.
 
     On the steps it is fitted to, a second excuse for a static error always helps; so steps held
     out decide, whose losses (steps,) are returned. Where the gimbal settled, the dead band is read
     off there (`static_dead_band`). Backlash shows only where the motion reverses: elsewhere it is
-    gain by another name.
+    gain by another name. Where no choice comes near `least`, the lowest loss held out of structures
+    tried before, the losses are those of the fit.
     """
     poles = problem.layout.poles
-    tight = _always(problem, axis, structure)
+    tight = _always(problem, structure)
     band, play_ = poles + 2, poles + 3
-    own_loop = structure in ("speed", "clipped")
-    if own_loop:
-        theta = with_values(theta, [band], np.array([static]))
     choices = [(tight, theta)]
-    extra = [[band]] if own_loop else []
-    if structure != "set-point" and reverses(problem, axis):
-        extra += [[play_], [band, play_]] if own_loop else [[play_]]
-    least = scales(problem, structure)
-    for more in extra:
+    if structure in ("speed", "clipped"):
+        if static > 0.0:  # by chance in one of forty, and of a structure that is not the servo's
+            begin = with_values(theta, [band], np.array([static]))
+            choices.append((tight, _best(problem, axis, structure, [begin], max_delay, tight)))
+        extra = [[band], [play_], [band, play_]]
+    else:
+        extra = [[play_]] if structure == "command" else [[band], [play_], [band, play_]]
+    unpaid = len(choices)
+    shown = scales(problem, structure)
+    for more in extra if reverses(problem, axis) else [e for e in extra if play_ not in e]:
         free = np.concatenate([tight, more])
         # settled angles fall short by a dead band or by half of a backlash: they cannot tell which
         shares = [static / len(more) if k == band else 2.0 * static / len(more) for k in more]
-        values = np.maximum(shares, least[more])
-        begins = [
-            with_values(with_values(t, [band], np.zeros(1)), more, values) for t in (theta, *starts)
-        ]
+        values = np.maximum(shares, shown[more])
+        near = [theta]
+        if structure == "set-point":  # one that is missed is taken for slew and delay: begin there
+            near += [start for _, start in choices[1:] if len(more) > 1]
+        begins = [with_values(t, more, np.where(t[more] > 0.0, t[more], values)) for t in near]
+        if structure != "set-point" or len(more) > 1:
+            begins += [with_values(t, more, values) for t in starts]
         choices.append((free, _best(problem, axis, structure, begins, max_delay, free)))
     folds = step_folds(problem, axis, _FOLDS)
     steps = step_of_row(problem, axis)
-    losses = []
-    for free, start in choices:
-        squares = np.zeros(len(problem.measured))
+    inside = [loss_of(problem, axis, structure, start) for _, start in choices]
+    if min(inside) > _HOPELESS * least:
+        free, start = choices[int(np.argmin(inside))]
+        squares = project(problem, axis, structure, start)[0] ** 2
+        return free, start, np.bincount(steps, squares).astype(np.float64)
+    total, losses = np.full(len(choices), np.inf), [np.zeros(0)] * len(choices)
+    for i in np.argsort(inside):
+        free, start = choices[i]
+        out_of_reach = float(total.min()) / _WORTH  # the loss held out is hardly below that inside
+        squares = np.full(len(problem.measured), np.inf if inside[i] > out_of_reach else 0.0)
         for fold in folds:
+            if float(squares.sum()) > out_of_reach:
+                break
             training = problem.weighed(np.where(fold, 0.0, problem.weight))
             found, _ = descend(training, axis, structure, start, max_delay, free)
             squares += _held_out(problem, project(training, axis, structure, found)[2], fold)
-        losses.append(np.bincount(steps, squares).astype(np.float64))
-    total = [float(loss.sum()) for loss in losses]
-    best = int(np.argmin(total))
-    if total[best] >= _WORTH * total[0]:
-        best = 0
+        else:
+            losses[i] = np.bincount(steps, squares).astype(np.float64)
+            total[i] = float(losses[i].sum())
+    best, simple = int(np.argmin(total)), int(np.argmin(total[:unpaid]))
+    if total[best] >= _WORTH * total[simple]:
+        best = simple
     return *choices[best], losses[best]
 
 

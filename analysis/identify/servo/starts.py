@@ -68,9 +68,6 @@ def grid_of_starts(problem: Problem, max_delay: float, structure: Structure) -> 
                     section = [np.log(1.6 * speed), 2.0 * np.log(speed)]
                 starts.append(np.array([*section, delay, np.log(limit), 0.0, 0.0]))
     if structure == "set-point":  # the set point moves about as fast as the servo ever does
-        band = scales(problem, structure)[problem.layout.poles + 2]
-        for start in starts:
-            start[-2:] = 2.0 * band, 0.3 * band
         slews = quick * np.array([0.8, 1.2, 2.0])
         starts = [np.append(s, [np.log(slew), 0.0]) for s in starts for slew in slews]
     return starts
