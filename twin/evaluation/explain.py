@@ -71,9 +71,11 @@ class RunExplanation:
             for s in a.shares:
                 part, whole = 100 * s.share, 100 * s.share * a.explained
                 half = f" ± {100 * s.half:.0f}" if math.isfinite(s.half) else ""
-                text = f"{part:.0f} % of that, {whole:.0f}{half} % of the whole: {s.text}"
+                found = s.text
                 if s.alike:
-                    text += f"; not determined: not told apart from {' or '.join(s.alike)}"
+                    others = " or ".join(s.alike)
+                    found = f"not determined: not told apart from {others} (alone: {s.text})"
+                text = f"{part:.0f} % of that, {whole:.0f}{half} % of the whole: {found}"
                 rows.append((f"{a.axis} {s.effect}", text))
             rows.append(
                 (f"{a.axis} unexplained", f"{rest} rms; the readings have {noise} of noise")
