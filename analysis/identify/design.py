@@ -94,7 +94,8 @@ class Wish:
 
         The bandwidth is no estimate; it is widened beyond the covariance as the worst one is.
         """
-        given = {e.name.partition(" ")[2]: e.std for e in channel.estimates}
+        # by their ends: names of axes and commands may have spaces
+        given = {n: e.std for n in FIGURES for e in channel.estimates if e.name.endswith(f" {n}")}
         ratio = {
             n: 1.96 * given[n] / size / Wish(n, 0.0).deviation(channel, channel.covariance)
             for n, figure in FIGURES.items()

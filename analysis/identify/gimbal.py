@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -59,7 +60,7 @@ def identify_gimbal(
         # servos of one make: the steps of both axes tell more than those of one
         shared = shared_structure([m.servo[0].losses for m in alone if m.servo])
         alone = [
-            m if m.servo and m.servo[0].structure == shared else fitted(k, shared)
+            m if m.servo and m.servo[0].structure == shared else _also(fitted(k, shared), m)
             for k, m in enumerate(alone)
         ]
     model = IdentifiedModel(
@@ -106,6 +107,30 @@ def shared_structure(losses: Sequence[Mapping[Structure, float]]) -> Structure:
     """The structure that every axis was tried with and that predicts steps held out best."""
     tried = [s for s in losses[0] if all(s in axis for axis in losses)]
     return min(tried, key=lambda s: math.prod(axis[s] / min(axis.values()) for axis in losses))
+
+
+def _also(shared: IdentifiedModel, own: IdentifiedModel) -> IdentifiedModel:
+    """An axis fitted with the shared structure, with what its own best one says of it.
+
+    That is the loss of every structure, and a warning where the figures of its own one differ.
+    """
+    if not shared.servo or not own.servo:
+        return shared
+    bounds, best = shared.servo[0], own.servo[0].structure
+    bounds = replace(bounds, losses={**own.servo[0].losses})
+    changed = [
+        abs(own.estimate(e.name).value - e.value) > 1.96 * e.std
+        for e in (*shared.channels[0][0].estimates, bounds.rate_limit)
+        if not (e.at_least or own.estimate(e.name).at_least)
+    ]
+    if not any(changed):
+        return replace(shared, servo=(bounds,))
+    said = (
+        f"axis '{shared.outputs[0]}': '{best}' predicts its steps better than '{bounds.structure}'"
+    )
+    said += f", which suits all axes best, and its figures differ (--structure {best});"
+    warnings = (*shared.warnings, f"{said} record steps of more sizes")
+    return replace(shared, servo=(bounds,), warnings=warnings)
 
 
 def own_records(records: Sequence[Measurement], k: int) -> list[Measurement]:

@@ -107,7 +107,7 @@ def expectations(
 
 
 def _expected(e: Estimate, has: Content) -> Expectation:
-    what = e.name.partition(" ")[2]
+    what = next(n for n in _BARS if e.name.endswith(f" {n}"))  # the channel's may have spaces
     least = {"dead band": has.range, "backlash": has.range * abs(has.gain)}.get(what, 0.0)
     size = max(abs(e.value), NOMINAL * least, 1e-300)
     half = 1.96 * e.std / (1.0 if what == "delay" else size)

@@ -90,7 +90,7 @@ def _information(config: Identify) -> InformationResult:
         found = expectations(source.runs, config.poles, max_delay=longest(config))
     notes = tuple(f"{r.name}: {r.note}" for r in source.runs if r.note)
     notes += tuple(
-        f"axis '{e.name.split()[0]}': rate-limited, the record reaches"
+        f"axis '{e.name.removesuffix(' rate limit')}': rate-limited, the record reaches"
         f" {quantity(e.size, e.half * e.size, e.unit)}; fit the servo (--servo)"
         for e in found
         if e.limit_reached
