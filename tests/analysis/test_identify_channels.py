@@ -56,3 +56,17 @@ def test_every_channel_of_two_commands_keeps_the_zero_and_the_delay_that_it_has(
         for name, value in wanted.items():
             found = known[f"{o}/{i} {name}"]
             assert abs(found.value - value) < 4.5 * found.std, found
+
+
+def test_an_axis_that_only_shows_noise_has_neither_delay_nor_frequency():
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        time = np.arange(0.0, 12.0, 0.01)
+        begun, sizes = stepped(seed, 0.5, time)
+        command = np.sum(sizes[:, None] * (time >= begun[:, None]), axis=0)
+        noise = rng.normal(0.0, 5e-4, len(time))
+        model = identify([measurement(time, command, angle=noise, stamps="exact")], 2, 0)
+        gain, *others = model.estimates
+        assert abs(gain.value) < 4.0 * gain.std
+        assert not any(e.determined for e in others)
+        assert any("x/x: no answer beyond the noise" in w for w in model.warnings)
