@@ -16,6 +16,8 @@ from analysis.identify.problem.problem import Problem
 from analysis.identify.servo.fit import ServoFit
 
 _STEP = 1e-3  # deviation of a parameter for slopes, as in `slope_of`
+# deviations: a gain of noise, where delay and poles were searched for the largest, stays below
+SHOWN = 4.0
 _TRACE = 1e-9  # of a variance
 
 Figures = list[tuple[str, str, Callable[[Array], float]]]  # name, unit, value of the parameters
@@ -225,10 +227,15 @@ def _channel(
         own = np.insert(np.insert(own, poles, 0.0, 0), poles, 0.0, 1)
     num, den = polynomials(parameters, poles, frequency)
     lag = den[-2] / den[-1]
+    values = values_of(at)
+    answers = bool(abs(values[0]) > SHOWN * std[0])  # noise has no delay
     estimates = tuple(
-        Estimate(f"{name} {what}", float(v), float(s), unit, _determined(what, v, s, longest, lag))
-        for (what, unit, _), v, s in zip(figures, values_of(at), std, strict=True)
-    )
+        Estimate(
+            f"{name} {what}", float(v), float(s), unit,
+            _determined(what, v, s, longest, lag) and (answers or what == "gain"),
+        )
+        for (what, unit, _), v, s in zip(figures, values, std, strict=True)
+    )  # fmt: skip
     return ChannelFit(
         tuple(num.tolist()), tuple(den.tolist()), float(parameters[poles]), estimates,
         parameters, own, joint,

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.identify.channels import SHOWN
 from analysis.identify.evidence.diagnostics import Residuals, Saturation, beginning, residual_tests
 from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
 from analysis.identify.evidence.uncertainty import Uncertainty
@@ -285,6 +286,10 @@ def _channel_warnings(
     delay = next((e for e in channel.estimates if e.name.endswith("delay")), None)
     shown = channel.estimates[0].name.removesuffix(" gain")
     lost = [e.name for e in channel.estimates if not e.determined]
+    gain = channel.estimates[0]
+    if abs(gain.value) <= SHOWN * gain.std:
+        most = 100.0 * (abs(gain.value) + 1.96 * gain.std)
+        found.append(f"{shown}: no answer beyond the noise, gain within ± {most:.2g} %")
     if lost:
         found.append(f"{', '.join(lost)}: not determined by these readings")
     if channel.delay > 0.98 * longest:

@@ -20,6 +20,7 @@ FOLLOWED, RATE = "gimbal/followed", "gimbal/rate/measured"
 FEWEST_READINGS, FEWEST_COMMANDS = 16, 2  # of an axis that figures are made of
 _MAX_SAMPLES = 20_000_000
 _LARGEST = 1e9  # no gimbal reads more, in any unit: a larger number is a broken file
+_LATEST = 1e12  # s; 30 000 years, and neighbouring stamps are 0.1 ms apart
 LONGEST_REST = 1.0  # s; kept before the first and after the last change of a command
 
 
@@ -70,7 +71,8 @@ class Measurement:
         check_stamps(self.command.time, "command time", self.name, 1)
         if not np.isfinite(self.command.values).all():
             raise RecordingError(f"{self.name}: the command holds values that are not finite")
-        for what, series in (("angle", self.angle), ("rate", self.rate)):
+        readings = (("angle", self.angle), ("rate", self.rate))
+        for what, series in (("command", self.command), *readings):
             if series is not None:
                 check_stamps(series.time, "time", self.name, 0)
                 if np.nanmax(np.abs(series.values), initial=0.0) > _LARGEST:
@@ -249,6 +251,9 @@ def check_stamps(values: ArrayLike, what: str, name: str, fewest: int) -> Array:
     if not np.isfinite(time).all():
         row = int(np.flatnonzero(~np.isfinite(time))[0])
         raise RecordingError(f"{name}: {what} of sample {row} is {time[row]}, not a number")
+    if np.abs(time).max(initial=0.0) > _LATEST:
+        row = int(np.argmax(np.abs(time) > _LATEST))
+        raise RecordingError(f"{name}: {what} of sample {row} is {time[row]:g} s, no time")
     backwards = np.flatnonzero(np.diff(time) <= 0.0)
     if len(backwards):
         row = int(backwards[0])

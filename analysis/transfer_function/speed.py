@@ -19,6 +19,17 @@ from analysis.compiled import njit
 
 _LONGEST = 1e-3  # s
 _SHARE = 0.2  # of the fastest time constant; fourth-order steps of this leave 1e-5 of a motion
+# times the natural frequency: a loop that is faster than that has no damping worth the name
+_UNDAMPED = 30.0
+
+
+@njit(nogil=True)
+def longest_step(k: float, w: float) -> float:
+    """Longest Runge–Kutta step of a loop [s]; w = 0 is one of first order."""
+    fast = max(k, w)
+    if w > 0.0:  # else a search that strays to k = 1e7 of w = 0.1 takes minutes
+        fast = min(fast, max(w, _UNDAMPED * np.sqrt(k * w)))
+    return min(_LONGEST, _SHARE / fast)
 
 
 @njit(nogil=True)
@@ -47,8 +58,7 @@ def move(
     y: float, v: float, u: float, time: float, k: float, w: float, limit: float, dead_band: float
 ) -> tuple[float, float]:
     """Position [rad] and speed [rad/s] after the command u was held for `time` [s]; Runge–Kutta."""
-    fast = max(k, w)
-    longest = min(_LONGEST, _SHARE / fast)
+    longest = longest_step(k, w)
     steps = int(time / longest) + 1
     h = time / steps
     for _ in range(steps):
@@ -70,7 +80,7 @@ def clip_move(
     Runge–Kutta steps end where the speed reaches its limit; from there to where it leaves it the
     motion is a ramp.
     """
-    longest = min(_LONGEST, _SHARE / max(k, w))
+    longest = longest_step(k, w)
     edge = limit / k  # error at which the speed aimed at is the limit
     if edge < 2.0 * dead_band:
         edge = dead_band + 0.5 * edge
@@ -142,7 +152,7 @@ def track(
     up: float, down: float, slew: float, dead_band: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Position [rad], speed [rad/s] and set point [rad] after u was held for `time` [s]."""
-    longest = min(_LONGEST, _SHARE / max(k, w))
+    longest = longest_step(k, w)
     steps = int(time / longest) + 1
     h = time / steps
     for _ in range(steps):

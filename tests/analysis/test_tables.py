@@ -476,6 +476,19 @@ def test_rows_that_repeat_the_one_before_count_once_however_many(tmp_path):
         chosen(table(tmp_path, "t,u,pot\n" + "\n".join(other) + "\n"))
 
 
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ("0.3,2e303,0", "command holds values beyond 1e\\+09"),
+        ("3e81,2,0", "sample 30 is 3e\\+81 s"),
+    ],
+)
+def test_numbers_of_a_broken_file_are_refused_and_not_fitted(tmp_path, row, says):
+    rows = [*(f"{k / 100},{k % 7},0" for k in range(30)), row]
+    with pytest.raises(RecordingError, match=says):
+        chosen(table(tmp_path, "t,u,pot\n" + "\n".join(rows) + "\n"), time_scale=1.0)
+
+
 def test_a_log_begun_anew_is_refused_as_a_whole(tmp_path):
     rows = [f"{k % 200 / 100},{k % 7},{k}" for k in range(300)]
     with pytest.raises(RecordingError, match=r"from 1\.99 s to 0 s at sample 200"):

@@ -18,10 +18,12 @@ from analysis.identify.linear.starts import (
     follow,
     joined,
     one_channel,
+    response,
     thinned,
 )
 from analysis.identify.problem.problem import Problem
 
+_SWEEPS = 3  # each leaves of an error the square of how alike two commands are
 _OVERSHOOTS = 0.6  # damping of two poles below which one, which never does, need not be tried
 
 
@@ -55,6 +57,8 @@ def _chosen(problem: Problem, max_delay: float) -> tuple[tuple[int, ...], tuple[
     """Commands that the axis follows, zeros of their channels, and θ."""
     columns = tuple(range(problem.layout.inputs))
     thetas, driven = by_channel(problem, max_delay)
+    if len(columns) > 1:
+        thetas, driven = _together(problem, thetas, driven, max_delay)
     zeros = [problem.layout.zeros] * len(columns)
     for j in columns:
         zeros[j], thetas[j] = _evident(alone(problem, j, driven, zeros[j]), thetas[j], max_delay)
@@ -74,6 +78,28 @@ def _chosen(problem: Problem, max_delay: float) -> tuple[tuple[int, ...], tuple[
     return columns, tuple(zeros[j] for j in columns), theta
 
 
+def _together(
+    problem: Problem, thetas: list[Array], driven: dict[int, Array], max_delay: float
+) -> tuple[list[Array], dict[int, Array]]:
+    """θ and motion of each channel where all descend together.
+
+    One after the other, the first took what the later ones move for its own: what is left of it
+    is coloured, and of few independent readings no zero is worth its parameter.
+    """
+    theta = follow(problem, joined(problem, thetas), max_delay)
+    poles, own = problem.layout.poles, problem.layout.own
+    heads = [theta[poles * j * own :][:poles] for j in range(len(thetas))]
+    rest = theta[poles * (len(thetas) if own else 1) :]
+    tails = np.split(rest, np.cumsum([len(t) - poles for t in thetas])[:-1])
+    thetas = [np.concatenate([head, tail]) for head, tail in zip(heads, tails, strict=True)]
+    motions = dict(driven)
+    for _ in range(_SWEEPS):  # of the numerators, each on what the others leave
+        for j, t in enumerate(thetas):
+            left = alone(problem, j, motions, problem.layout.zeros_of(j))
+            motions[j] = response(left, t)
+    return thetas, motions
+
+
 def _evident(problem: Problem, found: Array, max_delay: float) -> tuple[int, Array]:
     """Number of zeros of a problem of one command, at most its own, and θ with them.
 
@@ -82,7 +108,10 @@ def _evident(problem: Problem, found: Array, max_delay: float) -> tuple[int, Arr
     found : θ with as many zeros as there may be
     """
     asked = problem.layout.zeros_of(0)
-    largest = (problem, follow(problem, found, max_delay))
+    followed = follow(problem, found, max_delay)
+    # a zero on the other side of the axis, with another delay, is a minimum of its own
+    again = one_channel(problem, max_delay, followed[: problem.layout.poles]) if asked else followed
+    largest = (problem, min(followed, again, key=problem.loss))
     colour = colouring(*largest)
     tried = [
         (one, one_channel(one, max_delay, largest[1][: problem.layout.poles]))

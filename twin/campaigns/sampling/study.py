@@ -3,13 +3,13 @@
 import hashlib
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from analysis import toml
 from analysis.files import FileError, content
 from twin.campaigns.sampling.design import KINDS
 from twin.campaigns.sampling.files import beside, contents
@@ -115,10 +115,10 @@ def read(place: str) -> Study:
         file = SHIPPED / f"{place}.toml"
     try:
         text = content(file, LARGEST).decode()
-        given = tomllib.loads(text)
+        given = toml.parsed(text)
     except FileError as error:
         raise TwinError(str(error)) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except ValueError as error:
         raise TwinError(f"{file}: not TOML: {' '.join(str(error).split())}") from None
     try:
         return _study(place, file, given, text)

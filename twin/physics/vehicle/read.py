@@ -1,13 +1,13 @@
 """A vehicle's TOML file, validated key by key."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
+from analysis import toml
 from analysis.units import SI, UnitError, quantity
 from twin.physics import motor
 from twin.physics.motor import Motor
@@ -97,8 +97,8 @@ def tables_of(text: str, name: str) -> dict[str, Any]:
     VehicleError : not TOML
     """
     try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        return toml.parsed(text)
+    except ValueError as error:
         reason = " ".join(str(error).split())[:LONGEST]
         raise VehicleError(f"{name} is not valid TOML: {reason}") from None
 
