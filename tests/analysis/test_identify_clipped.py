@@ -10,7 +10,7 @@ from analysis.identify import identify
 from analysis.identify.servo.motion import speed_servo
 from analysis.identify.servo.search import _better
 from analysis.recording import measurement
-from analysis.transfer_function.speed import clip_move
+from analysis.transfer_function.speed import clip_move, longest_step
 
 FREQUENCY, DAMPING, DELAY, LIMIT = 40.1, 0.7, 0.025, 1.047
 
@@ -147,3 +147,17 @@ def test_a_structure_is_better_only_beyond_chance():
     assert _better("clipped", "command", losses)
     one_step = np.where(np.arange(16) == 3, 1e4, 10.0)
     assert _better("clipped", "speed", {**losses, "speed": one_step})
+
+
+def test_a_loop_without_damping_is_stepped_by_its_natural_frequency():
+    """A search that strays to θ = [-2.0, 15.1] once took two minutes for one simulation."""
+    w, k = 0.13, 2.7e7
+    assert longest_step(k, w) == pytest.approx(0.2 / 30.0 / np.sqrt(k * w))
+    assert longest_step(700.0, 900.0) == 0.2 / 900.0
+    assert longest_step(900.0, 2.0) == 0.2 / 900.0  # a damping of 0.024
+    assert longest_step(900.0, 0.0) == 0.2 / 900.0
+    # undamped: cos of the natural frequency, for ten periods
+    period = 2.0 * np.pi / np.sqrt(k * w)
+    y, v = clip_move(0.0, 0.0, 1e-6, 10.0 * period, k, 1e-3 * w, 1.0, 0.0)
+    turns = 10.0 * period * np.sqrt(1e-3 * k * w)
+    assert y == pytest.approx(1e-6 * (1.0 - np.cos(turns)), abs=2e-8)
