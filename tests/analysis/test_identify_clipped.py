@@ -158,6 +158,6 @@ def test_a_loop_without_damping_is_stepped_by_its_natural_frequency():
     assert longest_step(900.0, 0.0) == 0.2 / 900.0
     # undamped: cos of the natural frequency, for ten periods
     period = 2.0 * np.pi / np.sqrt(k * w)
-    y, v = clip_move(0.0, 0.0, 1e-6, 10.0 * period, k, 1e-3 * w, 1.0, 0.0)
+    y, _ = clip_move(0.0, 0.0, 1e-6, 10.0 * period, k, 1e-3 * w, 1.0, 0.0)
     turns = 10.0 * period * np.sqrt(1e-3 * k * w)
     assert y == pytest.approx(1e-6 * (1.0 - np.cos(turns)), abs=2e-8)
