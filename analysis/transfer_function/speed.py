@@ -72,6 +72,35 @@ def move(
 
 
 @njit(nogil=True)
+def _loop_step(
+    y: float, v: float, u: float, h: float, k: float, w: float, dead_band: float
+) -> tuple[float, float]:
+    a1, a2 = _slope(y, v, u, k, w, np.inf, dead_band)
+    b1, b2 = _slope(y + 0.5 * h * a1, v + 0.5 * h * a2, u, k, w, np.inf, dead_band)
+    c1, c2 = _slope(y + 0.5 * h * b1, v + 0.5 * h * b2, u, k, w, np.inf, dead_band)
+    d1, d2 = _slope(y + h * c1, v + h * c2, u, k, w, np.inf, dead_band)
+    y += h / 6.0 * (a1 + 2.0 * b1 + 2.0 * c1 + d1)
+    v += h / 6.0 * (a2 + 2.0 * b2 + 2.0 * c2 + d2)
+    return y, v
+
+
+@njit(nogil=True)
+def _crossing(start: float, slope: float, end: float, slope_after: float) -> float:
+    """Where in 0 … 1 the cubic with these values and slopes at both ends rises to 1."""
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        s = 0.5 * (low + high)
+        r = 1.0 - s
+        value = (1.0 + 2.0 * s) * r * r * start + s * r * r * slope
+        value += (1.0 + 2.0 * r) * s * s * end - r * s * s * slope_after
+        if value < 1.0:
+            low = s
+        else:
+            high = s
+    return high
+
+
+@njit(nogil=True)
 def clip_move(
     y: float, v: float, u: float, time: float, k: float, w: float, limit: float, dead_band: float
 ) -> tuple[float, float]:
@@ -108,35 +137,6 @@ def clip_move(
         y, v = a, b
         left -= h
     return y, v
-
-
-@njit(nogil=True)
-def _loop_step(
-    y: float, v: float, u: float, h: float, k: float, w: float, dead_band: float
-) -> tuple[float, float]:
-    a1, a2 = _slope(y, v, u, k, w, np.inf, dead_band)
-    b1, b2 = _slope(y + 0.5 * h * a1, v + 0.5 * h * a2, u, k, w, np.inf, dead_band)
-    c1, c2 = _slope(y + 0.5 * h * b1, v + 0.5 * h * b2, u, k, w, np.inf, dead_band)
-    d1, d2 = _slope(y + h * c1, v + h * c2, u, k, w, np.inf, dead_band)
-    y += h / 6.0 * (a1 + 2.0 * b1 + 2.0 * c1 + d1)
-    v += h / 6.0 * (a2 + 2.0 * b2 + 2.0 * c2 + d2)
-    return y, v
-
-
-@njit(nogil=True)
-def _crossing(start: float, slope: float, end: float, slope_after: float) -> float:
-    """Where in 0 … 1 the cubic with these values and slopes at both ends rises to 1."""
-    low, high = 0.0, 1.0
-    for _ in range(50):
-        s = 0.5 * (low + high)
-        r = 1.0 - s
-        value = (1.0 + 2.0 * s) * r * r * start + s * r * r * slope
-        value += (1.0 + 2.0 * r) * s * s * end - r * s * s * slope_after
-        if value < 1.0:
-            low = s
-        else:
-            high = s
-    return high
 
 
 @njit(nogil=True)
