@@ -611,13 +611,21 @@ def test_the_writes_of_a_long_run_grow_with_it(tmp_path):
     assert _writes(path, "/vehicle/mass") == pytest.approx(expected, rel=0.03)
 
 
-def test_the_writes_to_a_viewer_are_not_those_of_the_file(tmp_path):
-    path = tmp_path / "a.rrd"
+def test_the_writes_to_a_viewer_are_not_those_of_the_file(tmp_path, monkeypatch):
+    path, seconds = tmp_path / "a.rrd", 10
+    writes, drain = {}, Feed.drain
+
+    def counted(self):
+        writes[self._live] = writes.get(self._live, 0) + bool(self._n)
+        drain(self)
+
+    monkeypatch.setattr(Feed, "drain", counted)
     with Recorder(
         path, signals=["vehicle/mass"], properties={}, serve=process.free_port()
     ) as recorder:
-        for t in range(1000):
+        for t in range(100 * seconds):
             recorder.row[0] = t
             recorder.commit(t * 10_000_000, t)
-    assert recording.read(path)["vehicle/mass"].values[:, 0].tolist() == list(range(1000))
-    assert _writes(path, "/vehicle/mass") == 10
+    assert recording.read(path)["vehicle/mass"].values[:, 0].tolist() == list(range(100 * seconds))
+    assert _writes(path, "/vehicle/mass") == writes[False] == seconds
+    assert writes[True] == 10 * seconds  # a viewer is shown every tenth of a second
