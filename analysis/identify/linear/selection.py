@@ -57,7 +57,7 @@ def _chosen(problem: Problem, max_delay: float) -> tuple[tuple[int, ...], tuple[
     """Commands that the axis follows, zeros of their channels, and θ."""
     columns = tuple(range(problem.layout.inputs))
     thetas, driven = by_channel(problem, max_delay)
-    if len(columns) > 1:
+    if len(columns) > 1 and problem.layout.zeros:
         thetas, driven = _together(problem, thetas, driven, max_delay)
     zeros = [problem.layout.zeros] * len(columns)
     for j in columns:
