@@ -13,20 +13,29 @@ from analysis.array import Array
 from analysis.compiled import njit
 
 Complex = NDArray[np.complex128]
+Pick = tuple[NDArray[np.intp], Array, int]
 
 _SERIES = 0.05  # below |p h| of this the closed form loses more digits than six terms of the series
 
 
 @njit(nogil=True)  # pragma: no cover - compiled
-def _advance(p: complex, h: float) -> tuple[complex, complex, complex]:
-    """e^(ph), and what a unit input held for h adds to 1/(s−p) and 1/(s−p)²."""
+def _held_for(p: complex, h: float) -> tuple[complex, complex]:
+    """e^(ph), and what a unit input held for h adds to 1/(s−p)."""
     x = p * h
     e = np.exp(x)
     if abs(x) < _SERIES:
-        first = h * (1 + x / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6)))))
+        return e, h * (1 + x / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6)))))
+    return e, (e - 1) / p
+
+
+@njit(nogil=True)  # pragma: no cover - compiled
+def _advance(p: complex, h: float) -> tuple[complex, complex, complex]:
+    """`_held_for`, and what the input adds to 1/(s−p)²."""
+    e, first = _held_for(p, h)
+    x = p * h
+    if abs(x) < _SERIES:
         second = h * h * (0.5 + x * (1 / 3 + x * (1 / 8 + x * (1 / 30 + x * (1 / 144 + x / 840)))))
         return e, first, second
-    first = (e - 1) / p
     return e, first, (h * e - first) / p
 
 
@@ -74,6 +83,74 @@ def modal_response(
             single[row, m], double[row, m] = z1, z2
             held[row] = u
     return single, double, held
+
+
+@njit(nogil=True)  # pragma: no cover - compiled
+def _single_response(
+    time: Array, input_time: Array, values: Array, poles: Complex, delay: float
+) -> tuple[Complex, Array]:
+    """`modal_response` without the states of 1/(s−p)², in half the time."""
+    n, modes, k = len(time), len(poles), len(input_time)
+    single = np.empty((n, modes), dtype=np.complex128)
+    held = np.empty(n)
+    for m in range(modes):
+        z, e, f = 0j, 1 + 0j, 0j
+        last_h = -1.0
+        u, now, event = 0.0, 0.0, 0
+        if k:
+            now = input_time[0] + delay
+        for row in range(n):
+            t = time[row]
+            while event < k and input_time[event] + delay <= t:
+                change = input_time[event] + delay
+                if change > now:
+                    e, f = _held_for(poles[m], change - now)
+                    last_h = change - now
+                    z = e * z + f * u
+                now = change
+                u = values[event]
+                event += 1
+            h = t - now
+            if event > 0 and h > 0.0:
+                if h != last_h:
+                    e, f = _held_for(poles[m], h)
+                    last_h = h
+                z = e * z + f * u
+                now = t
+            single[row, m] = z
+            held[row] = u
+    return single, held
+
+
+@njit(nogil=True)  # pragma: no cover - compiled
+def write_columns(
+    time: Array,
+    input_time: Array,
+    values: Array,
+    poles: Complex,
+    delay: float,
+    picks: tuple[Pick, Pick],
+    columns: Array,
+    column: int,
+) -> None:
+    """Write weighted sums of the states of 1/(s−p) and of the delayed input into `columns`.
+
+    Parameters
+    ----------
+    picks : rows of the times, what their states weigh (4·modes + 1, m), and the first row of
+        `columns` that is written; the weights as in `weights.py`, those of 1/(s−p)² unused
+    column : first column that is written
+    """
+    single, held = _single_response(time, input_time, values, poles, delay)
+    modes = len(poles)
+    for rows, weights, first in picks:
+        for c in range(weights.shape[1]):
+            for i in range(len(rows)):
+                total = weights[4 * modes, c] * held[rows[i]]
+                for m in range(modes):
+                    z = single[rows[i], m]
+                    total += weights[m, c] * z.real - weights[modes + m, c] * z.imag
+                columns[first + i, column + c] = total
 
 
 def impulse_response(time: Array, poles: Complex) -> tuple[Complex, Complex]:

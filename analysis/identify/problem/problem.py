@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from analysis.array import Array
 from analysis.identify.problem.basis import Denominator, denominator
 from analysis.identify.problem.layout import Layout
-from analysis.identify.problem.states import Part, free_states, part_states
+from analysis.identify.problem.modal import write_columns
+from analysis.identify.problem.states import Part, command_changes, free_states, part_states
 from analysis.identify.problem.weights import (
     channel_weights,
     free_gradient,
@@ -103,7 +104,7 @@ class Problem:
 
     def loss(self, theta: Array) -> float:
         """Sum of weighted squares at θ, without derivatives; infinite where it is none."""
-        phi = self._columns([self._signals(theta, part).values for part in self.parts])
+        phi = self._basis(theta)
         basis, target = phi * self.weight[:, None], self.measured * self.weight
         # half the digits of an orthogonal solution, which is enough to rank starts
         gram = basis.T @ basis
@@ -118,27 +119,57 @@ class Problem:
 
     def predict(self, theta: Array, linear: Array) -> Array:
         """Model output of every row at given parameters (rows,)."""
-        return self._columns([self._signals(theta, p).values for p in self.parts]) @ linear
+        return self._basis(theta) @ linear
 
     def driven(self, theta: Array, linear: Array) -> Array:
         """What the commands alone make of every row, sensors' offsets and free motion left out."""
-        columns = self._columns([self._signals(theta, p).values for p in self.parts])
+        columns = self._basis(theta)
         count = self.layout.numerators
         return np.asarray(columns[:, :count] @ linear[:count])
+
+    def _basis(self, theta: Array) -> Array:
+        """Columns of the linear parameters alone, without what a derivative needs."""
+        if any(part.free for part in self.parts):
+            return self._columns([self._signals(theta, part).values for part in self.parts])
+        layout, count = self.layout, self.layout.numerators
+        phi = np.empty((len(self.measured), count + self.offsets.shape[1]), order="F")
+        phi[:, count:] = self.offsets
+        first_angle, first_rate = 0, sum(len(part.angle_rows) for part in self.parts)
+        for part in self.parts:
+            last_angle = first_angle + len(part.angle_rows)
+            for j in range(layout.inputs):
+                section = theta[layout.group(j)].tobytes()
+                den, angle, rate = _channel(section, layout, layout.zeros_of(j))
+                write_columns(
+                    part.time,
+                    *command_changes(part.input_time, part.input[:, j]),
+                    den.poles,
+                    layout.delay(theta, j),
+                    ((part.angle_rows, angle, first_angle), (part.rate_rows, rate, first_rate)),
+                    phi,
+                    layout.numerator(j).start,
+                )
+                phi[first_angle:last_angle, layout.numerator(j).start] += part.input[0, j]
+            first_angle, first_rate = last_angle, first_rate + len(part.rate_rows)
+        return phi
 
     # The layout of the linear parameters: numerators of each command, angle offset(s), gyro bias of
     # each record, then the initial motion of each record that has one.
     def _columns(self, values: Sequence["_Values"]) -> Array:
-        blocks = [np.concatenate([v.angle for v in values] + [v.rate for v in values])]
-        blocks.append(self.offsets)
+        count = self.layout.numerators
+        free = [v.free_angle.shape[1] for v in values if v.free_angle is not None]
+        width = count + self.offsets.shape[1]
+        columns = np.zeros((len(self.measured), width + sum(free)), order="F")
+        np.concatenate([*(v.angle for v in values), *(v.rate for v in values)], out=columns[:, :count])
+        columns[:, count:width] = self.offsets
         for index, value in enumerate(values):
             if value.free_angle is not None and value.free_rate is not None:
-                columns = np.zeros((len(self.measured), value.free_angle.shape[1]))
                 mine = self.owner == index
-                columns[mine & ~self.is_rate] = value.free_angle
-                columns[mine & self.is_rate] = value.free_rate
-                blocks.append(columns)
-        return np.hstack(blocks)
+                after = width + value.free_angle.shape[1]
+                columns[mine & ~self.is_rate, width:after] = value.free_angle
+                columns[mine & self.is_rate, width:after] = value.free_rate
+                width = after
+        return columns
 
     def _signals(self, theta: Array, part: Part) -> "_Signals":
         layout = self.layout
@@ -170,11 +201,14 @@ class Problem:
 
     def _slope(self, signals: Sequence["_Signals"], linear: Array) -> Array:
         layout = self.layout
+        slope = np.zeros((len(self.measured), layout.size), order="F")
         free_at = len(linear) - sum(layout.groups * layout.poles for p in self.parts if p.free)
-        angle, rate = [], []
+        first_rate = sum(len(part.angle_rows) for part in self.parts)
+        first_angle = 0
         for part, signal in zip(self.parts, signals, strict=True):
-            a = np.zeros((len(part.angle_rows), layout.size))
-            r = np.zeros((len(part.rate_rows), layout.size))
+            last_angle = first_angle + len(part.angle_rows)
+            last_rate = first_rate + len(part.rate_rows)
+            a, r = slope[first_angle:last_angle], slope[first_rate:last_rate]
             for j in range(layout.inputs):
                 den, state = signal.dens[j if layout.own else 0], signal.states[j]
                 wa, wr = gradient_weights(den, layout, linear[layout.numerator(j)])
@@ -191,9 +225,8 @@ class Problem:
                 a[:, layout.group(g)] += motion[part.angle_rows] @ wa
                 r[:, layout.group(g)] += motion[part.rate_rows] @ wr
                 free_at += layout.poles
-            angle.append(a)
-            rate.append(r)
-        return np.concatenate(angle + rate)
+            first_angle, first_rate = last_angle, last_rate
+        return slope
 
 
 @dataclass(slots=True)
