@@ -317,6 +317,7 @@ def slope_of(function: Callable[[Array], Array], at: Array, spread: Array) -> Ar
     columns = []
     for i, step in enumerate(spread):
         shift = np.zeros(len(at))
-        shift[i] = max(1e-3 * step, 1e-9 * abs(at[i]), 1e-12)
+        # a parameter that is not determined may deviate by more than its exponential can hold
+        shift[i] = max(min(1e-3 * step, max(abs(at[i]), 1.0)), 1e-9 * abs(at[i]), 1e-12)
         columns.append((function(at + shift) - function(at - shift)) / (2.0 * shift[i]))
     return np.stack(columns, axis=1)

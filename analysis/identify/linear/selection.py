@@ -14,6 +14,7 @@ from analysis.identify.linear.fit import AxisFit, prepared, search, settled
 from analysis.identify.linear.starts import (
     ROWS,
     alone,
+    along_delay,
     by_channel,
     follow,
     joined,
@@ -110,11 +111,11 @@ def _evident(problem: Problem, found: Array, max_delay: float) -> tuple[int, Arr
     asked = problem.layout.zeros_of(0)
     followed = follow(problem, found, max_delay)
     # a zero on the other side of the axis, with another delay, is a minimum of its own
-    again = one_channel(problem, max_delay, followed[: problem.layout.poles]) if asked else followed
+    again = along_delay(problem, followed[: problem.layout.poles], max_delay) if asked else followed
     largest = (problem, min(followed, again, key=problem.loss))
     colour = colouring(*largest)
     tried = [
-        (one, one_channel(one, max_delay, largest[1][: problem.layout.poles]))
+        (one, along_delay(one, largest[1][: problem.layout.poles], max_delay))
         for one in (problem.channels((0,), (zeros,)) for zeros in range(asked))
     ]
     tried.append(largest)

@@ -58,21 +58,33 @@ def response(problem: Problem, theta: Array) -> Array:
     return problem.driven(theta, problem.solve(theta).linear)
 
 
-def one_channel(problem: Problem, max_delay: float, poles: Array | None = None) -> Array:
-    """θ near the lowest minimum of a problem of one command, from these poles if known."""
+def one_channel(problem: Problem, max_delay: float) -> Array:
+    """θ near the lowest minimum of a problem of one command."""
     few = thinned(problem, _JUDGED_ROWS)
     low, high = bounds(few, max_delay)
-    if poles is None:
-        starts = _all_starts(few, max_delay)
-    else:
-        starts = [srivc.whole_theta(few, poles, float(d)) for d in _delays(few, max_delay)]
-    starts = [np.clip(s, low, high) for s in starts]
+    starts = [np.clip(s, low, high) for s in _all_starts(few, max_delay)]
     ranked = sorted((few.loss(s), i) for i, s in enumerate(starts))
     chosen: list[Array] = []
     for _, i in ranked:
         if len(chosen) < _FOLLOWED and all(_differ(few, starts[i], c) for c in chosen):
             chosen.append(starts[i])
     return min((follow(problem, s, max_delay) for s in chosen), key=problem.loss)
+
+
+def along_delay(problem: Problem, poles: Array, max_delay: float) -> Array:
+    """θ near the lowest minimum of a problem of one command whose poles are known.
+
+    With the poles held the loss over the delay has few minima: each is followed once.
+    """
+    few = thinned(problem, _JUDGED_ROWS)
+    low, high = bounds(few, max_delay)
+    delays = _delays(few, max_delay, 2 * _DELAYS - 1)
+    starts = [np.clip(srivc.whole_theta(few, poles, float(d)), low, high) for d in delays]
+    losses = np.array([few.loss(s) for s in starts])
+    padded = np.pad(losses, 1, constant_values=np.inf)
+    valleys = np.flatnonzero((losses <= padded[:-2]) & (losses < padded[2:]))
+    best = sorted(valleys, key=lambda i: float(losses[i]))[:_FOLLOWED]
+    return min((follow(problem, starts[i], max_delay) for i in best), key=problem.loss)
 
 
 def follow(problem: Problem, theta: Array, max_delay: float, ftol: float = _ROUGH) -> Array:
@@ -172,9 +184,9 @@ def _all_starts(problem: Problem, max_delay: float) -> list[Array]:
     return [srivc.whole_theta(problem, s, float(d)) for s, d in product(sections, delays)]
 
 
-def _delays(problem: Problem, max_delay: float) -> Array:
+def _delays(problem: Problem, max_delay: float, count: int = _DELAYS) -> Array:
     free = bool(problem.layout.free_delays)
-    return np.linspace(0.0, 0.9 * max_delay, _DELAYS) if free else np.zeros(1)
+    return np.linspace(0.0, 0.9 * max_delay, count) if free else np.zeros(1)
 
 
 def _least_guess(problem: Problem, max_delay: float) -> float:

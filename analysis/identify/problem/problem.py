@@ -160,7 +160,9 @@ class Problem:
         free = [v.free_angle.shape[1] for v in values if v.free_angle is not None]
         width = count + self.offsets.shape[1]
         columns = np.zeros((len(self.measured), width + sum(free)), order="F")
-        np.concatenate([*(v.angle for v in values), *(v.rate for v in values)], out=columns[:, :count])
+        np.concatenate(
+            [*(v.angle for v in values), *(v.rate for v in values)], out=columns[:, :count]
+        )
         columns[:, count:width] = self.offsets
         for index, value in enumerate(values):
             if value.free_angle is not None and value.free_rate is not None:
