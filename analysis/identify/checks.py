@@ -215,7 +215,7 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
         return [text]
     reach = float(np.abs(record.command.column(command)).max())
     if text := far_command(command, reach, None if assumed else "rad"):
-        return [] if "reaches" in record.note else [text]  # tables note it when they are read
+        return [] if record.unit_doubt else [text]  # the note of a table has it
     if not 1.0 / _USUAL < gain < _USUAL:
         text = (
             f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, far from 1: is the "
