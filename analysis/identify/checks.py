@@ -239,7 +239,8 @@ def exchanged(
     if not all(gain[i][i] < _CROSSED * gain[i][1 - i] for i in (0, 1)):
         return []
     (a, b), (x, y) = inputs, outputs
-    return [
+    text = (
         f"axis '{x}' follows command '{b}' and axis '{y}' follows command '{a}': are the columns"
         " exchanged (--input, --angle, --rate)?"
-    ]
+    )
+    return [text]
