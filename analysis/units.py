@@ -32,6 +32,27 @@ SI: Final = {
     "speed": "m/s",
     "number": "",
 }
+# of compound units: factor to SI, and powers of kg, m, s, rad and A
+_Unit = tuple[float, tuple[int, ...]]
+_POWERS: Final[dict[Kind, tuple[int, ...]]] = {
+    "mass": (1, 0, 0, 0, 0), "length": (0, 1, 0, 0, 0), "time": (0, 0, 1, 0, 0),
+    "angle": (0, 0, 0, 1, 0),
+}  # fmt: skip
+_SYMBOLS: Final[dict[str, _Unit]] = {
+    **{s: (f, power) for kind, power in _POWERS.items() for s, f in UNITS[kind].items()},
+    "min": (60.0, (0, 0, 1, 0, 0)),
+    "h": (3600.0, (0, 0, 1, 0, 0)),
+    "km": (1000.0, (0, 1, 0, 0, 0)),
+    "N": (1.0, (1, 1, -2, 0, 0)),
+    "Nm": (1.0, (1, 2, -2, 0, 0)),
+    "A": (1.0, (0, 0, 0, 0, 1)),
+    "V": (1.0, (1, 2, -3, 0, -1)),
+    "Ω": (1.0, (1, 2, -3, 0, -2)),
+    "%": (0.01, (0, 0, 0, 0, 0)),
+    "1": (1.0, (0, 0, 0, 0, 0)),
+}
+_SYMBOL = re.compile(r"([^\d²³⁴^]+|1)\^?([1-4²³⁴]?)")
+_COMPOUND = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")
 _TEXT = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)\s*")
 LONGEST: Final = 60  # characters
 
@@ -62,18 +83,48 @@ def quantity(value: object, kind: Kind) -> float:
     return number
 
 
-def of_any_kind(text: str) -> float:
-    """Value in SI units of a text with a number and any unit of `UNITS`, or none.
+def in_unit(text: str, unit: str | None) -> float:
+    """Value in SI units of a text with a number and a unit, compound ones such as N m/rad too.
+
+    Parameters
+    ----------
+    unit : SI unit that the text's has to be convertible to; "-" for a number without one, None to
+        take any
 
     Raises
     ------
-    UnitError : neither
+    UnitError : no number, no such unit, or one of another kind
     """
-    unit = match[2] if len(text) <= LONGEST and (match := _TEXT.fullmatch(text)) else None
-    for kind, units in UNITS.items():
-        if unit in units:
-            return quantity(text, kind)
-    raise UnitError("is not a number, nor one with a unit such as 270° or 8 m/s")
+    match = _COMPOUND.fullmatch(text) if len(text) <= LONGEST else None
+    wanted = None if unit is None else _compound(unit.strip("-"))
+    given = None if match is None else _compound(match[2])
+    if match is None or (given is None and wanted is None):
+        raise UnitError("is not a number, nor one with a unit such as 270° or 8 m/s")
+    if given is None or (match[2] and wanted is not None and given[1] != wanted[1]):
+        raise UnitError(
+            f"must be in {unit}, or in a unit that converts to it"
+            if wanted is None or any(wanted[1])
+            else "must be a number without a unit"
+        )
+    return float(match[1]) * given[0]
+
+
+def _compound(text: str) -> _Unit | None:
+    """Factor and powers of a unit; None where it has a symbol that is not known."""
+    factor, powers = 1.0, [0, 0, 0, 0, 0]
+    for sign, part in zip((1, -1), text.split("/", 1), strict=False):
+        for word in re.split(r"[\s·*]+", part) if part.strip() else ():
+            match = _SYMBOL.fullmatch(word)
+            if match is None or match[1] not in _SYMBOLS:
+                return None
+            scale, of = _SYMBOLS[match[1]]
+            power = sign * int(match[2].translate(_RAISED) or 1)
+            factor *= scale**power
+            powers = [p + power * q for p, q in zip(powers, of, strict=True)]
+    return factor, tuple(powers)
+
+
+_RAISED = str.maketrans("²³⁴", "234")
 
 
 def is_number(text: str) -> bool:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.array import Array
 from analysis.identify.errors import IdentificationError
+from analysis.identify.evidence.evidence import ChannelFit
 from analysis.identify.problem.noise import resolution
 from analysis.recording.columns import far_command
 from analysis.recording.measurements import Measurement
@@ -184,6 +185,9 @@ def _degrees(ratio: float) -> float | None:
     return None
 
 
+_CROSSED = 0.2  # of the gain from the other command: an axis that follows its own has more
+
+
 def check_gain(gain: float, record: Measurement, command: str, axis: str) -> list[str]:
     """Refuse a gain that is a unit and not a gimbal, unless the units were given; or doubt it.
 
@@ -215,7 +219,7 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
         return [text]
     reach = float(np.abs(record.command.column(command)).max())
     if text := far_command(command, reach, None if assumed else "rad"):
-        return [] if "reaches" in record.note else [text]  # tables note it when they are read
+        return [] if record.unit_doubt else [text]  # the note of a table has it
     if not 1.0 / _USUAL < gain < _USUAL:
         text = (
             f"gain from command '{command}' to axis '{axis}' is {gain:.4g}, far from 1: is the "
@@ -223,3 +227,20 @@ def check_gain(gain: float, record: Measurement, command: str, axis: str) -> lis
         )
         return [text]
     return []
+
+
+def exchanged(
+    rows: Sequence[Sequence[ChannelFit]], inputs: Sequence[str], outputs: Sequence[str]
+) -> list[str]:
+    """Doubt of the order of two columns whose axes each follow the other's command."""
+    if not len(rows) == len(inputs) == len(outputs) == 2:
+        return []
+    gain = [[abs(c.num[-1] / c.den[-1]) for c in row] for row in rows]
+    if not all(gain[i][i] < _CROSSED * gain[i][1 - i] for i in (0, 1)):
+        return []
+    (a, b), (x, y) = inputs, outputs
+    text = (
+        f"axis '{x}' follows command '{b}' and axis '{y}' follows command '{a}': are the columns"
+        " exchanged (--input, --angle, --rate)?"
+    )
+    return [text]

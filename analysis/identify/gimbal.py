@@ -53,7 +53,9 @@ def identify_gimbal(
 
     def fitted(k: int, servo: bool | Structure) -> IdentifiedModel:
         own = own_records(records, k)
-        return identify(own, poles, zeros, delay, servo=servo, max_delay=max_delay)
+        model = identify(own, poles, zeros, delay, servo=servo, max_delay=max_delay)
+        outside = sum(_readings(r, k) for r in records) - sum(_readings(r, 0) for r in own)
+        return replace(model, axes=(replace(model.axes[0], outside=outside),))
 
     alone = [fitted(k, servo) for k in range(len(inputs))]
     if servo is True and len({m.servo[0].structure for m in alone if m.servo}) > 1:
@@ -140,6 +142,10 @@ def own_records(records: Sequence[Measurement], k: int) -> list[Measurement]:
 
 def _row(channel: ChannelFit, place: int, size: int) -> tuple[ChannelFit, ...]:
     return tuple(channel if j == place else nothing(channel) for j in range(size))
+
+
+def _readings(r: Measurement, k: int) -> int:
+    return sum(int(np.isfinite(series.values[:, k]).sum()) for _, series in r.sensors)
 
 
 def _own(r: Measurement, k: int) -> Measurement:

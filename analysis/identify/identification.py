@@ -173,6 +173,7 @@ def _linear(
         if k in choice.columns:
             gain = row[k].num[-1] / row[k].den[-1]
             warnings += checks.check_gain(gain, first, first.inputs[k], output)
+    warnings = checks.exchanged(rows, first.inputs, first.outputs) + warnings
     warnings += stamp_warnings(records)
     return IdentifiedModel(
         first.inputs, first.outputs, tuple(rows), None, tuple(axes), tuple(warnings)

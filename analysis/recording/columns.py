@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -132,9 +133,11 @@ def measurement_of_table(
     # reports name a run by the gimbal seat of its recording; a table has only its file name
     named = Recording({"configuration": {"gimbal": table.source}}, {})
     both = columns.unit is not None and columns.input_unit is not None
-    notes = (table.note, (given or table).note, held, _doubted(columns, commands))
+    doubt = _doubted(columns, commands)
+    notes = (table.note, (given or table).note, held, doubt)
     note = "; ".join(dict.fromkeys(n for n in notes if n))
-    return replace(run, recording=named, units="given" if both else "assumed", note=note)
+    units: Literal["given", "assumed"] = "given" if both else "assumed"
+    return replace(run, recording=named, units=units, note=note, unit_doubt=doubt)
 
 
 def commands_of_table(

@@ -43,6 +43,7 @@ class Measurement:
     name : used in messages and reports
     recording : the recording it was taken from; empty for a table
     note : what of its file was left out or is in doubt, in one line; "" where nothing is
+    unit_doubt : doubt of the unit of its commands, which the note has too; "" without
     shift : added to the recording's stamps to align it with another [s]
 
     Raises
@@ -62,6 +63,7 @@ class Measurement:
     name: str = "record"
     recording: Recording = field(default_factory=lambda: Recording({}, {}), repr=False)
     note: str = ""
+    unit_doubt: str = ""
     shift: float = 0.0
 
     def __post_init__(self) -> None:

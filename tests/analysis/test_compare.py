@@ -138,6 +138,43 @@ def test_gain_and_phase_are_those_of_the_system_between():
         assert spectrum.coherence[k] > 0.95
 
 
+def steps(hold=0.5, seconds=30.0):
+    """Answers of a second-order gimbal to steps up and back, each held so long."""
+    t = np.arange(0.0, seconds, 0.005)
+    size, part = np.array([1, -2, 4, -6, 3, -1, 6, -4, 2, 0.0]), (t / hold + 1e-9).astype(int)
+    command = np.where(part % 2 == 1, size[part // 2 % 10], 0.0)
+    g = control.tf([1600.0], [1.0, 48.0, 1600.0])
+    _, y = control.forced_response(control.ss(g).sample(0.005, "zoh"), U=command)
+    return t, np.asarray(y).ravel()
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_intervals_of_gain_and_phase_hold_the_truth_where_there_is_power(noise):
+    """Two readings of one motion: 0 dB and 0°."""
+    rng, inside = np.random.default_rng(0), []
+    t, y = steps()
+    for _ in range(60):
+        a, b = (motion(y + noise * rng.standard_normal(len(t)), t) for _ in range(2))
+        s = compare(a, b).axes[0].spectrum
+        for hertz in (0.5, 1.0, 3.0, 5.0):
+            k = int(np.argmin(np.abs(s.frequency - hertz)))
+            assert s.power[k] > 0.05
+            inside += [abs(s.gain[k]) < s.gain_error[k], abs(s.phase[k]) < s.phase_error[k]]
+    assert 0.93 < np.mean(inside) <= 0.99
+
+
+def test_nulls_of_held_steps_have_no_power():
+    """A command held for 0.5 s has the spectrum sin(πf/2)/(πf): zero at 2, 4, 6 Hz."""
+    t, y = steps()
+    noisy = y + 0.02 * np.random.default_rng(0).standard_normal(len(t))
+    s = compare(motion(noisy, t), motion(y, t)).axes[0].spectrum
+    at = {
+        f: s.power[int(np.argmin(np.abs(s.frequency - f)))] for f in (0.5, 1.5, 2, 2.5, 4, 4.5, 6)
+    }
+    assert max(at[2], at[4], at[6]) < 0.02
+    assert min(at[0.5], at[1.5], at[2.5], at[4.5]) > 0.5
+
+
 def test_noise_alone_has_no_coherence():
     rng = np.random.default_rng(0)
     found = compare(motion(rng.normal(size=4000)), motion(rng.normal(size=4000)))

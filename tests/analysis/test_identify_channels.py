@@ -1,6 +1,7 @@
 """Which channels and zeros an axis of two commands has, against scipy's step responses."""
 
 import numpy as np
+import pytest
 from scipy import signal
 
 from analysis.identify import identify
@@ -70,3 +71,23 @@ def test_an_axis_that_only_shows_noise_has_neither_delay_nor_frequency():
         assert abs(gain.value) < 4.0 * gain.std
         assert not any(e.determined for e in others)
         assert any("x/x: no answer beyond the noise" in w for w in model.warnings)
+
+
+@pytest.mark.parametrize("own", [0.0, 0.05])
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_exchanged_columns_are_suspected(order, own):
+    """A gimbal whose axes answer their own command, a twentieth the other one, both ways round."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 12.0, 0.01)
+    steps = [stepped(0, 0.5, time), stepped(10, 0.87, time)]
+    command = np.stack([np.sum(s[1][:, None] * (time >= s[0][:, None]), axis=0) for s in steps], 1)
+    answers = [moved(time, s, 0.95, 40.0, 0.6, 0.012, 0.0) for s in steps]
+    angle = np.stack([answers[0] + own * answers[1], answers[1] + own * answers[0]], axis=1)
+    noisy = angle + rng.normal(0.0, np.radians(0.05), angle.shape)
+    model = identify([measurement(time, command[:, order], angle=noisy, stamps="exact")], 2, 0)
+    said = [w for w in model.warnings if "exchanged" in w]
+    if order == (0, 1):
+        assert not said
+    else:
+        assert said == list(model.warnings[:1])
+        assert said[0].startswith("axis 'x' follows command 'y' and axis 'y' follows command 'x'")

@@ -255,3 +255,9 @@ def test_degrees_read_as_radians_on_both_sides_are_doubted_by_the_size_of_the_co
     assert len(said) == 1
     assert "is it in degrees?" in said[0]
     assert not any("reaches" in w for w in identify([radians], poles=1).warnings)
+    # whatever else a note of the file says; only a doubt of the unit itself is not said twice
+    noted = replace(degrees, note="row 7 reaches column 9")
+    assert any("reaches 5 rad" in w for w in identify([noted], poles=1).warnings)
+    said = "command 'u' is 286°"
+    doubted = replace(degrees, note=f"row 7 left out; {said}", unit_doubt=said)
+    assert not any("reaches" in w for w in identify([doubted], poles=1).warnings)

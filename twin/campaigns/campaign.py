@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from analysis.report import render
+from twin import status
 from twin.campaigns.flying.cluster import Cluster
 from twin.campaigns.flying.engine import Engine, Work, lost_row
 from twin.campaigns.flying.runs import Runs, flown
@@ -59,7 +60,7 @@ def campaign(config: Campaign) -> CampaignResult | FlightResult:
         wall_s = time.perf_counter() - began
         made = result(study, runs, store, conditions, new, wall_s, cpu_s)
     except KeyboardInterrupt as interrupt:
-        if done := sum(len(store.runs_of(p)) for p in store.present()):
+        if done := store.done:
             interrupt.add_note(
                 f"{store.folder} has {done} of {runs.count} runs; `twin campaign resume` continues"
             )
@@ -85,6 +86,12 @@ def _flown(config: Campaign, study: Study, runs: Runs, store: Store) -> tuple[in
         store.begin(force=config.force)
     else:
         store.check()
+    if done := store.done:
+        those = f"all {done}" if done == runs.count else f"{done} of {runs.count}"
+        again = "; `twin campaign run` with --force flies them again"
+        status.note(f"{store.folder}: {those} flights are already there{again}")
+    if done == runs.count:
+        return 0, None
     with TemporaryDirectory(prefix="tvc-twin-") as scratch:
         work = flown(study, runs, bound, Path(scratch))
         _warm_up(bound)
@@ -114,7 +121,7 @@ def flying(
     ------
     TwinError : rows cannot be written
     """
-    done = sum(len(store.runs_of(p)) for p in store.present())
+    done = store.done
     progress = Progress(store.count, done)
 
     def lost(run: int) -> dict[str, Any]:
@@ -137,7 +144,7 @@ def flying(
         fragments.close()  # ends the processes
         store.tidy()
     store.discard(last + 1)
-    return sum(len(store.runs_of(p)) for p in store.present()) - done
+    return store.done - done
 
 
 class _Watch:

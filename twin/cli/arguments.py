@@ -4,6 +4,7 @@ import ast
 import contextlib
 import inspect
 import io
+import math
 import re
 import textwrap
 from collections.abc import Callable
@@ -126,19 +127,31 @@ def _check_words(kind: type[Settings], arguments: list[str]) -> None:
     """Refuse options given twice, of which one would be lost, and numbers as Python writes them."""
     options = {f"--{n.rstrip('_').replace('_', '-')}": hint for n, hint in hints(kind).items()}
     seen: set[str] = set()
-    flag, hint = "", None
+    flag, left = "", 0.0  # numbers that the option still takes; what follows them is positional
     for argument in arguments:
         word = argument
         if argument.startswith("--"):
-            flag, _, word = argument.partition("=")
+            flag, equals, word = argument.partition("=")
             flag = flag.replace("_", "-")
             hint = options.get(flag)
             if flag in seen and hint not in (None, Flag, bool):
                 raise TwinError(f"{flag}: given twice; give it once")
             if REPEATABLE not in getattr(hint, "__metadata__", ()):
                 seen.add(flag)
-        if hint is not None and _NUMERIC.search(str(hint)) and _is_foreign(word):
+            left = _numbers_of(hint)
+            if not equals:
+                continue
+        if left > 0 and _is_foreign(word):
             raise TwinError(f"{flag} {word}: must be a number of the digits 0 to 9")
+        left -= 1
+
+
+def _numbers_of(hint: Any) -> float:  # noqa: ANN401  a type
+    """How many numbers an option takes; 0 of all others."""
+    if hint is None or hint == Overrides:
+        return 0
+    count = len(_NUMERIC.findall(str(hint)))
+    return math.inf if count and "..." in str(hint) else count
 
 
 def _is_foreign(word: str) -> bool:

@@ -24,8 +24,9 @@ class Campaign(Output):
     )
 
     action: Annotated[Literal["run", "resume", "report", "refly"], POSITIONAL]
-    """run: fly the study from the beginning; resume: fly what is missing; report: write the page
-    again from the rows there are; refly: fly one run again with a full recording."""
+    """run: fly the study, or what a folder with flights of it lacks; resume: fly what is missing;
+    report: write the page again from the rows there are; refly: fly one run again with a full
+    recording."""
     study: Annotated[str, POSITIONAL]
     """Study file (.toml), or a shipped study: dispersion, limits, mechanism, servos, gains; or the
     folder of its results."""
@@ -46,7 +47,7 @@ class Campaign(Output):
     paths: Annotated[int, Range(0, 1000)] = 0
     """Runs to fly again for a recording with their paths, worst and median highlighted."""
     force: Flag = False
-    """Start again in a folder that has runs, or replace any recording with `refly`."""
+    """Remove the runs of the folder and start again, or replace any recording with `refly`."""
     out: Path | None = None
     """Folder of the results; runs/STUDY if omitted. With `refly` the recording (.rrd) to write;
     run-NUMBER with the date in the folder of the results if omitted."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from analysis.files import FileError, content
-from analysis.units import UnitError, is_number, of_any_kind
+from analysis.units import UnitError, in_unit, is_number
 from twin.errors import TwinError
 
 LARGEST_FILE = 1_000_000  # bytes
@@ -29,7 +29,7 @@ def parse(
     """
     values = _from_file(file) if file else {}
     for name, value in _pairs(given):
-        values[name.strip()] = number(value, f"--set {name}={value}")
+        values[name.strip()] = _number(name.strip(), value, f"--set {name}={value}")
     return values
 
 
@@ -64,7 +64,7 @@ def _from_file(file: Path) -> dict[str, float]:
         raise TwinError(f"{file} is not JSON: {error}") from None
     if not isinstance(values, dict):
         raise TwinError(f'{file}: overrides are one JSON object, {{"name": number, …}}')
-    return {str(name): number(value, f"{file}: {name}") for name, value in values.items()}
+    return {str(name): _number(name, value, f"{file}: {name}") for name, value in values.items()}
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
@@ -76,8 +76,8 @@ def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return values
 
 
-def number(value: object, where: str) -> float:
-    """Return a finite number; a text may have a unit of `analysis.units`.
+def _number(name: str, value: object, where: str) -> float:
+    """Return a finite number; a text may have a unit that converts to the parameter's.
 
     Raises
     ------
@@ -86,7 +86,9 @@ def number(value: object, where: str) -> float:
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
-        result = _float(value)
+        if isinstance(value, str) and not is_number(value):
+            value = in_unit(value, _unit(name))
+        result = float(value)
     except UnitError as error:
         raise TwinError(f"{where}: {str(value)[:40]!r} {error}") from None
     except (ValueError, OverflowError):
@@ -96,7 +98,9 @@ def number(value: object, where: str) -> float:
     return result
 
 
-def _float(value: float | str) -> float:
-    if isinstance(value, str) and not is_number(value):
-        return of_any_kind(value)
-    return float(value)
+def _unit(name: str) -> str | None:
+    """Unit of a parameter, None where it is not known; loaded late, since physics takes long."""
+    from twin.config.parameters import unit_and_meaning
+
+    known = unit_and_meaning(name)
+    return known[0] if known else None

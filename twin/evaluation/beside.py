@@ -48,11 +48,12 @@ def beside(config: Compare) -> Beside:
     begin, end = float(run.command.time[0]), float(run.time[-1])
     if not 0.0 < end - begin <= LONGEST:
         raise TwinError(f"{run.name}: {end - begin:.0f} s from the first command to the last angle")
-    unit = "deg" if config.angle_unit or config.input_unit else "rad"  # converted already
+    # converted already; of radians, given or assumed, a refusal asks whether they are degrees
+    unit = "rad" if (config.input_unit or config.angle_unit or "rad") == "rad" else "deg"
     with compiled():
         plant = _plant(config, config.with_)
         ends = stops(plant.twin.mj)
-        source = Source(config.recordings[0], unit=unit, ratio=config.ratio)
+        source = Source(config.recordings[0], unit=unit, ratio=config.ratio, flag=_flag(config))
         angles = gimbal_angles(source, run.command, None, "both", ends)
         period = plant.dt_ns * 1e-9
         steps = int((end - begin) / period) + 2
@@ -68,6 +69,11 @@ def beside(config: Compare) -> Beside:
     name = f"{config.with_} (simulated)"
     both = TimeSeries(name, time, values, "rad", ("x", "y"))
     return Beside(run, both.select(run.outputs))
+
+
+def _flag(config: Compare) -> str:
+    """The flag that the unit of the commands is given by."""
+    return "--angle-unit" if config.input_unit is None else "--input-unit"
 
 
 def _in_gimbal_angles(config: Compare, file: Path) -> Measurement:

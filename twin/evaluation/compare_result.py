@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from twin.evaluation.drift import RunDrift
     from twin.evaluation.explain import RunExplanation
 
+EXCITED = 0.05  # of the power beside: below, as between the lines of held steps, nothing is shown
 COHERENT = 0.8  # below, gain and phase are not shown
 WORTHLESS = -100.0  # %; a fit below says only that the motions have nothing in common
 SHOWN_HZ = (0.5, 1.0, 2.0, 5.0, 10.0)
@@ -164,11 +165,16 @@ def _repeats(a: AxisComparison) -> str:
 
 
 def _at(a: AxisComparison, frequency: float) -> str:
-    """Gain and phase at a frequency [Hz], where the motions are coherent there."""
+    """Gain and phase at a frequency [Hz] with 95 % intervals, where the record tells them."""
     if a.hardly_moved:
         return "-"
     s = a.spectrum
     k = int(np.argmin(np.abs(s.frequency - frequency)))
-    if not s.coherence[k] >= COHERENT or abs(s.frequency[k] / frequency - 1.0) > 0.5:
+    if abs(s.frequency[k] / frequency - 1.0) > 0.5:
         return "not coherent"
-    return f"{s.gain[k]:+.2f} dB, {s.phase[k]:+.1f}°"
+    if not s.power[k] >= EXCITED:
+        return "no power"
+    if not s.coherence[k] >= COHERENT:
+        return "not coherent"
+    gain = f"{s.gain[k]:+.2f} ± {s.gain_error[k]:.2f} dB"
+    return f"{gain}, {s.phase[k]:+.1f} ± {s.phase_error[k]:.1f}°"

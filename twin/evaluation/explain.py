@@ -74,7 +74,7 @@ class RunExplanation:
                 found = s.text
                 if s.alike:
                     others = " or ".join(s.alike)
-                    found = f"not determined: not told apart from {others} (alone: {s.text})"
+                    found = f"not determined: not told apart from {others}"
                 text = f"{part:.0f} % of that, {whole:.0f}{half} % of the whole: {found}"
                 rows.append((f"{a.axis} {s.effect}", text))
             rows.append(

@@ -87,16 +87,24 @@ def _differing(flights: tuple[Flown, Flown]) -> tuple[Rows, list[str]]:
     for name, key, unit, scale in FIGURES:
         of = [f.numbers for f in flights]
         values = [_rounded(n[key] * scale) if key in n else None for n in of]
-        texts = ["none" if v is None else f"{v:.5g}{unit}" for v in values]
         known = [v for v in values if v is not None]
         if not known:
             continue
+        places = _decimals(known)
+        texts = ["none" if v is None else f"{v:.{places}f}{unit}" for v in values]
         if texts[0] == texts[1]:
             equal.append(name)
         else:
-            by = f": {known[1] - known[0]:+.3g}{unit}" if known[1:] else ""
+            by = f": {known[1] - known[0]:+.{places}f}{unit}" if known[1:] else ""
             apart.append((name, f"{', '.join(texts)}{by}"))
     return apart, equal
+
+
+def _decimals(values: list[float]) -> int:
+    """Decimals of a row: five digits of its largest value, four decimals at most."""
+    largest = max(abs(v) for v in values)
+    digits = math.floor(math.log10(largest)) if largest > 0.0 else 0
+    return min(max(4 - digits, 0), 4)
 
 
 def _rounded(value: float) -> float:

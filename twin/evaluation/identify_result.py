@@ -66,7 +66,10 @@ class IdentifyResult(Result):
                 for what, fits in (("angle", a.fit_angle), ("rate", a.fit_rate))
                 if np.isfinite(fits).any()
             ]
-            rows.append((f"{a.name} fit", f"{'; '.join(fits) or 'unknown'}; {a.samples} readings"))
+            text = f"{'; '.join(fits) or 'unknown'}; {a.samples} readings"
+            if a.outside:
+                text += f" ({a.outside} more than 1 s before or after its own commands left out)"
+            rows.append((f"{a.name} fit", text))
             rows += _unexplained(a)
         rows += [(f"fit to {Path(k).name}", self._check(v)) for k, v in self.checks.items()]
         rows += [(f"{m.axis} margins at {m.loop}", m.text()) for m in self.margins]

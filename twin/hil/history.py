@@ -33,6 +33,7 @@ class Source:
         pulse)
     ratio : gimbal angle per servo shaft angle, where shaft angles are commanded
     time_scale : seconds per unit of the time column
+    flag : that gives the unit
     """
 
     file: Path
@@ -41,6 +42,7 @@ class Source:
     unit: str = "rad"
     ratio: float | None = None
     time_scale: float | None = None
+    flag: str = "--input-unit"
 
     @property
     def pulses(self) -> bool:
@@ -150,7 +152,7 @@ def _check(
     text, hint = f"{scale * worst:.4g} {unit}", ""
     if unit == "°" and source.unit == "rad" and is_table(source.file):
         text = f"{worst / (source.ratio or 1.0):.4g} rad, {text},"  # as it stands in the file
-        hint = f"; is it in degrees? give --{'input' if source.inputs else 'angle'}-unit deg"
+        hint = f"; is it in degrees? give {source.flag} deg"
     raise TwinError(
         f"{source.file}: command of {text} at {time[k]:g} s: must be {what},"
         f" from {scale * low:.4g} to {scale * high:.4g} {unit}{hint}"

@@ -79,6 +79,8 @@ class AxisEvidence(Plain):
     simpler : one pole less explains the readings as well
     beginning : residual of the start of a record over the largest of an equal time after it, rms;
         0 where the gimbal was free to move before
+    outside : readings left out, more than 1 s before the first or after the last of the axis' own
+        commands
     """
 
     name: str
@@ -100,6 +102,7 @@ class AxisEvidence(Plain):
     smear: dict[str, float]
     simpler: bool = False
     beginning: float = 0.0
+    outside: int = 0
 
     @property
     def fit(self) -> tuple[float, ...]:

@@ -247,11 +247,45 @@ def test_results_of_another_study_or_version_are_refused(tmp_path, monkeypatch):
     other = study(tmp_path, linear(16, seed=1), "other")
     with pytest.raises(TwinError, match="results of another study"):
         Store(tmp_path / "out", other, 16, {}).check()
-    with pytest.raises(TwinError, match=r"holds 16 runs; .* resume"):
-        Store(tmp_path / "out", s, 16, {}).begin(force=False)
+    with pytest.raises(TwinError, match=r"another study \('study'\).* with --out or --force"):
+        Store(tmp_path / "out", other, 16, {}).begin(force=False)
     monkeypatch.setattr("twin.campaigns.flying.store.versions", lambda: {"mujoco": "9"})
     with pytest.raises(TwinError, match="was flown with other versions"):
         Store(tmp_path / "out", replace(s, digest=""), 16, {}).check()
+
+
+@pytest.mark.parametrize("n", [8, 24])  # one fragment, and three
+def test_a_campaign_run_again_keeps_its_flights_and_flies_what_is_missing(
+    tmp_path, monkeypatch, capsys, n
+):
+    s = study(tmp_path, linear(n))
+    work, flights = place(s, Runs(s)), tmp_path / "flights"
+
+    def seen(run):
+        with flights.open("a") as file:  # of several processes
+            file.write(f"{run}\n")
+        return work(run)
+
+    monkeypatch.setattr("twin.campaigns.campaign.flown", lambda *_: seen)
+    monkeypatch.setattr("twin.campaigns.campaign._warm_up", lambda _: None)
+    run = Campaign("run", s.place, out=tmp_path / "out")
+    first = campaign(run)
+    rows = first.as_dict()["estimates"]
+    assert first.new == n
+    flights.unlink()
+    again = campaign(run)
+    assert (again.new, again.runs, again.cpu_s) == (0, n, None)
+    assert not flights.exists()
+    assert f"all {n} flights are already there" in capsys.readouterr().err
+    assert again.as_dict()["estimates"] == rows
+    (tmp_path / "out/rows/part-000000.parquet").unlink()
+    assert campaign(run).new == 8
+    assert sorted(map(int, flights.read_text().split())) == list(range(8))
+    flights.unlink()
+    assert campaign(replace(run, force=True)).new == n
+    other = study(tmp_path, linear(n, seed=1), "other")
+    with pytest.raises(TwinError, match=r"another study \('study'\).* with --out or --force"):
+        campaign(replace(run, study=other.place))
 
 
 def test_the_processor_time_of_a_flight_is_what_it_took(tmp_path, monkeypatch):

@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 from analysis.recording import read
+from twin.cli.arguments import parse
 from twin.cli.main import main
+from twin.errors import TwinError
 from twin.loop.seats import Pilot
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "mjcf" / "examples"
@@ -115,6 +117,7 @@ MISTAKES = [
     ("fly --seed 1_0", "--seed 1_0: must be a number of the digits 0 to 9"),
     ("step --repeats ٣", "--repeats ٣: must be a number of the digits 0 to 9"),
     ("fly --off-axis-deg 1 ２", "--off-axis-deg ２: must be a number"),
+    ("converge --dt-ms 1 2 4_0", "--dt-ms 4_0: must be a number"),
     ("fly --jsn", "--jsn"),
     ("fly --dt abc", "--dt: 'abc' is not a number (`twin fly --help`"),
     ("identify a.csv --unit deg", "a simulated rig; columns have --angle-unit"),
@@ -144,6 +147,24 @@ def test_a_mistake_is_reported_in_one_line_with_exit_2_and_leaves_nothing_behind
     assert err.count("\n") == 1
     assert "Traceback" not in err
     assert {p.name for p in here.iterdir()} == set(FILES)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "--longest-delay-ms 60 1_0 2_0",
+        "--longest-delay-ms=60 1_0 2_0",
+        "--fail-below 1_0 1_0 2_0",
+        "--with linkage --set wind_speed=1 1_0",
+    ],
+)
+def test_a_file_after_a_number_may_have_a_name_like_one(words):
+    if "--fail-below" in words:  # there it is the number
+        with pytest.raises(TwinError, match="--fail-below 1_0: must be a number"):
+            parse(["compare", *words.split()])
+        return
+    _, settings = parse(["compare", *words.split()])
+    assert settings.recordings == tuple(Path(n) for n in ("1_0", "2_0") if n in words)
 
 
 def test_the_rate_a_mistake_suggests_is_accepted(capsys, here):

@@ -64,13 +64,11 @@ def test_shares_are_given_of_the_whole_difference_too_and_drift_beside_them_is_t
     assert len(told) == 1
 
 
-def test_a_value_that_a_rival_explains_as_well_is_printed_as_not_determined_with_its_name():
+def test_of_a_value_that_a_rival_explains_as_well_the_rival_is_printed_and_no_figure():
     share = Share("friction", 1.0, "friction 1.00 → 4.30 ± 0.10", 0.01, ("dead band",))
     rows = RunExplanation((Explanation("x", 1.0, 0.1, 0.1, (share,)),), 15.0).rows()
     (text,) = [text for label, text in rows if label == "x friction"]
-    assert text.endswith(
-        "not determined: not told apart from dead band (alone: friction 1.00 → 4.30 ± 0.10)"
-    )
+    assert text.endswith("of the whole: not determined: not told apart from dead band")
 
 
 def test_a_weaker_servo_gain_is_an_effect_of_the_explanation(moved):

@@ -7,12 +7,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from analysis.flown import attack, flown
+from analysis.flown import Flown, attack, flown
 from analysis.recording import read
 from twin.config import Compare, Export, Fly, Report
 from twin.errors import TwinError
 from twin.evaluation.compare import compare
 from twin.evaluation.export import export, size_text
+from twin.evaluation.flights import _differing
 from twin.evaluation.report import write_report
 from twin.experiments.flight.fly import fly
 from twin.plant.model.compose import MJCF
@@ -170,3 +171,18 @@ def test_the_report_of_a_flight_to_a_point_names_target_approach_and_wind(tmp_pa
     assert east == pytest.approx(result.target_m[0], rel=0.01)
     for words in ("closest approach", "target, east, north, up", "3 m/s from the west", "missed"):
         assert words in text
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ((386.5, -1079.1), "386.5 m, -1079.1 m: -1465.6 m"),
+        ((0.0123, -0.0004), "0.0123 m, -0.0004 m: -0.0127 m"),
+        ((12.5, 12.62), "12.500 m, 12.620 m: +0.120 m"),
+        ((123456.7, 100.4), "123457 m, 100 m: -123356 m"),
+        ((0.0, None), "0.0000 m, none"),
+    ],
+)
+def test_a_row_has_one_format_for_both_figures_and_their_difference(values, text):
+    both = [Flown({} if v is None else {"end_east_m": v}, {}, None) for v in values]
+    assert _differing(tuple(both))[0] == [("end, east of the launch", text)]

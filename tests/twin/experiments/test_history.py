@@ -1,5 +1,7 @@
 """Commands from a file: units, stops, and the gimbals they drive."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -134,6 +136,28 @@ def test_a_model_that_does_not_exist_is_refused(capsys, tmp_path, flags, match):
     code, _, error = command(capsys, *line.split(), *flags)
     assert (code, error.count("\n")) == (2, 1)
     assert match in error
+
+
+@pytest.mark.parametrize(
+    ("units", "hint"),
+    [
+        ((), "5 rad, 286.5 °, at 0.4 s: must be .*in degrees? give --angle-unit deg"),
+        (("--angle-unit", "rad"), "5 rad, 286.5 °, at .*in degrees? give --angle-unit deg"),
+        (("--angle-unit", "deg", "--input-unit", "rad"), "5 rad, .* give --input-unit deg"),
+        (("--angle-unit", "deg"), "of 12 ° at .* to 10 °"),
+    ],
+)
+def test_a_log_in_degrees_that_is_read_as_radians_is_asked_for_its_unit(
+    capsys, tmp_path, units, hint
+):
+    reach = 12.0 if units == ("--angle-unit", "deg") else 5.0
+    file = tmp_path / "log.csv"
+    rows = (f"{k / 50},{u},{0.9 * u}" for k, u in enumerate(np.repeat([0.0, reach, 0.0], 20)))
+    file.write_text("\n".join(["t,u,y", *rows]))
+    line = f"compare {file} --with linkage --time t --input u --angle y --out {tmp_path}/o.rrd"
+    code, _, error = command(capsys, *line.split(), *units)
+    assert (code, error.count("\n")) == (2, 1)
+    assert re.search(hint.replace("?", r"\?") + "$", error.strip())
 
 
 @pytest.mark.parametrize(("degrees", "stops"), [(6.0, 5.0), (12.0, 15.0)])

@@ -3,6 +3,7 @@
 import pytest
 
 import twin
+from analysis.units import in_unit
 from twin.plant.compiled import compiled
 from twin.plant.model import overrides
 from twin.plant.model.model import ModelConfig, load
@@ -17,6 +18,8 @@ def test_every_parameter_is_described_and_has_the_value_that_set_reads_and_write
     for p in listed:
         assert p.meaning != "of this model", p.name
         assert p.unit, p.name
+        for unit in p.unit.split(", "):
+            assert in_unit(f"2 {unit.strip('-')}", unit) == 2.0, p.name
         first = p.name if "." not in p.name and len(p.values) == 1 else f"{p.name}[0]"
         if p.name.endswith((".mass", ".stiffness")):
             first = p.name

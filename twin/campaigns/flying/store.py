@@ -53,22 +53,19 @@ class Store:
         return self.folder / "rows" / f"part-{part:06d}.parquet"
 
     def begin(self, *, force: bool) -> None:
-        """Make the folder of a new campaign.
+        """Make the folder of a new campaign; one that has runs of the same study keeps them.
 
         Raises
         ------
-        TwinError : it has results already and `force` does not allow to remove them, or it cannot
-            be written
+        TwinError : it has results of another study or version and `force` does not allow to remove
+            them, or it cannot be written
         """
         if _description(self.folder) is None:
             if self.folder.is_dir() and any(f.name[0] != "." for f in self.folder.iterdir()):
                 raise TwinError(f"--out {self.folder}: must be a new folder or one of a campaign")
-        elif any(self.present()) and not force:
-            done = sum(len(self.runs_of(p)) for p in self.present())
-            raise TwinError(
-                f"--out {self.folder}: holds {done} runs; `twin campaign resume` continues them,"
-                " --force starts again"
-            )
+        elif not force and any((self.folder / "rows").glob("part-*.parquet")):
+            self.check()
+            return
         try:
             for file in (self.folder / "rows").glob("part-*"):
                 file.unlink()
@@ -98,7 +95,10 @@ class Store:
         theirs = about.get("versions")
         if isinstance(theirs, dict) and theirs != versions():
             old = ", ".join(f"{k} {v}" for k, v in sorted(theirs.items()))
-            raise TwinError(f"{self.folder}: was flown with other versions ({str(old)[:120]})")
+            raise TwinError(
+                f"{self.folder}: was flown with other versions ({str(old)[:120]}); `twin campaign"
+                " run` flies it anew, with --out or --force"
+            )
         raise TwinError(
             f"{self.folder}: holds the results of another study ({str(about.get('study'))[:60]!r}),"
             " or this one was changed; `twin campaign run` flies it anew, with --out or --force"
@@ -107,6 +107,11 @@ class Store:
     def present(self) -> Iterator[int]:
         """Fragments that are complete."""
         return (p for p in range(self.parts) if self.file(p).exists())
+
+    @property
+    def done(self) -> int:
+        """Runs of the complete fragments."""
+        return sum(len(self.runs_of(p)) for p in self.present())
 
     def write(self, part: int, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write a fragment beside its place and rename it.
