@@ -260,7 +260,7 @@ def _of_commands(
     if any(0.0 < turn < TURN for turn in turns):
         raise AnalysisError(
             f"{given.source}: '{name}' is a counter that overflows at {min(filter(None, turns)):g},"
-            f" so its place in {table.source} is open; log both in one table, or by a longer counter"
+            f" so its place in {table.source} is open; log both in one table or by a longer counter"
         )
     commands, readings = (unwrapped(t.column(name)) for t in (given, table))
     return (commands + _turns_apart(commands, readings)) * seconds + apart

@@ -1,4 +1,4 @@
-"""Fields of a text table: numbers as people and programs write them, units behind them, instants."""
+"""Fields of a text table: numbers as people and programs write them, units, instants."""
 
 import math
 import re
@@ -146,8 +146,8 @@ def with_unit(text: str, form: Numbers = PLAIN) -> tuple[float, str] | None:
 def instant(text: str) -> Moment | None:
     """Instant of a date and time, of a time of day, or a duration; None where it is none.
 
-    Dates are those of ISO 8601 and of `27.11.2026`, `2026/11/27` and `27-Nov-2026`; of others, whose
-    order of day and month is open, the time of day counts. A time of day may lack its hours where
+    Dates are those of ISO 8601 and of `27.11.2026`, `2026/11/27` and `27-Nov-2026`; of others,
+    whose order of day and month is open, the time of day counts. A time of day may lack its hours where
     it has a fraction: 01:02.5 is 62.5 s.
     """
     text = text.strip()
