@@ -23,7 +23,7 @@ from twin.config import Identify
 from twin.config.paths import named, point_latest
 from twin.errors import TwinError
 from twin.evaluation.identify_result import IdentifyResult, InformationResult
-from twin.evaluation.inputs import Given, given
+from twin.evaluation.inputs import Given, given, not_independent
 from twin.evaluation.words import quantity
 from twin.plant.loops import attitude_loops
 
@@ -66,7 +66,8 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
         for r, f in zip(held_back, fits, strict=True)
         if not np.isfinite(f).any()
     ]
-    notes = (*model.warnings, *_notes(config, source), *still)
+    same = not_independent(config, source, held_back)
+    notes = (*model.warnings, *_notes(config, source), *still, *same)
     flown = _flown(config, model, notes)
     flown.write(out)
     point_latest(out)
