@@ -147,8 +147,8 @@ def instant(text: str) -> Moment | None:
     """Instant of a date and time, of a time of day, or a duration; None where it is none.
 
     Dates are those of ISO 8601 and of `27.11.2026`, `2026/11/27` and `27-Nov-2026`; of others,
-    whose order of day and month is open, the time of day counts. A time of day may lack its hours where
-    it has a fraction: 01:02.5 is 62.5 s.
+    whose order of day and month is open, the time of day counts. A time of day may lack its hours
+    where it has a fraction: 01:02.5 is 62.5 s.
     """
     text = text.strip()
     if len(text) > LONGEST_FIELD:
