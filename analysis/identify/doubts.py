@@ -67,8 +67,8 @@ def evidence(
     """
     problem = fit.problem
     residual = fit.residual if isinstance(fit, ServoFit) else fit.solution.residual
-    spikes = 0 if isinstance(fit, ServoFit) else int(fit.spikes.sum())
     counted = problem.weight > 0.0
+    spikes = int((~counted if isinstance(fit, ServoFit) else fit.spikes).sum())
     fits: list[list[float]] = [[], []]
     for is_rate in (False, True):
         for index in range(len(problem.parts)):

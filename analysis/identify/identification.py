@@ -196,9 +196,11 @@ def _bounded(
         alone = problem.with_layout(
             replace(problem.layout, inputs=1, delays=problem.layout.delays[:1])
         )
-        with progress.about(f"axis {first.outputs[i]}, "):
-            fit = search_servo(alone, i, max_delay=longest, structure=structure)
         linear = search(problem.channels((i,), (0,)), max_delay=longest)
+        with progress.about(f"axis {first.outputs[i]}, "):
+            fit = search_servo(
+                alone, i, max_delay=longest, structure=structure, keep=~linear.spikes
+            )
         simpler = not problem.layout.zeros and one_pole_less(linear, longest)
         known, stamps = known_of_servo(fit)
         most = left_out(fit, i, longest, known.excess)
