@@ -13,6 +13,7 @@ from analysis.identify import (
     expectations,
     fit_to,
     identify_gimbal,
+    without_frozen,
 )
 from analysis.identify.progress import reported_to
 from analysis.recording import Measurement
@@ -90,6 +91,7 @@ def _information(config: Identify) -> InformationResult:
         warnings.simplefilter("ignore", RuntimeWarning)
         found = expectations(source.runs, config.poles, max_delay=longest(config))
     notes = tuple(f"{r.name}: {r.note}" for r in source.runs if r.note)
+    notes += tuple(without_frozen(source.runs)[1])
     notes += tuple(
         f"axis '{e.name.removesuffix(' rate limit')}': rate-limited, the record reaches"
         f" {quantity(e.size, e.half * e.size, e.unit)}; fit the servo (--servo)"

@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.identify.evidence.diagnostics import Residuals, Saturation
+from analysis.identify.evidence.statics import Statics
 from analysis.plain import Plain, plain
 from analysis.transfer_function.servo import Structure
 
@@ -79,6 +80,7 @@ class AxisEvidence(Plain):
     simpler : one pole less explains the readings as well
     beginning : residual of the start of a record over the largest of an equal time after it, rms;
         0 where the gimbal was free to move before
+    statics : the angles at rest beside a line over the commands; None of a bounded servo
     """
 
     name: str
@@ -100,6 +102,7 @@ class AxisEvidence(Plain):
     smear: dict[str, float]
     simpler: bool = False
     beginning: float = 0.0
+    statics: Statics | None = None
 
     @property
     def fit(self) -> tuple[float, ...]:
