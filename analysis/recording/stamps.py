@@ -9,6 +9,8 @@ from analysis.array import Array
 
 TURN = 2.0**32  # of a counter such as micros()
 _SHORT = (2.0**16, 2.0**24)  # of counters of fewer bits
+# the same where a program counts in s or ms what the counter has in µs or ms
+_DIVIDED = (2.0**16 * 1e-3, 2.0**32 * 1e-6, 2.0**32 * 1e-3)
 _EVEN = 0.5  # of the median spacing, within which an overflow leaves the others' spacing
 _FEWEST = 8  # stamps by which a spacing is judged
 
@@ -16,18 +18,19 @@ _FEWEST = 8  # stamps by which a spacing is judged
 def turn_of(stamps: Array) -> float:
     """Range of the counter that stamps (n,) are of, by its overflows; 0 where they show none.
 
-    Counters of 32 bits have one in 72 min of `micros()`. Of those of 16 and 24 bits every step back
-    must be an overflow to a spacing as the others': a row out of order, or a board that began anew,
-    leaves another.
+    Counters of 32 bits have one in 72 min of `micros()`. Of others, of 16 and 24 bits and of those
+    that a program divided by a thousand or a million, every step back must be an overflow to a
+    spacing as the others': a row out of order, or a board that began anew, leaves another.
     """
     back = np.diff(stamps) < 0.0
     if not back.any():
         return 0.0
     if _over(stamps, TURN).any():
         return TURN
-    if len(stamps) < _FEWEST or (stamps % 1.0).any():
-        return 0.0
-    for turn in _SHORT:
+    whole = not (stamps % 1.0).any()
+    for turn in _SHORT if whole else _DIVIDED:
+        if len(stamps) < _FEWEST:
+            break
         apart = np.diff(stamps) % turn
         usual = float(np.median(apart))
         within = stamps.min() >= 0.0 or stamps.max() < turn / 2.0
@@ -56,6 +59,9 @@ def restarts(stamps: Array) -> str:
     back = np.flatnonzero(np.diff(stamps) < 0.0)
     if len(back) == len(stamps) - 1:
         return "; sort the rows by time"
+    same = int(np.sum(np.diff(stamps) == 0.0))
+    if 2 * same > len(stamps):
+        return "; rows share their stamps: record them finer than the sampling"
     near = 0.1 * np.ptp(stamps)
     begins = stamps[back + 1]
     if not len(back) or not ((np.abs(begins - stamps[0]) <= near) | (np.abs(begins) <= near)).all():

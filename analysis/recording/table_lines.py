@@ -219,9 +219,12 @@ def _first_line(lines: Sequence[str], delimiter: str) -> int:
     if not names:  # perhaps one separator more or less, as at the end of every row
         near = above[-1:] if above and abs(rows[above[-1]][1] - wide) < 2 else []
         return (near or [begin])[0]
-    units = all(map(is_unit, _fields(lines[names[-1]], delimiter)))
-    before = [k for k in above if k < names[-1]][-1:]  # the line above them
-    return before[0] if units and before and before[0] in names else names[-1]
+    at = len(above) - 1 - above[::-1].index(names[-1])
+    while (
+        at and above[at - 1] in names and all(map(is_unit, _fields(lines[above[at]], delimiter)))
+    ):  # rows of units, below the line of names
+        at -= 1
+    return above[at]
 
 
 def is_unit(field: str) -> bool:

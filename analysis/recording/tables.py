@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis import limited
 from analysis.array import Array
-from analysis.files import opened
+from analysis.files import foreign, opened
 from analysis.recording.stamps import increasing, unwrapped
 from analysis.recording.table_lines import SAMPLE, TableLines
 from analysis.recording.text_table import STRAY, columns_of
@@ -140,6 +140,8 @@ def _read_csv(path: Path) -> Table:
     """Read text in UTF-8 or, as Excel for Windows writes it, in UTF-16 or Windows-1252."""
     with opened(path, LARGEST_FILE) as content:
         head = content.read(SAMPLE)
+    if what := foreign(head):
+        raise AnalysisError(f"{path}: is {what}")
     try:
         return _read_text(path, _encoding(head))
     except UnicodeDecodeError as error:

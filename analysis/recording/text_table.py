@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
@@ -214,7 +215,7 @@ class _Rows:
                     self.notes.append(f"no number in {where}, taken as missing, {first}")
                 else:
                     fault = "infinite" if infinite else f"{text[:40]!r} is not a number"
-                    fault += "; leave the field empty where there is no reading"
+                    fault += _remedy(text)
                     found[name] = f"{self._source}: row {line}, column '{name}': {fault}"
             if len(units := self._units.get(name, Counter())) > 1:
                 both = " and ".join(sorted(units))
@@ -222,6 +223,13 @@ class _Rows:
             if name in self._dates and self._dates[name] < np.isfinite(table[:, k]).sum():
                 found.setdefault(name, f"{self._source}: column '{name}' holds dates and numbers")
         return found
+
+
+def _remedy(text: str) -> str:
+    """What helps where a field is no number."""
+    if match := re.match(r"[-+]?[\d.,]*\d\s*([^\W\d_]\S{0,9})$", text):
+        return f"; of units behind numbers {match[1]!r} is none that is known"
+    return "; leave the field empty where there is no reading"
 
 
 def _counted(count: int, what: str) -> str:

@@ -245,11 +245,35 @@ def test_a_counter_of_16_or_24_bits_goes_on_behind_its_overflows(tmp_path, bits,
     np.testing.assert_allclose(run.time - run.time[0], unit * (true - true[0]), atol=1e-9)
 
 
+@pytest.mark.parametrize(("turn", "scale"), [(2**32 * 1e-6, 1.0), (2**16 * 1e-3, 1.0)])
+def test_a_counter_that_a_program_divided_goes_on_behind_its_overflow(tmp_path, turn, scale):
+    """micros() / 1e6 and a 16-bit millis() / 1e3, as seconds."""
+    true = 0.01 * np.arange(300) + turn - 1.5
+    rows = "".join(f"{t:.6f},{k % 7},{k}\n" for k, t in enumerate(true % turn))
+    run = chosen(table(tmp_path, "t,u,pot\n" + rows), time_scale=scale)
+    np.testing.assert_allclose(run.time - run.time[0], true - true[0], atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"\x1f\x8b\x08\x00" + bytes(40), "compressed by gzip; unpack it first"),
+        (b"PK\x03\x04" + bytes(40), "a ZIP archive or an Excel workbook"),
+        (b"\n<!DOCTYPE html><html></html>", "a web page; download the file itself"),
+        (b"t,u\n0,3 furlongs\n1,4 furlongs\n", "of units behind numbers 'furlongs' is none"),
+    ],
+)
+def test_files_of_other_kinds_are_called_what_they_are(tmp_path, content, said):
+    with pytest.raises(AnalysisError, match=said):
+        table(tmp_path, content).column("u")
+
+
 @pytest.mark.parametrize(
     ("stamps", "said"),
     [
         ([*range(100), *range(100)], "give each a file"),
         ([*range(100)][::-1], "sort the rows by time"),
+        ([k // 10 for k in range(100)], "rows share their stamps"),
         ([*range(65_000, 65_050), *range(30_000, 30_050)], r"\(1 do not\)$"),
     ],
 )
