@@ -255,6 +255,7 @@ def test_bad_content_is_refused_in_one_line_that_names_the_key(content, says):
     [
         ("", "not a JSON file"),
         ("{", "not a JSON file"),
+        ('{"schema": "a", "channels": [{"num": [1], "num": [2]}]}', "key 'num' stands twice"),
         ('{"schema": NaN}', "NaN is not finite"),
         ("[" * 100_000, "not a JSON file"),
         (" " * ((1 << 20) + 1), "larger than 1048576 bytes"),
