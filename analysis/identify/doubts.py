@@ -209,15 +209,25 @@ def _fit_warnings(axis: AxisEvidence, name: str) -> list[str]:
 
 
 def _static_warnings(axis: AxisEvidence, name: str) -> list[str]:
-    if axis.statics is None or not axis.statics.bent:
-        return []
     s = axis.statics
+    if s is None:
+        return []
+    where = "subtract it, or record again"
+    if s.drift:
+        return [
+            f"{name}: the offset of the angle drifts by {s.drift:.1%} of its motion per s; {where}"
+        ]
+    if s.jump:
+        said = f"{name}: the offset of the angle jumps by {s.jump:.0%} of its motion near"
+        return [f"{said} {s.jumped:.3g} s; {where}"]
+    if not s.bent:
+        return []
     gains = ""
     if np.isfinite([s.small, s.large]).all():
         gains = f" (small steps {s.small:.3g}, large ones {s.large:.3g})"
     text = f"{name}: the gain depends on the amplitude{gains}: the angles at rest lie"
     text += f" {100.0 * s.scatter:.0f} % of their spread off a line over the commands; dead band,"
-    return [f"{text} play or friction: fit the servo (--servo)"]
+    return [f"{text} play, friction or stops: fit the servo (--servo)"]
 
 
 def _limited(axis: AxisEvidence, channel: ChannelFit, name: str) -> list[str]:
@@ -314,11 +324,11 @@ def _channel_warnings(
     period = min(float(np.median(np.diff(p.time))) for p in problem.parts)
     fastest = float(np.abs(np.roots(channel.den)).max())
     if fastest * period > _COARSE:
+        rate = f"at {math.ceil(fastest)} Hz or more" if fastest * period < 20.0 else "faster"
         found.append(
             f"{shown}: its motion of {fastest:.3g} rad/s lies beyond the sampling"
             f" ({1e3 * period:.3g} ms between readings): frequency, damping and delay are not"
-            " determined by its shape, whatever their intervals; record at"
-            f" {math.ceil(fastest)} Hz or more"
+            f" determined by its shape, whatever their intervals; record {rate}"
         )
     if channel.delay > 0.98 * longest:
         found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")

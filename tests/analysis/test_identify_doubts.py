@@ -1,5 +1,7 @@
 """What a linear fit says of records whose gain, sensor or sampling it cannot take as they are."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -55,18 +57,24 @@ def test_a_hard_dead_band_of_a_third_of_the_commands_is_named_with_what_fits_it(
         assert not bent(identify([record(seed, at, u, kind(u, none))]))
 
 
+@pytest.mark.parametrize("noisy", [False, True])
 @pytest.mark.parametrize("lost", [(3.2, 7.9), (0.0, 4.0), (15.0, 20.0)])
-def test_a_sensor_that_stands_still_is_named_and_its_readings_do_not_count(lost):
+def test_a_sensor_that_stands_still_is_named_and_its_readings_do_not_count(lost, noisy):
+    """One that is cut off still shows noise, and counts from where the gimbal rested before."""
     at, u = commands(1)
     good = record(1, at, u)
     angle = good.angles.values.copy()
     rows = np.flatnonzero((good.time >= lost[0]) & (good.time <= lost[1]))
     angle[rows] = angle[rows[0]]
+    if noisy:
+        angle[rows] += NOISE * np.random.default_rng(0).normal(size=angle[rows].shape)
     bad = measurement(good.time, u, command_time=at, before=[0.0], angle=angle)
     model = identify([bad])
     (said,) = (w for w in model.warnings if "does not move" in w)
-    low, high = good.time[rows[0]], good.time[rows[-1]]
-    assert f"angle 'x' does not move between {low:.4g} and {high:.4g} s" in said
+    low, high = (float(n) for n in re.findall(r"between (\S+) and (\S+) s", said)[0])
+    rest = 0.5 if noisy else 0.0  # s between commands
+    assert good.time[rows[0]] - rest - 5e-3 <= low <= good.time[rows[0]] + 5e-3
+    assert good.time[rows[-1]] - 5e-3 <= high <= good.time[rows[-1]] + rest + 5e-3
     assert abs(model.estimate("x/x gain").value - 1.0) < 3.0 * model.estimate("x/x gain").std
     assert model.fit > 98.0
     assert not any("poor fit" in w for w in model.warnings)
@@ -93,3 +101,66 @@ def test_motion_beyond_the_sampling_is_called_not_determined(frequency, coarse):
     assert bool(said) is coarse
     faster = identify([record(3, at, u, frequency=frequency, period=0.2 / frequency)])
     assert not any("beyond the sampling" in w for w in faster.warnings)
+
+
+def identified(good, angle, at, u):
+    """The model, and what is said of the sensor."""
+    bad = measurement(good.time, u, command_time=at, before=[0.0], angle=angle)
+    model = identify([bad])
+    return model, [w for w in model.warnings if "angle 'x' " in w]
+
+
+@pytest.mark.parametrize("every", [15, 60])
+@pytest.mark.parametrize("mark", [-9999.0, 17.4533])
+def test_marks_of_missing_readings_do_not_count(every, mark):
+    at, u = commands(4)
+    good = record(4, at, u)
+    angle = good.angles.values.copy()
+    angle[::every] = mark
+    model, (said,) = identified(good, angle, at, u)
+    assert f"a mark far beyond all others in {len(angle[::every])} samples" in said
+    assert abs(model.estimate("x/x gain").value - 1.0) < 3.0 * model.estimate("x/x gain").std
+    assert model.axes[0].spikes == 0
+
+
+def test_an_angle_that_passes_half_a_turn_is_counted_through():
+    at, u = commands(5)
+    good = record(5, at, u)
+    angle = (good.angles.values + 3.1 + np.pi) % (2.0 * np.pi) - np.pi
+    model, (said,) = identified(good, angle, at, u)
+    assert "jumps by a turn" in said
+    assert abs(model.estimate("x/x gain").value - 1.0) < 3.0 * model.estimate("x/x gain").std
+
+
+def test_a_sensor_slower_than_its_log_is_dated_by_its_first_reading():
+    """New readings every 50 ms in a log of 10 ms; held, they made the delay 15 ms longer."""
+    at, u = commands(6)
+    good = record(6, at, u)
+    angle = np.repeat(good.angles.values[::5], 5, axis=0)
+    model, (said,) = identified(good, angle, at, u)
+    assert "gives each reading 5 times" in said
+    for name, true in (("delay", 0.02), ("natural frequency", 25.0), ("damping", 0.7)):
+        e = model.estimate(f"x/x {name}")
+        assert abs(e.value - true) < 3.0 * e.std
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"), [("drift", r"drifts by 1\.\d % of its motion per s"), ("jump", "near 1[0-1]")]
+)
+def test_an_offset_that_drifts_or_jumps_is_no_dead_band(kind, said):
+    """By 0.06° a second, or 3° after half the record, of some 5.7° of motion."""
+    at, u = commands(7)
+    good = record(7, at, u)
+    t = good.time[:, None]
+    offset = np.radians(0.06 * t if kind == "drift" else 3.0 * (t > 10.2))
+    model, _ = identified(good, good.angles.values + offset, at, u)
+    assert not bent(model)
+    (found,) = (w for w in model.warnings if "offset of the angle" in w)
+    assert re.search(said.replace(" %", "%"), found)
+
+
+def test_rounding_of_a_quiet_sensor_is_no_dead_band():
+    at, u = commands(8)
+    good = record(8, at, u)
+    step = np.radians(0.5)
+    assert not bent(identified(good, np.round(good.angles.values / step) * step, at, u)[0])
