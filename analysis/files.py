@@ -111,3 +111,20 @@ def write_text(path: Path, text: str) -> None:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
         raise AnalysisError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+_FOREIGN = (
+    (b"\x1f\x8b", "compressed by gzip; unpack it first"),
+    (b"PK\x03\x04", "a ZIP archive or an Excel workbook; unpack it, or save it as CSV"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save it as CSV"),
+    (b"%PDF", "a PDF document"),
+    (b"<!doctype html", "a web page; download the file itself"),
+    (b"<html", "a web page; download the file itself"),
+    (b"<table", "a web page; save it as CSV"),
+)
+
+
+def foreign(head: bytes) -> str:
+    """What a file is that begins like one of another kind, and what helps; "" of all others."""
+    begin = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:20].lower()
+    return next((what for mark, what in _FOREIGN if begin.startswith(mark.lower())), "")

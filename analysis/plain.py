@@ -23,7 +23,7 @@ def plain(value: object) -> object:
     if isinstance(value, Plain):
         return value.to_dict()
     if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
+        return float(value) + 0.0 if math.isfinite(value) else None  # of zeros none is negative
     if isinstance(value, np.ndarray | np.bool_ | np.integer):
         return plain(value.tolist())
     if isinstance(value, Mapping):

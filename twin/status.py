@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
+from analysis.signs import unsigned_zeros
+
 Text = str | Callable[[], str]
 
 FIRST_S, PERIOD_S = 0.7, 0.25  # until the line appears, and between two of its updates
@@ -46,7 +48,7 @@ def note(line: str) -> None:
     """Print a line on standard error that stays, in place of the status line."""
     with _lock:
         _erase()
-        print(line, file=sys.stderr, flush=True)
+        print(unsigned_zeros(line), file=sys.stderr, flush=True)
 
 
 def begun(line: str) -> None:

@@ -3,6 +3,7 @@
 from analysis.identify.design import FIGURES, Plant, Wish, remaining
 from analysis.identify.errors import IdentificationError
 from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
+from analysis.identify.frozen import without_frozen
 from analysis.identify.gimbal import cross_gains, identify_gimbal, own_records
 from analysis.identify.identification import identify
 from analysis.identify.information import Expectation, expectations
@@ -34,4 +35,5 @@ __all__ = [
     "predict",
     "remaining",
     "select_order",
+    "without_frozen",
 ]

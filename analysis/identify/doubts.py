@@ -1,5 +1,6 @@
 """Evidence for a fit, and the reasons to doubt its figures."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from analysis.identify.channels import SHOWN
 from analysis.identify.evidence.diagnostics import Residuals, Saturation, beginning, residual_tests
 from analysis.identify.evidence.evidence import AxisEvidence, ChannelFit, Estimate, ServoBounds
+from analysis.identify.evidence.statics import statics
 from analysis.identify.evidence.uncertainty import Uncertainty
 from analysis.identify.evidence.unexplained import repeatable
 from analysis.identify.linear.fit import AxisFit
@@ -19,6 +21,7 @@ from analysis.recording.measurements import Measurement
 
 _POOR = 80.0  # percent of fit: below, a figure is a guess
 _COLOURED = 0.15  # autocorrelation that matters, however many samples prove it
+_COARSE = 1.2  # rad of a pole between two readings: its motion is over within one or two
 _SAME = 0.1  # of a frequency: below, a change between sizes of steps is taken for none
 # residual of the start over any other: of records from rest at most 1.2 (60 linear gimbals) and 2.1
 # (30 rate-limited ones), of five that begin in motion 3.5 to 17
@@ -67,8 +70,8 @@ def evidence(
     """
     problem = fit.problem
     residual = fit.residual if isinstance(fit, ServoFit) else fit.solution.residual
-    spikes = 0 if isinstance(fit, ServoFit) else int(fit.spikes.sum())
     counted = problem.weight > 0.0
+    spikes = int((~counted if isinstance(fit, ServoFit) else fit.spikes).sum())
     fits: list[list[float]] = [[], []]
     for is_rate in (False, True):
         for index in range(len(problem.parts)):
@@ -80,6 +83,7 @@ def evidence(
                 else float("nan")
             )
     weighted = residual * problem.weight
+    column = min(own, problem.parts[0].input.shape[1] - 1)
     tests = [
         residual_tests(problem, weighted, is_rate) if (problem.is_rate == is_rate).any() else None
         for is_rate in (False, True)
@@ -88,8 +92,9 @@ def evidence(
         name, int(counted.sum()), spikes, fit.noise, tuple(fits[0]), tuple(fits[1]),
         tests[0], tests[1], checked, fit.converged, known.spread, stamps, known.disagree,
         known.disagree or known.colour is not None,
-        repeatable(problem, residual, min(own, problem.parts[0].input.shape[1] - 1)), sizes, smear,
+        repeatable(problem, residual, column), sizes, smear,
         simpler, beginning(problem, residual),
+        None if isinstance(fit, ServoFit) else statics(problem, residual, column),
     )  # fmt: skip
 
 
@@ -147,7 +152,7 @@ def warnings_of(
             f"{name}: {explain} the readings as well as {poles}; fit with --poles {poles - 1}"
         )
     found += [*_begin_warnings(axis, name), *_fit_warnings(axis, name), *limited]
-    found += _residual_warnings(axis, name)
+    found += [*_static_warnings(axis, name), *_residual_warnings(axis, name)]
     found += _smear_warnings(axis, name, row[own])
     if axis.spikes:
         found.append(f"{name}: {axis.spikes} readings set aside as spikes")
@@ -201,6 +206,28 @@ def _fit_warnings(axis: AxisEvidence, name: str) -> list[str]:
     if axis.saturation.saturated is None and axis.saturation.steps >= 4:
         found.append(f"{name}: steps of one size only; cannot distinguish saturation from slowness")
     return found
+
+
+def _static_warnings(axis: AxisEvidence, name: str) -> list[str]:
+    s = axis.statics
+    if s is None:
+        return []
+    where = "subtract it, or record again"
+    if s.drift:
+        return [
+            f"{name}: the offset of the angle drifts by {s.drift:.1%} of its motion per s; {where}"
+        ]
+    if s.jump:
+        said = f"{name}: the offset of the angle jumps by {s.jump:.0%} of its motion near"
+        return [f"{said} {s.jumped:.3g} s; {where}"]
+    if not s.bent:
+        return []
+    gains = ""
+    if np.isfinite([s.small, s.large]).all():
+        gains = f" (small steps {s.small:.3g}, large ones {s.large:.3g})"
+    text = f"{name}: the gain depends on the amplitude{gains}: the angles at rest lie"
+    text += f" {100.0 * s.scatter:.0f} % of their spread off a line over the commands; dead band,"
+    return [f"{text} play, friction or stops: fit the servo (--servo)"]
 
 
 def _limited(axis: AxisEvidence, channel: ChannelFit, name: str) -> list[str]:
@@ -294,6 +321,15 @@ def _channel_warnings(
         found.append(f"{shown}: no answer beyond the noise, gain within ± {most:.2g} %")
     if lost:
         found.append(f"{', '.join(lost)}: not determined by these readings")
+    period = min(float(np.median(np.diff(p.time))) for p in problem.parts)
+    fastest = float(np.abs(np.roots(channel.den)).max())
+    if fastest * period > _COARSE:
+        rate = f"at {math.ceil(fastest)} Hz or more" if fastest * period < 20.0 else "faster"
+        found.append(
+            f"{shown}: its motion of {fastest:.3g} rad/s lies beyond the sampling"
+            f" ({1e3 * period:.3g} ms between readings): frequency, damping and delay are not"
+            f" determined by its shape, whatever their intervals; record {rate}"
+        )
     if channel.delay > 0.98 * longest:
         found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")
     std = delay.std if delay else 0.0

@@ -19,6 +19,7 @@ from analysis.identify.evidence.diagnostics import Saturation, saturation
 from analysis.identify.evidence.uncertainty import (
     whole_jacobian,
 )
+from analysis.identify.frozen import without_frozen
 from analysis.identify.linear.fit import search
 from analysis.identify.linear.selection import one_pole_less, select
 from analysis.identify.model import IdentifiedModel
@@ -64,6 +65,7 @@ def identify(
     IdentificationError : records no model can come from, and orders that are not possible
     """
     check_order(poles, zeros, delay)
+    records, still = without_frozen(records)
     checks.check_records(records)
     first = records[0]
     longest = longest_delay(records, max_delay)
@@ -76,6 +78,7 @@ def identify(
         model = _bounded(problems, records, longest, None if servo is True else servo)
     else:
         model = _linear(problems, records, longest)
+    model = replace(model, warnings=(*still, *model.warnings))
     return model.per_command(first.command.unit)
 
 
@@ -197,9 +200,11 @@ def _bounded(
         alone = problem.with_layout(
             replace(problem.layout, inputs=1, delays=problem.layout.delays[:1])
         )
-        with progress.about(f"axis {first.outputs[i]}, "):
-            fit = search_servo(alone, i, max_delay=longest, structure=structure)
         linear = search(problem.channels((i,), (0,)), max_delay=longest)
+        with progress.about(f"axis {first.outputs[i]}, "):
+            fit = search_servo(
+                alone, i, max_delay=longest, structure=structure, keep=~linear.spikes
+            )
         simpler = not problem.layout.zeros and one_pole_less(linear, longest)
         known, stamps = known_of_servo(fit)
         most = left_out(fit, i, longest, known.excess)

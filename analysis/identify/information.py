@@ -13,6 +13,7 @@ import numpy as np
 from analysis.identify import channels, progress
 from analysis.identify.advice import NOMINAL, SIZES, Content, advice
 from analysis.identify.evidence.evidence import Estimate
+from analysis.identify.frozen import without_frozen
 from analysis.identify.gimbal import own_records
 from analysis.identify.identification import identify, layout_of, longest_delay
 from analysis.identify.model import IdentifiedModel
@@ -87,6 +88,7 @@ def expectations(
     IdentificationError : records that no model can come from
     """
     found: list[Expectation] = []
+    records = without_frozen(records)[0]
     for k in range(min(len(records[0].inputs), len(records[0].outputs))):
         own, axis = own_records(records, k), records[0].outputs[k]
         model = identify(own, poles, max_delay=max_delay)

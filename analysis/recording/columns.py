@@ -20,7 +20,7 @@ from analysis.recording.measurements import (
     check_stamps,
 )
 from analysis.recording.series import Recording, TimeSeries
-from analysis.recording.stamps import TURN, unwrapped
+from analysis.recording.stamps import TURN, turn_of, unwrapped
 from analysis.schema import AnalysisError, unknown
 
 UNITS: Mapping[str, float] = MappingProxyType(
@@ -31,6 +31,7 @@ UNITS: Mapping[str, float] = MappingProxyType(
 )  # fmt: skip
 NO_ANGLES = ("us", "percent", "counts", "1")  # pulse width [µs], of full travel, of a converter
 FARTHEST = math.pi / 2  # rad; no gimbal is commanded so far
+_TIMES: Mapping[str, float] = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
 _SLOWEST = 0.5  # s between samples; no gimbal's motion is sampled that seldom
 
 
@@ -101,6 +102,10 @@ def measurement_of_table(
         `Measurement` may hold
     """
     table = table.dated(columns.time)
+    given = None
+    if columns.commands is not None:
+        given = tables.read(columns.commands).dated(columns.time)
+    columns = with_units(columns, table, given or table)
     unit = columns.unit or "rad"
     input_unit = columns.input_unit or unit
     scale, own = _scale(unit), _scale(input_unit)
@@ -110,9 +115,6 @@ def measurement_of_table(
     if seconds is None:
         _check_seconds(table.source, columns.time, table.column(columns.time))
         seconds = 1.0
-    given = None
-    if columns.commands is not None:
-        given = tables.read(columns.commands).dated(columns.time)
     commands, held = _filled(given or table, columns.inputs)
     run = measurement(
         unwrapped(table.column(columns.time)) * seconds,
@@ -138,6 +140,51 @@ def measurement_of_table(
     note = "; ".join(dict.fromkeys(n for n in notes if n))
     units: Literal["given", "assumed"] = "given" if both else "assumed"
     return replace(run, recording=named, units=units, note=note, unit_doubt=doubt)
+
+
+def with_units(columns: Columns, table: tables.Table, commands: tables.Table) -> Columns:
+    """Columns with the units that stand behind the numbers of a table, where none are given.
+
+    Raises
+    ------
+    AnalysisError : columns for one purpose with different units, or others than those given
+    """
+    own = _unit_in(table, (*columns.angle, *columns.rate), columns.unit, "--angle-unit")
+    default = columns.input_unit or columns.unit
+    asked = _unit_in(commands, columns.inputs, default, "--input-unit")
+    time = table.units.get(columns.time)
+    scale = columns.time_scale
+    if time is not None and time not in _TIMES:
+        raise AnalysisError(f"{table.source}: '{columns.time}' has values in {time}, not of time")
+    if time is not None and scale not in (None, _TIMES[time]):
+        raise AnalysisError(
+            f"{table.source}: '{columns.time}' has values in {time}, --time-scale {scale:g} is"
+            " given"
+        )
+    return replace(
+        columns,
+        unit=own or columns.unit,
+        input_unit=asked or columns.input_unit,
+        time_scale=scale if time is None else _TIMES[time],
+    )
+
+
+def _unit_in(
+    table: tables.Table, names: tuple[str, ...], given: str | None, flag: str
+) -> str | None:
+    """The unit behind the numbers of columns; None where none of them has any."""
+    found = {table.units[n]: n for n in names if n in table.units}
+    if not found:
+        return None
+    if len(found) > 1:
+        both = " and ".join(f"'{n}' in {u}" for u, n in found.items())
+        raise AnalysisError(f"{table.source}: {both}; one unit holds for both")
+    unit, name = next(iter(found.items()))
+    if unit not in UNITS:
+        raise AnalysisError(f"{table.source}: '{name}' has values in {unit}, not of angle")
+    if given not in (None, unit):
+        raise AnalysisError(f"{table.source}: '{name}' has values in {unit}; give {flag} {unit}")
+    return unit
 
 
 def commands_of_table(
@@ -212,6 +259,12 @@ def _of_commands(
     if given is None:
         return None
     apart = given.begins.get(name, 0.0) - table.begins.get(name, 0.0)
+    turns = [turn_of(t.column(name)) for t in (given, table)]
+    if any(0.0 < turn < TURN for turn in turns):
+        raise AnalysisError(
+            f"{given.source}: '{name}' is a counter that overflows at {min(filter(None, turns)):g},"
+            f" so its place in {table.source} is open; log both in one table or by a longer counter"
+        )
     commands, readings = (unwrapped(t.column(name)) for t in (given, table))
     return (commands + _turns_apart(commands, readings)) * seconds + apart
 

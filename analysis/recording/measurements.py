@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from analysis.array import Array
 from analysis.recording.series import Recording, RecordingError, TimeSeries
+from analysis.recording.stamps import restarts
 
 Initial = Literal["rest", "free"]
 InputStamps = Literal["exact", "shown", "sampled"]
@@ -78,7 +79,10 @@ class Measurement:
             if series is not None:
                 check_stamps(series.time, "time", self.name, 0)
                 if np.nanmax(np.abs(series.values), initial=0.0) > _LARGEST:
-                    raise RecordingError(f"{self.name}: {what} holds values beyond {_LARGEST:g}")
+                    raise RecordingError(
+                        f"{self.name}: {what} holds values beyond {_LARGEST:g};"
+                        " leave a field empty where there is no reading"
+                    )
         if self.angle is not None and self.rate is not None:
             a, b = self.angle.components, self.rate.components
             if a != b:
@@ -261,7 +265,7 @@ def check_stamps(values: ArrayLike, what: str, name: str, fewest: int) -> Array:
         row = int(backwards[0])
         raise RecordingError(
             f"{name}: {what} runs from {time[row]:g} s to {time[row + 1]:g} s at sample {row + 1}; "
-            f"stamps must increase ({len(backwards)} do not)"
+            f"stamps must increase ({len(backwards)} do not){restarts(time)}"
         )
     return time
 

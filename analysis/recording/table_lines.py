@@ -4,32 +4,29 @@ import csv
 import json
 import math
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from datetime import UTC, datetime
+
+from analysis.recording.fields import UNITS, Numbers, instant, number, with_unit
+from analysis.units import is_number
 
 SAMPLE = 8192  # characters, from which the form of a file follows
 STAMP = "monitor_time"  # column of a serial monitor's stamps
-MISSING = frozenset({
-    "", "na", "n/a", "#n/a", "null", "none", "-", "--", "---", "nan(ind)", "-nan(ind)", "ovf",
-})  # fmt: skip  # float() reads "nan" itself
-LONGEST_FIELD = 256  # characters
+MOST_COMMENTS = 20  # of which one may name the columns
+_FORMS = (Numbers(True, "."), Numbers(False, ","))
 _LONGEST_JSON = 4096  # characters
 _SEPARATOR = re.compile(r"\ufeff?sep=(.)\s*$")  # first line of tables that Excel is to open
 _COMMENTS = ("#", "%", "//")
 # Arduino's Serial Monitor with its stamps; its plotter takes labels before the values
 _STAMPED = re.compile(r"(\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) -> ?")
-_LABELLED = re.compile(r"([A-Za-z_][^:=,\t\n]{0,63})[:=]\s*([-+.\dA-Za-z]{1,32})\s*(?:[,\t ]\s*|$)")
-_UNITS = frozenset({
-    "", "-", "1", "%", "s", "sec", "seconds", "ms", "us", "µs", "rad", "mrad", "deg", "degree",
-    "degrees", "°", "turn", "rad/s", "deg/s", "°/s", "v", "mv", "volt", "volts", "a", "ma",
-    "percent", "counts", "lsb", "m", "mm", "m/s", "m/s²", "m/s2", "g", "n",
+_LABELLED = re.compile(
+    r"([A-Za-z_][^:=,\t\n]{0,63})[:=]\s*([-+.\dA-Za-z°µμ%/]{1,32})\s*(?:[,;\t ]\s*|$)"
+)
+_UNITS = UNITS.keys() | frozenset({
+    "", "-", "1", "v", "mv", "volt", "volts", "a", "ma", "m", "mm", "m/s", "m/s²", "m/s2", "g", "n",
 })  # fmt: skip  # of a row below the names
-_FORTRAN = re.compile(r"[-+]?\d*\.?\d+[dD][-+]?\d+")
-_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")  # or a decimal comma
-_DATE = re.compile(r"\d{4}-\d{2}-\d{2}([T ].*)?")
-_TIME = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,:]\d+)?(Z|[-+]\d{2}:?\d{2})?")
-_MINUTES = re.compile(r"\d{1,2}:\d{2}[.,]\d+")  # and seconds, as Excel writes them
+_RULE = re.compile(r"[\s|:=+-]*-{3}[\s|:=+-]*")  # below the names of Markdown and Org tables
+_DEEPEST = 3  # objects of JSON in objects
 
 
 class TableLines:
@@ -42,11 +39,11 @@ class TableLines:
     Attributes
     ----------
     delimiter : between the fields of a line that is given
-    decimal_comma : whether numbers may have one; between commas, in quotes
+    form : how numbers are written; between commas, a decimal comma is in quotes
     stamped : whether a serial monitor's stamps stand before the lines; they are the first field
     names : of the fields, where every line has them
     number : of the last line
-    comment : the last comment, without its mark
+    comments : the last of them, without their marks
     ended : whether the last line has its end
     text : lines of the file that belong to no table
     """
@@ -63,10 +60,14 @@ class TableLines:
             found = Counter(tuple(f) for f in map(_labelled, lines) if f)
             self.names = list(found.most_common(1)[0][0])
         self.delimiter = "," if self.names else _delimiter(lines)
-        self.decimal_comma = _commas_are_decimal(lines, self.delimiter)
+        if self.delimiter == "|":
+            lines = ["" if _RULE.fullmatch(line) else line for line in lines]
+        fields = (f for line in lines for f in _fields(line, self.delimiter))
+        self.form = Numbers.of(fields, split_by_commas=self.delimiter == ",")
         self._begin = 0 if self.names else _first_line(lines, self.delimiter)
         self._file = iter(file)
-        self.number, self.comment, self.ended, self.text = 0, "", True, 0
+        self.comments: deque[str] = deque(maxlen=MOST_COMMENTS)
+        self.number, self.ended, self.text = 0, True, 0
 
     def __iter__(self) -> Iterator[str]:
         return self
@@ -80,8 +81,8 @@ class TableLines:
         if line.startswith(_COMMENTS):
             return self._commented(line)
         row = self._row(line) if self.number > self._begin else None
-        if row is None:
-            self.text += bool(line.strip())
+        if row is None or (self.delimiter == "|" and _RULE.fullmatch(line)):
+            self.text += row is None and bool(line.strip())
             return "\n"
         return row
 
@@ -104,49 +105,14 @@ class TableLines:
         return stamp + self._aligned(line) if line.strip() else line
 
     def _commented(self, line: str) -> str:
-        self.comment = self._aligned(line).lstrip("#%/ ").rstrip()
+        self.comments.append(self._aligned(line).lstrip("#%/ ").rstrip())
         return "\n"
 
     def _aligned(self, line: str) -> str:
-        """One blank between columns that are aligned by blanks."""
+        """One blank between columns that are aligned by blanks; no frame around those of `|`."""
+        if self.delimiter == "|" and line.lstrip().startswith("|"):
+            return line.strip().removeprefix("|").removesuffix("|") + "\n"
         return " ".join(line.split()) if self.delimiter == " " else line
-
-
-def number(text: str, *, decimal_comma: bool) -> float:
-    """A field's value: NaN where it is empty, infinite where it is no number."""
-    text = text.strip()
-    if text.lower() in MISSING:
-        return math.nan
-    text = text.replace("\u2212", "-")  # the minus of typography
-    if len(text) > LONGEST_FIELD or "_" in text or text.endswith(","):
-        return math.inf
-    try:
-        value = float(text.replace(",", ".") if decimal_comma else text)
-    except ValueError:
-        if _FORTRAN.fullmatch(text):
-            return number(text.lower().replace("d", "e"), decimal_comma=decimal_comma)
-        return math.inf
-    return math.inf if math.isinf(value) else value
-
-
-def instant(text: str) -> datetime | None:
-    """Instant of an ISO 8601 date and time, or of a time of day; None where it is neither.
-
-    A time of day may lack its hours where it has a fraction: 01:02.5 is 62.5 s.
-    """
-    text = text.strip()
-    # fromisoformat takes "10,000" for ten o'clock, and "00:01.5" for a minute past midnight
-    if _MINUTES.fullmatch(text):
-        text = f"00:{text}"
-    if _TIME.fullmatch(text):
-        text = f"1970-01-01T{'0' * (text[1] == ':')}{text}"
-    elif not _DATE.fullmatch(text):
-        return None
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        return None
-    return moment.replace(tzinfo=moment.tzinfo or UTC)
 
 
 def _mostly(holds: Callable[[str], bool], lines: Sequence[str]) -> bool:
@@ -157,13 +123,13 @@ def _mostly(holds: Callable[[str], bool], lines: Sequence[str]) -> bool:
 def _labelled(line: str) -> dict[str, str] | None:
     """Names and values of a line that states both; None of any other."""
     line = line.strip()
-    if line.startswith("{"):
+    if line.startswith(("{", "[{")):
         return _of_json(line)
     found: dict[str, str] = {}
     at = 0
     while at < len(line):
         match = _LABELLED.match(line, at)
-        if match is None or math.isinf(number(match[2], decimal_comma=False)):
+        if match is None or _value(match[2]) == math.inf:
             return None
         found[match[1].strip()] = match[2]
         at = match.end()
@@ -171,14 +137,33 @@ def _labelled(line: str) -> dict[str, str] | None:
 
 
 def _of_json(line: str) -> dict[str, str] | None:
+    """Numbers of an object by name; also of a line of a list of objects, and of strings."""
+    line = line.removeprefix("[").removesuffix("]").removesuffix(",")
     try:
         found = json.loads(line) if len(line) <= _LONGEST_JSON else None
     except (ValueError, RecursionError):
         return None
-    if not isinstance(found, dict):
-        return None
-    numbers = {k: v for k, v in found.items() if v is None or type(v) in (int, float)}
-    return {k: "" if v is None else repr(v) for k, v in numbers.items()} or None
+    return _leaves(found) or None if isinstance(found, dict) else None
+
+
+def _leaves(found: dict[str, object], before: str = "", depth: int = 1) -> dict[str, str]:
+    """Numbers of an object and of those in it, named as `data.u` and `angles[0]`."""
+    leaves: dict[str, str] = {}
+    for key, value in found.items():
+        name = f"{before}{key}"
+        items: dict[str, object] = {name: value}
+        if isinstance(value, list):
+            items = {f"{name}[{k}]": v for k, v in enumerate(value)}
+        elif isinstance(value, dict) and depth < _DEEPEST:
+            leaves |= _leaves(value, f"{name}.", depth + 1)
+        for own, v in items.items():
+            if v is None:
+                leaves[own] = ""
+            elif type(v) in (int, float):
+                leaves[own] = repr(v)
+            elif isinstance(v, str) and len(v) < 40 and (is_number(v) or instant(v)):
+                leaves[own] = v
+    return leaves
 
 
 def _fields(line: str, delimiter: str) -> list[str]:
@@ -192,10 +177,20 @@ def _fields(line: str, delimiter: str) -> list[str]:
 
 def _numbers(line: str, delimiter: str) -> int:
     """How many fields of a line are numbers or instants."""
-    return sum(
-        math.isfinite(number(f, decimal_comma=True)) or instant(f) is not None
-        for f in _fields(line, delimiter)
-    )
+    return sum(map(_is_value, _fields(line, delimiter)))
+
+
+def _is_value(field: str) -> bool:
+    """Whether a field is a number with whatever marks, or an instant."""
+    if any(math.isfinite(number(field, form)) for form in _FORMS):
+        return True
+    return with_unit(field, _FORMS[0]) is not None or instant(field) is not None
+
+
+def _value(field: str) -> float:
+    """A field's value, NaN where it is empty, infinite where it is no number."""
+    found = with_unit(field)
+    return found[0] if found else number(field)
 
 
 def _delimiter(lines: Sequence[str]) -> str:
@@ -224,19 +219,15 @@ def _first_line(lines: Sequence[str], delimiter: str) -> int:
     if not names:  # perhaps one separator more or less, as at the end of every row
         near = above[-1:] if above and abs(rows[above[-1]][1] - wide) < 2 else []
         return (near or [begin])[0]
-    units = all(map(_is_unit, _fields(lines[names[-1]], delimiter)))
-    before = [k for k in above if k < names[-1]][-1:]  # the line above them
-    return before[0] if units and before and before[0] in names else names[-1]
+    at = len(above) - 1 - above[::-1].index(names[-1])
+    while (
+        at and above[at - 1] in names and all(map(is_unit, _fields(lines[above[at]], delimiter)))
+    ):  # rows of units, below the line of names
+        at -= 1
+    return above[at]
 
 
-def _is_unit(field: str) -> bool:
+def is_unit(field: str) -> bool:
+    """Whether a field is a unit, or anything in brackets."""
+    field = field.strip()
     return field.strip("()[]").lower() in _UNITS or f"{field[:1]}{field[-1:]}" in {"()", "[]"}
-
-
-def _commas_are_decimal(lines: Sequence[str], delimiter: str) -> bool:
-    """Whether numbers have decimal commas, not commas between their thousands."""
-    fields = [f for line in lines if "," in line for f in _fields(line, delimiter)]
-    numbers = [f for f in fields if math.isfinite(number(f, decimal_comma=True))]
-    if any("," in f and not _THOUSANDS.fullmatch(f) for f in numbers):
-        return True
-    return delimiter != "," and not any("." in f for f in numbers)

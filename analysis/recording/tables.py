@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis import limited
 from analysis.array import Array
-from analysis.files import opened
+from analysis.files import foreign, opened
 from analysis.recording.stamps import increasing, unwrapped
 from analysis.recording.table_lines import SAMPLE, TableLines
 from analysis.recording.text_table import STRAY, columns_of
@@ -38,6 +38,7 @@ class Table:
     unusable : name → what is wrong with a column of text or infinities
     note : what of the file was left out, in one line; "" where nothing was
     begins : of columns of dates, the first [s since 1970]
+    units : of columns whose numbers stand with a unit, its name
     """
 
     columns: Mapping[str, Array]
@@ -45,6 +46,7 @@ class Table:
     unusable: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
     begins: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def column(self, name: str) -> Array:
         """One column (n,).
@@ -137,15 +139,29 @@ def read(path: Path | str) -> Table:
 def _read_csv(path: Path) -> Table:
     """Read text in UTF-8 or, as Excel for Windows writes it, in UTF-16 or Windows-1252."""
     with opened(path, LARGEST_FILE) as content:
-        head = content.read(2)
-    wide = head in {b"\xff\xfe", b"\xfe\xff"}
+        head = content.read(SAMPLE)
+    if what := foreign(head):
+        raise AnalysisError(f"{path}: is {what}")
     try:
-        return _read_text(path, "utf-16" if wide else "utf-8-sig")
+        return _read_text(path, _encoding(head))
     except UnicodeDecodeError as error:
         try:
             return _read_text(path, "cp1252")
         except UnicodeDecodeError:
             raise AnalysisError(f"{path}: not UTF-8 text (byte {error.start})") from error
+
+
+def _encoding(head: bytes) -> str:
+    """Encoding of a file by its mark, or by the zero bytes beside the digits of UTF-16."""
+    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
+        return "utf-32"
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    if len(head) > 7:
+        for low, name in ((0, "utf-16-le"), (1, "utf-16-be")):
+            if not any(head[1 - low : -1 : 2]) and all(head[low:-1:2]):
+                return name
+    return "utf-8-sig"
 
 
 def _read_text(path: Path, encoding: str) -> Table:
@@ -190,7 +206,10 @@ def _frozen(
     unusable: dict[str, str],
     note: str = "",
     begins: Mapping[str, float] = MappingProxyType({}),
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> Table:
     for values in columns.values():
         values.setflags(write=False)
-    return Table(MappingProxyType(columns), path.name, MappingProxyType(unusable), note, begins)
+    return Table(
+        MappingProxyType(columns), path.name, MappingProxyType(unusable), note, begins, units
+    )

@@ -4,7 +4,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Sequence
-from html import escape
+from html import escape as escaped
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,8 +12,14 @@ from analysis import schema
 from analysis.files import write_text
 from analysis.report.parts import Cell, Plot, Section, Table, Verdicts
 from analysis.schema import AnalysisError
+from analysis.signs import unsigned_zeros
 
 HERE = Path(__file__).parent
+
+
+def escape(text: str) -> str:
+    """Text of a page, without a minus before zeros."""
+    return escaped(unsigned_zeros(text))
 
 
 def render(

@@ -3,10 +3,14 @@
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+
+from analysis.array import Array
 from analysis.transfer_function import file
 from analysis.transfer_function.file import ModelFileError
 
 MOST_FIGURES = 64
+_ROUNDING = 1e-6  # of correlations, of which a file may keep seven digits
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +36,8 @@ class Covariance:
 
         Raises
         ------
-        ModelFileError : sizes that do not fit, a name twice, numbers that are none
+        ModelFileError : sizes that do not fit, a name twice, numbers that are none, a matrix that
+            is not symmetric and positive semidefinite
         """
         content = file.mapping(value, "covariance")
         file.keys(content, "covariance", {"names", "values", "matrix"}, set())
@@ -46,13 +51,31 @@ class Covariance:
         rows = [file.sequence(r, f"covariance.matrix[{i}]", size) for i, r in enumerate(matrix)]
         if {len(values), len(rows), *(len(r) for r in rows)} != {size}:
             raise ModelFileError(f"covariance: {size} names need {size} values and a square matrix")
-        return cls(
-            tuple(str(n) for n in names),
-            tuple(file.number(v, "covariance.values") for v in values),
-            tuple(tuple(file.number(v, "covariance.matrix") for v in row) for row in rows),
-        )
+        figures = tuple(file.number(v, "covariance.values") for v in values)
+        numbers = tuple(tuple(file.number(v, "covariance.matrix") for v in row) for row in rows)
+        _check(tuple(map(str, names)), np.array(numbers))
+        return cls(tuple(map(str, names)), figures, numbers)
 
     def to_dict(self) -> dict[str, object]:
         """Content of the file, ready for JSON."""
         return {"names": list(self.names), "values": list(self.values),
                 "matrix": [list(row) for row in self.matrix]}  # fmt: skip
+
+
+def _check(names: tuple[str, ...], matrix: Array) -> None:
+    """Refuse a matrix (n, n) that is no covariance; of correlations, whose units are alike."""
+    variances = np.diag(matrix)
+    for name, variance in zip(names, variances, strict=True):
+        if variance < 0.0:
+            raise ModelFileError(
+                f"covariance.matrix has the variance {variance:g} for '{name}'; it must be ≥ 0"
+            )
+    scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    one = matrix / scale[:, None] / scale
+    if not np.allclose(one, one.T, rtol=0.0, atol=_ROUNDING):
+        raise ModelFileError("covariance.matrix is not symmetric")
+    if not np.isfinite(one).all() or np.linalg.eigvalsh(one)[0] < -_ROUNDING * len(names):
+        raise ModelFileError(
+            "covariance.matrix is not positive semidefinite: some combination of its figures has a"
+            " negative variance"
+        )

@@ -24,6 +24,15 @@ def _constant(name: str) -> NoReturn:
     raise ModelFileError(f"the number {name} is not finite; every number must be")
 
 
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ModelFileError(f"the key {twice[:60]!r} stands twice; give every key once")
+    return found
+
+
 def load(path: Path) -> Any:  # noqa: ANN401 - JSON is any until it has been checked
     """Content of a JSON file of limited size.
 
@@ -36,7 +45,7 @@ def load(path: Path) -> Any:  # noqa: ANN401 - JSON is any until it has been che
     except FileError as error:
         raise ModelFileError(str(error)) from None
     try:
-        return json.loads(data, parse_constant=_constant)
+        return json.loads(data, parse_constant=_constant, object_pairs_hook=_object)
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error}") from error
     except (ValueError, RecursionError) as error:

@@ -1,6 +1,7 @@
 """An identified gimbal: a matrix of delayed transfer functions and the bounds of its servos."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
@@ -111,7 +112,8 @@ class TransferFunctionModel:
         file.keys(content, "the model", needed, {"servo", "std", "fit", "source", "covariance"})
         rows = file.sequence(content["channels"], "channels", file.LARGEST_SIZE)
         covariance = content.get("covariance")
-        return cls(
+        _check_deviations(content.get("std"), "std")
+        found = cls(
             channels=tuple(_row(row, f"channels[{i}]") for i, row in enumerate(rows)),
             inputs=_names(content["inputs"], "inputs"),
             outputs=_names(content["outputs"], "outputs"),
@@ -121,6 +123,12 @@ class TransferFunctionModel:
             source=file.free(content.get("source"), "source"),
             covariance=None if covariance is None else Covariance.from_dict(covariance),
         )
+        for output, row in zip(found.outputs, found.channels, strict=True):
+            if all(c.num[-1] == 0.0 for c in row):
+                raise ModelFileError(
+                    f"output {output!r} has gain 0 from every input; a gimbal follows its command"
+                )
+        return found
 
     def to_dict(self) -> dict[str, object]:
         """Content of the file, ready for JSON."""
@@ -266,6 +274,18 @@ def _channel(value: object, where: str) -> Channel:
         return Channel(coefficients["num"], coefficients["den"], delay)
     except ModelFileError as error:
         raise ModelFileError(f"{where}: {error}") from error
+
+
+def _check_deviations(value: object, where: str) -> None:
+    """Refuse standard deviations below zero, wherever they stand in the notes of the author."""
+    if isinstance(value, Mapping):
+        for key, v in value.items():
+            _check_deviations(v, f"{where}.{key}")
+    elif isinstance(value, list | tuple):
+        for k, v in enumerate(value):
+            _check_deviations(v, f"{where}[{k}]")
+    elif isinstance(value, int | float) and value < 0.0:
+        raise ModelFileError(f"{where} is {value:g}; a standard deviation must be ≥ 0")
 
 
 def _servos(value: object) -> Servo | tuple[Servo, ...] | None:

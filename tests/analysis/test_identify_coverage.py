@@ -45,6 +45,23 @@ def test_flanks_dated_late_are_no_spikes_and_true_spikes_are():
     assert model.axes[0].spikes == 3
 
 
+@pytest.mark.parametrize(
+    "places", [(0, -1), (1, 500), (600, 602), (600, 602, 604), (0, 2, -3, -1), (600, 601, 602)]
+)
+def test_gross_spikes_beside_each_other_and_at_the_ends_are_set_aside(places):
+    """Of 90° and of twice the motion, beside six far apart; the figures stay."""
+    r, _ = coverage.one_axis("late", 0)
+    clean = identify([r])
+    at = [*places, 200, 350, 710, 800, 950, 1100]
+    for size in (np.radians(90.0), 2.0 * np.ptp(r.angles.values)):
+        values = r.angles.values.copy()
+        values[at] += size
+        model = identify([replace(r, angle=replace(r.angles, values=values))])
+        assert model.axes[0].spikes == len(at)
+        for e, true in zip(model.estimates, clean.estimates, strict=True):
+            assert abs(e.value - true.value) < e.std
+
+
 def test_a_record_that_begins_in_motion_is_predicted_with_its_motion():
     """As `g_train` and `g_check_moving` of the cases: 46 % where it is predicted from rest."""
     g = Gimbal(12.0, 0.02, 0.01, 1.0)

@@ -199,6 +199,12 @@ def with_channel(**changes):
     return content
 
 
+def with_own(**changes):
+    content = changed()
+    content["channels"][0][0].update(changes)
+    return content
+
+
 @pytest.mark.parametrize(
     ("content", "says"),
     [
@@ -230,6 +236,11 @@ def with_channel(**changes):
         (changed(servo=[{}, {"slew_rad_s": -1}]), r"servo\[1\]: slew is -1"),
         (changed(servo={"structure": "torque"}), "structure is 'torque'; there are command, speed"),
         (changed(servo={"structure": []}), "structure is"),
+        (changed(std={"x/x gain": -1}), r"std.x/x gain is -1; a standard deviation must be ≥ 0"),
+        (changed(std=-1), "std is -1"),
+        (changed(std=[0.1, -1e-9]), r"std\[1\] is -1e-09"),
+        (with_own(num=[0]), "output 'x' has gain 0 from every input"),
+        (with_own(num=[1, 0]), "output 'x' has gain 0 from every input"),
         (changed(source=[[[[[[[[[[[]]]]]]]]]]]), "nested"),
     ],
 )
@@ -244,6 +255,7 @@ def test_bad_content_is_refused_in_one_line_that_names_the_key(content, says):
     [
         ("", "not a JSON file"),
         ("{", "not a JSON file"),
+        ('{"schema": "a", "channels": [{"num": [1], "num": [2]}]}', "key 'num' stands twice"),
         ('{"schema": NaN}', "NaN is not finite"),
         ("[" * 100_000, "not a JSON file"),
         (" " * ((1 << 20) + 1), "larger than 1048576 bytes"),

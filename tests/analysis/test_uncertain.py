@@ -131,10 +131,24 @@ def test_figures_that_no_model_has_are_refused(figures, says):
         with_figures(PLAIN, figures)
 
 
+def _with(row, column, value, *, both=False):
+    matrix = np.array(KNOWN.matrix)
+    scale = np.sqrt(np.diag(matrix))
+    matrix[row, column] = value * scale[row] * scale[column]
+    if both:
+        matrix[column, row] = matrix[row, column]
+    if row == column:
+        matrix[row, column] = value
+    return matrix.tolist()
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [({"names": ["a", "a", "b", "c"]}, "repeats a name"), ({"values": [1.0]}, "4 values"),
      ({"matrix": [[1.0]]}, "a square matrix"), ({"matrix": "x"}, "must be a list"),
+     ({"matrix": _with(0, 0, -1.0)}, "variance -1 for"),
+     ({"matrix": _with(0, 1, 9.0)}, "not symmetric"),
+     ({"matrix": _with(0, 1, 9.0, both=True)}, "not positive semidefinite"),
      ({"values": ["x"] * 4}, "must be a number"), ({"more": 1}, "unknown key")],
 )  # fmt: skip
 def test_a_covariance_of_a_stranger_is_checked(change, says):

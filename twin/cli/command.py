@@ -79,4 +79,6 @@ def _prepare_terminal() -> None:
 
 
 def _complain(line: str) -> None:
+    """Print one line; what a file or its name has of line ends and control characters is spelt."""
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
     print(line, file=sys.stderr)

@@ -134,7 +134,7 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
     """Recording or table for validation: predicted, not fitted. Repeatable."""
     check_only: Flag = False
     """Print what the records can determine and how well, and what to record for the rest; no model
-    is written."""
+    is written. Bounds of a servo are searched in the structure speed alone."""
     both: Flag = False
     """Use the model of a single axis for both axes, so that it can be flown."""
     parameters: tuple[str, ...] = ()
@@ -160,12 +160,22 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
             raise TwinError(
                 "--check-only writes no model; it excludes --linkage, --check and --out"
             )
+        if self.check_only and self.structure not in ("best", "speed"):
+            raise TwinError(
+                f"--structure {self.structure}: --check-only searches bounds in the structure speed"
+                " alone; leave it out"
+            )
         for name, other in (
             ("structure", "servo"), ("parameters", "linkage"), ("mechanism", "linkage"),
         ):  # fmt: skip
             given, default = getattr(self, name), getattr(Identify, name)
             if given != default and not getattr(self, other) and self.live is None:
                 raise TwinError(f"{flag(name)}: needs {flag(other)}")
+        if self.set and not self.linkage and self.live is None:
+            raise TwinError(
+                f"--set {self.set[0][0]}={self.set[0][1]:g}: needs --linkage or --live; a transfer"
+                " function is of the records alone"
+            )
         if self.from_pulses and self.linkage:
             raise TwinError("--from-pulses excludes --linkage, which always uses the pulses")
         if self.gyro_delay_ms and not self.rate:

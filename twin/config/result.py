@@ -2,6 +2,8 @@
 
 import html
 
+from analysis.signs import unsigned_zeros
+
 Rows = list[tuple[str, str]]
 NARROWEST = 18  # characters of the first column
 FILES = ("file", "replayed", "recording", "page")  # attributes that name what was written
@@ -44,7 +46,7 @@ class Result:
         """The table as aligned lines."""
         rows = self.rows()
         width = max(NARROWEST, 2 + max((len(name) for name, _ in rows), default=0))
-        return "\n".join(f"{name:<{width}}{value}".rstrip() for name, value in rows)
+        return unsigned_zeros("\n".join(f"{name:<{width}}{value}".rstrip() for name, value in rows))
 
     def __str__(self) -> str:
         """The table as aligned lines."""
@@ -56,6 +58,6 @@ class Result:
             f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
             f"<td style='text-align:left'><pre style='margin:0'>{html.escape(value)}</pre></td>"
             "</tr>"
-            for name, value in self.rows()
+            for name, value in ((n, unsigned_zeros(v)) for n, v in self.rows())
         )
         return f"<table>{cells}</table>"

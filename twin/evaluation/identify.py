@@ -13,6 +13,7 @@ from analysis.identify import (
     expectations,
     fit_to,
     identify_gimbal,
+    without_frozen,
 )
 from analysis.identify.progress import reported_to
 from analysis.recording import Measurement
@@ -23,7 +24,7 @@ from twin.config import Identify
 from twin.config.paths import named, point_latest
 from twin.errors import TwinError
 from twin.evaluation.identify_result import IdentifyResult, InformationResult
-from twin.evaluation.inputs import Given, given
+from twin.evaluation.inputs import Given, given, not_independent
 from twin.evaluation.words import quantity
 from twin.plant.loops import attitude_loops
 
@@ -66,7 +67,8 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
         for r, f in zip(held_back, fits, strict=True)
         if not np.isfinite(f).any()
     ]
-    notes = (*model.warnings, *_notes(config, source), *still)
+    same = not_independent(config, source, held_back)
+    notes = (*model.warnings, *_notes(config, source), *still, *same)
     flown = _flown(config, model, notes)
     flown.write(out)
     point_latest(out)
@@ -89,6 +91,7 @@ def _information(config: Identify) -> InformationResult:
         warnings.simplefilter("ignore", RuntimeWarning)
         found = expectations(source.runs, config.poles, max_delay=longest(config))
     notes = tuple(f"{r.name}: {r.note}" for r in source.runs if r.note)
+    notes += tuple(without_frozen(source.runs)[1])
     notes += tuple(
         f"axis '{e.name.removesuffix(' rate limit')}': rate-limited, the record reaches"
         f" {quantity(e.size, e.half * e.size, e.unit)}; fit the servo (--servo)"

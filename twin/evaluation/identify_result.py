@@ -107,6 +107,8 @@ class InformationResult(Result):
     def rows(self) -> Rows:
         """Each parameter with its expected interval, and what to record where that is wide."""
         rows = [("can determine", ", ".join(self.sources))]
+        if any(e.name.endswith(" rate limit") for e in self.expected):
+            rows.append(("servo structure", "speed; bounds of others are not searched"))
         for e in self.expected:
             scale, unit = (1e3, "ms") if e.name.endswith("delay") else (100.0, "%")
             text = "not determined"

@@ -66,13 +66,45 @@ def _refuse_twins(files: tuple[Path, ...]) -> None:
     """Refuse two files of one content, which would halve every interval."""
     seen_before: dict[str, Path] = {}
     for path in files if len(files) > 1 else ():
-        with opened(path, LARGEST) as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = _digest(path)
         if digest in seen_before:
             raise TwinError(
                 f"{path}: has the content of {seen_before[digest]}; give every measurement once"
             )
         seen_before[digest] = path
+
+
+def not_independent(config: Identify, fitted: Given, held_back: Sequence[Measurement]) -> list[str]:
+    """One line for each file for validation whose content, or readings, were fitted."""
+    sources = {_digest(f): f for f in config.sources}
+    found = []
+    for file, run in zip(config.check, held_back, strict=True):
+        same = sources.get(_digest(file)) or next(
+            (r.name for r in fitted.runs if _same(r, run)), ""
+        )
+        if same:
+            what = "the same file" if Path(same) == file else f"the same readings as {same}"
+            found.append(
+                f"{file}: {what}, which was fitted; its fit says nothing of other motions, give"
+                " --check a run of its own"
+            )
+    return found
+
+
+def _digest(path: Path) -> str:
+    with opened(path, LARGEST) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _same(a: Measurement, b: Measurement) -> bool:
+    """Whether two measurements have the same readings; constant ones are alike by chance."""
+    pairs = zip(a.sensors, b.sensors, strict=False)
+    return any(
+        x.values.shape == y.values.shape
+        and np.array_equal(x.values, y.values, equal_nan=True)
+        and np.nanstd(x.values) > 0.0
+        for (_, x), (_, y) in pairs
+    )
 
 
 def _recorded(config: Identify, file: Path) -> Given:

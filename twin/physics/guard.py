@@ -17,7 +17,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from analysis import limited
+from analysis.array import Array
 from analysis.files import FileError, content
 from twin.errors import TwinError
 from twin.physics import safe_xml
@@ -28,6 +31,10 @@ LARGEST_ASSET: Final = 20_000_000  # bytes, as of a mesh in `meshes.stl`
 LARGEST_SUM: Final = 60_000_000  # bytes of all files
 DEEPEST: Final = 8  # files that refer to the next
 MOST_ELEMENTS: Final = 20_000  # after replication; the largest shipped scene has 400
+# MuJoCo's mass matrix has the square of these; 3000 free bodies took 26 s to load, 200 take 2 s.
+# The largest shipped scene has 20 bodies and 25 degrees of freedom.
+MOST_FREEDOMS: Final = 1200
+MOST_BODIES: Final = 2000
 MOST_VALUES: Final = 4_000_000  # cells of height fields, texels, entries of arrays
 MOST_PIXELS: Final = 20_000_000  # of all pictures; 4096 x 4096 are 17 million
 SECONDS: Final = 4.0  # of a processor to compile; as much again follows in this process
@@ -38,6 +45,7 @@ ASSETS: Final = {
     "texture": "texturedir",
 }  # fmt: skip
 COUNTED: Final = ("replicate", "flexcomp", "composite")  # elements that stand for `count` others
+FREEDOMS: Final = {"freejoint": 6, "free": 6, "ball": 3, "flexcomp": 3, "composite": 3}
 SIZED: Final = {"hfield": ("nrow", "ncol"), "texture": ("width", "height"), "numeric": ("size",)}
 SIDES: Final = ("right", "left", "up", "down", "front", "back")
 
@@ -108,17 +116,20 @@ class _Walk:
 
     def __init__(self) -> None:
         self.digests: dict[Path, str] = {}
-        self._sizes: dict[Path, float] = {}
+        self._sizes: dict[Path, Array] = {}
         self._open: list[Path] = []
         self._bytes = 0
         self._values = 0.0
         self._pixels = 0
 
-    def elements(self, path: Path, main: Path) -> float:
-        """Elements of a file with all that it includes and attaches, replicated."""
+    def elements(self, path: Path, main: Path) -> Array:
+        """What a file holds (3,) with all that it includes and attaches, replicated.
+
+        Elements, bodies and degrees of freedom.
+        """
         path = Path(os.path.realpath(path))
         if is_shipped(path) or (self._open and not path.exists()):  # it may be replaced
-            return 0
+            return np.zeros(3)
         if path in self._open:
             through = " and ".join(p.name for p in self._open[self._open.index(path) :])
             raise TwinError(f"{path}: refers to itself, through {through}")
@@ -130,8 +141,11 @@ class _Walk:
             self._sizes[path] = self._expanded(root, self._models(root, path), path, main)
             self._assets(root, path)
             self._open.pop()
-        if self._sizes[path] > MOST_ELEMENTS:
-            raise TwinError(f"{path}: expands to more than {MOST_ELEMENTS} elements")
+        whole = ("elements", "bodies", "degrees of freedom")
+        most = (MOST_ELEMENTS, MOST_BODIES, MOST_FREEDOMS)
+        for count, limit, what in zip(self._sizes[path], most, whole, strict=True):
+            if not count <= limit:
+                raise TwinError(f"{path}: expands to more than {limit} {what}")
         return self._sizes[path]
 
     def _content(self, path: Path, largest: int) -> bytes:
@@ -145,8 +159,8 @@ class _Walk:
         self.digests[path] = hashlib.sha256(data).hexdigest()
         return data
 
-    def _models(self, root: ET.Element, path: Path) -> dict[str, float]:
-        """Elements of the models that a file may attach, by name."""
+    def _models(self, root: ET.Element, path: Path) -> dict[str, Array]:
+        """What the models hold that a file may attach, by name (3,)."""
         sizes = {}
         for model in root.iter("model"):
             if "file" in model.attrib:
@@ -156,19 +170,21 @@ class _Walk:
         return sizes
 
     def _expanded(
-        self, element: ET.Element, models: Mapping[str, float], path: Path, main: Path
-    ) -> float:
-        """Elements that one stands for, itself included."""
+        self, element: ET.Element, models: Mapping[str, Array], path: Path, main: Path
+    ) -> Array:
+        """What an element stands for (3,), itself included."""
         for key, value in element.attrib.items():
             if key != "name" and _NAN.search(value):  # MuJoCo only warns
                 raise TwinError(f"{path}: <{element.tag} {key}> is NaN; numbers must be finite")
-        inside = sum(self._expanded(child, models, path, main) for child in element)
+        inside = np.zeros(3)
+        for child in element:
+            inside += self._expanded(child, models, path, main)
         if element.tag == "include" and "file" in element.attrib:
             name = element.attrib["file"]
             beside = path.parent / name
             inside += self.elements(beside if beside.exists() else main / name, main)
         if element.tag == "attach":
-            inside += models.get(element.get("model", ""), 0)
+            inside += models.get(element.get("model", ""), np.zeros(3))
         sizes = [element.get(key, "1") for key in SIZED.get(element.tag, ())]
         self._values += _product(" ".join(sizes)) if sizes else 0
         if self._values > MOST_VALUES:
@@ -177,7 +193,17 @@ class _Walk:
                 " values"
             )
         count = _product(element.get("count", "1")) if element.tag in COUNTED else 1
-        return count * (1 + inside)
+        if element.tag == "default":  # of joints that stand elsewhere
+            return np.array([1.0 + inside[0], 0.0, 0.0])
+        free = FREEDOMS.get(element.tag, 0)
+        if element.tag == "joint" and not {"joint", "joint1"} & set(
+            element.keys()
+        ):  # no tendon, equality
+            free = FREEDOMS.get(element.get("type", ""), 1)
+        moving = element.tag in ("body", "flexcomp", "composite")
+        own = np.array([1.0, float(moving), float(free)])
+        with np.errstate(invalid="ignore", over="ignore"):  # infinite times none
+            return np.nan_to_num(count * (own + inside), nan=0.0, posinf=math.inf)
 
     def _assets(self, root: ET.Element, path: Path) -> None:
         for tag, kind in ASSETS.items():

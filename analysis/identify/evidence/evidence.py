@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.identify.evidence.diagnostics import Residuals, Saturation
+from analysis.identify.evidence.statics import Statics
 from analysis.plain import Plain, plain
 from analysis.transfer_function.servo import Structure
 
@@ -81,6 +82,7 @@ class AxisEvidence(Plain):
         0 where the gimbal was free to move before
     outside : readings left out, more than 1 s before the first or after the last of the axis' own
         commands
+    statics : the angles at rest beside a line over the commands; None of a bounded servo
     """
 
     name: str
@@ -103,6 +105,7 @@ class AxisEvidence(Plain):
     simpler: bool = False
     beginning: float = 0.0
     outside: int = 0
+    statics: Statics | None = None
 
     @property
     def fit(self) -> tuple[float, ...]:

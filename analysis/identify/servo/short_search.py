@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from analysis.array import Array
 from analysis.identify.linear.starts import thinned
-from analysis.identify.problem.noise import quantisation, weights
+from analysis.identify.problem.noise import from_differences, quantisation, weights
 from analysis.identify.problem.problem import Problem
 from analysis.identify.problem.segments import series_of, step_folds
+from analysis.identify.problem.spikes import gross
 from analysis.identify.servo.dead_band import static_dead_band
 from analysis.identify.servo.descent import (
     descend,
@@ -49,6 +50,7 @@ def short_search(
     """
     kept = np.ones(len(problem.measured), dtype=bool)
     floor = quantisation(problem)
+    kept = ~gross(problem, from_differences(problem, kept, floor), kept)
     problem, alike, unit = prepared(problem, axis, kept, floor)
     few = thinned(alike, _ROWS)
     n = few.layout.poles
@@ -64,7 +66,7 @@ def short_search(
     ended = [descend(few, axis, "speed", b, max_delay, every)[0] for b in begins]
     theta = min(ended, key=lambda e: loss_of(few, axis, "speed", e))
     free, theta = _worth_having(few, axis, theta, every, static, max_delay)
-    counted = np.ones(len(few.measured), dtype=bool)
+    counted = few.weight > 0.0
     found = settled(few, axis, "speed", theta, free, max_delay, counted, floor)
     whole = alike.weighed(weights(alike, found.noise, kept))
     fit = fit_at(whole, axis, "speed", found.theta, found.noise, found.converged)

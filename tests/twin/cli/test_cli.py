@@ -397,3 +397,19 @@ def test_a_signal_in_flight_says_what_ended_it_and_where_the_recording_is(tmp_pa
     recorded = read(out)
     assert recorded["gimbal/command"].time[-1] == pytest.approx(0.2, abs=0.01)
     assert any(f"run ended early: {number.name}" in e.text for e in recorded.events)
+
+
+@pytest.mark.parametrize("name", ["two\nlines.csv", "red\x1b[31m.csv", "carriage\r.csv"])
+def test_a_name_with_line_ends_or_control_characters_makes_a_message_of_one_line(
+    capsys, tmp_path, name
+):
+    path = tmp_path / name
+    path.write_text("t,u\n")
+    code, _, err = run(
+        capsys, "identify", str(path), "--time", "t", "--input", "u", "--angle", "u2"
+    )
+    (line,) = (text for text in err.split("\n") if text.startswith("twin:"))
+    assert code == 2
+    assert err.endswith(f"{line}\n")
+    assert line.isprintable()
+    assert repr(name)[1:-5] in line

@@ -113,6 +113,25 @@ def test_a_model_is_judged_on_a_recording_it_never_saw(capsys, made, tmp_path):
     assert min(found["checks"][str(made / "multisine.rrd")]) > 99.0
 
 
+def test_a_check_by_what_was_fitted_is_named(capsys, table, tmp_path):
+    """The file itself, a copy of it, and its readings in another file; not a run of its own."""
+    copy, noted, other = (tmp_path / f"{n}.csv" for n in ("copy", "noted", "other"))
+    copy.write_bytes(table.read_bytes())
+    noted.write_text(f"# rig 7\n{table.read_text()}")
+    rows = [line.split(",") for line in table.read_text().splitlines()]
+    k = rows[0].index("pot")
+    for row in rows[1:]:
+        row[k] = f"{float(row[k]) + 1e-3:.6f}"
+    other.write_text("\n".join(",".join(r) for r in rows))
+    checks = [a for f in (table, copy, noted, other) for a in ("--check", str(f))]
+    out = ("--out", str(tmp_path / "m.json"))
+    found = told(capsys, "identify", str(table), *COLUMNS, *checks, *out)["warnings"]
+    named = [w.split(",")[0] for w in found if "which was fitted" in w]
+    assert named == [f"{table}: the same file"] + [
+        f"{f}: the same readings as {table}" for f in (copy, noted)
+    ]
+
+
 def test_one_commanded_axis_is_said_and_can_stand_for_both(capsys, made, tmp_path):
     out = tmp_path / "m.json"
     source = str(made / "only_x.rrd")
@@ -356,6 +375,14 @@ MISTAKES = [
     ("identify run.csv --time t --input u --angle pot --gyro-delay-ms 5", "needs --rate (the gyro"),
     ("identify run.csv --time t --input u --angle pot --mechanism m.xml", "needs --linkage"),
     ("identify run.csv --time t --input u --angle pot --structure speed", "needs --servo"),
+    (
+        "identify run.csv --time t --input u --angle pot --set gimbal_holder.mass=0.05",
+        "--set gimbal_holder.mass=0.05: needs --linkage or --live",
+    ),
+    (
+        "identify run.csv --time t --input u --angle pot --check-only --servo --structure clipped",
+        "--structure clipped: --check-only searches bounds in the structure speed alone",
+    ),
     ("identify run.csv --time t --input u --angle pot --before some", "--before some"),
     ("identify run.csv --time t --input u --angle pot --time-scale 0", "must be from 1e-12"),
     ("identify ms.csv --time t --input u --angle pot", "--time-scale 0.001"),

@@ -43,6 +43,7 @@ SAME = {
     "mark.eng": codecs.BOM_UTF8 + b"; stand 2\r\n" + ENG.replace("\n", "\r\n").encode(),
     "mark_first.eng": codecs.BOM_UTF8 + ENG.encode(),
     "wide.eng": codecs.BOM_UTF16_LE + ENG.encode("utf-16-le"),
+    "unmarked.eng": ENG.encode("utf-16-le"),
     "carriage.eng": ENG.replace("\n", "\r"),
     "comments.eng": ENG.replace("\n", " ; a comment\n\n;\n"),
     "zeros.eng": ENG + "2.3 0\n2.4 0.0\n\n; end\n2.5 0\n",
@@ -55,6 +56,7 @@ SAME = {
     "old_end.eng": ENG + "\x1a\0\0",
     "rock_in.eng": '<?xml version="1.0"?>\n' + rse(ENGINE.format("Q20", DATA)),
     "rock.rse": rse(ENGINE.format("Q20", DATA)),
+    "rock_commas.rse": rse(ENGINE.format("Q20", DATA).replace(".", ",")),
     "rock.xml": '<?xml version="1.0"?>\n' + rse(ENGINE.format("Q20", DATA)),
 }
 
@@ -77,6 +79,9 @@ TABLES = {
     "semicolon.csv": "t;F\r\n0.05;18\r\n0.4;24\r\n1.2;21\r\n1.9;12\r\n2.2;0\r\n",
     "decimal_commas.csv": "t;F\n0,05;18,0\n0,4;24\n1,2;21\n1,9;12\n2,2;0\n",
     "units.csv": "t,F\n[s],[N]\n0.05,18\n0.4,24\n1.2,21\n1.9,12\n2.2,0\n",
+    "own_units.csv": "t,F\n0.05 s,18 N\n0.4 s,24 N\n1.2s,21N\n1.9 s,12 N\n2.2 s,0 N\n",
+    "quoted.csv": '"t","F"\n"0.05","18"\n"0.4","24"\n"1.2","21"\n"1.9","12"\n"2.2","0"\n',
+    "quoted_commas.csv": '"t","F"\n"0,05","18"\n"0,4","24"\n"1,2","21"\n"1,9","12"\n"2,2","0"\n',
     "tab.tsv": "0.05\t18\n0.4\t24\n1.2\t21\n1.9\t12\n2.2\t0\n",
     "blank.txt": "# stand 2\n" + CURVE,
 }
@@ -133,7 +138,12 @@ def test_a_table_that_is_no_thrust_curve_is_refused(tmp_path: Path, text: str, s
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (ENG.encode("utf-16-le"), "holds zero bytes; not a text file"),
+        (ENG.encode().replace(b"0.4", b"0\0004"), "holds zero bytes; not a text file"),
+        (ENG.replace("29", "29mm", 1), "line 1: '29mm' is not a number; a header reads name diam"),
+        (ENG.replace("Q20", "Q 20", 1), "not a number; a header reads .* names without blanks"),
+        (HEADER + "0.05s 18N\n" + CURVE, "line 2: '0.05s' is not a number; time is in s and thrus"),
+        ("<!DOCTYPE html><html>404</html>", "is a web page; download the file itself"),
+        (b"PK\3\4" + bytes(40), "is a ZIP archive"),
         (HEADER + "-0.01 0\n" + CURVE, "curve starts at -0.01 s; times increase from 0"),
     ],
 )

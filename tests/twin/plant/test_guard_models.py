@@ -17,6 +17,7 @@ from twin.plant.model.model import ModelConfig, load
 
 HOSTILE = ROOT.parent / "shared" / "cases" / "hostile"
 GEOM = '<geom size="1"/>'
+FREE = f"<body><freejoint/>{GEOM}</body>"
 TEN = '<replicate count="10">'
 MODELS = {
     "cells": '<asset><hfield name="h" nrow="40000" ncol="40000" size="1 1 1 1"/></asset>',
@@ -28,6 +29,11 @@ MODELS = {
     "composite": '<worldbody><composite type="cable" count="1000000 1 1"/></worldbody>',
     "infinite": f'<worldbody><replicate count="1e999">{GEOM}</replicate></worldbody>',
     "wide": f"<worldbody>{GEOM * 21_000}</worldbody>",
+    "free": f"<size memory='60M'/><worldbody>{FREE * 3000}</worldbody>",
+    "free copies": f"<size memory='60M'/><worldbody><replicate count='3000'>{FREE}</replicate>"
+    "</worldbody>",
+    "hinges": f"<worldbody><body>{GEOM}{'<joint/>' * 1300}</body></worldbody>",
+    "fixed": f"<worldbody>{f'<body>{GEOM}</body>' * 3000}</worldbody>",
     "deep": f"<worldbody>{'<body>' * 80}{'</body>' * 80}</worldbody>",
     "itself": '<include file="itself.xml"/>',
     "pair": '<asset><model name="m" file="pair_other.xml"/></asset>',

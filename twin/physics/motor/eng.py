@@ -67,7 +67,11 @@ def entries(text: str, source: str = "motor") -> list[Entry]:
 
 def _starts_motor(words: list[str]) -> bool:
     """Whether a line is a header, also a malformed one: a point begins with a number."""
-    return len(words) >= HEADER_WORDS or not is_number(words[0].rstrip(","))
+    if len(words) >= HEADER_WORDS:
+        return True
+    return not (
+        is_number(words[0].rstrip(",")) or (words[0][0] in "+-.0123456789" and len(words) < 4)
+    )
 
 
 @dataclass
@@ -105,7 +109,13 @@ class _Draft:
 
     def _number(self, word: str, where: str) -> float:
         if not is_number(word):
-            self.fault = self.fault or f"{where}: {_quote([word])} is not a number"
+            self.fault = self.fault or (
+                f"{where}: {_quote([word])} is not a number; a header reads {HEADER}, names without"
+                " blanks and numbers without units"
+                if where == self.where
+                else f"{where}: {_quote([word])} is not a number; time is in s and thrust in N,"
+                " without units"
+            )
             return math.nan
         if not math.isfinite(float(word)):
             self.fault = self.fault or f"{where}: {word[:40]} is not finite"

@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Final
 
-from analysis.files import FileError, content
+from analysis.files import FileError, content, foreign
 from twin.physics.motor import eng, rse, table
 from twin.physics.motor.curve import Motor
 from twin.physics.motor.entry import Entry
@@ -84,6 +84,8 @@ def entries(path: Path, like: Mapping[str, float] | None = None) -> list[Entry]:
     """
     data = _content(path)
     text = _text(data)
+    if what := foreign(data[:64]):
+        raise MotorError(f"{path}: is {what}")
     begin = text.lstrip("\ufeff \t\r\n")
     if begin.startswith(("<?xml", "<engine") if _is_rasp(path) else "<"):
         return rse.entries(data, str(path), LARGEST_FILE)
@@ -106,6 +108,8 @@ def _content(path: Path) -> bytes:
 def _text(data: bytes) -> str:
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
+    if len(data) > 7 and not any(data[1:64:2]) and all(data[0:64:2]):  # UTF-16 without its mark
+        return data.decode("utf-16-le", errors="replace")
     return data.decode("utf-8-sig", errors="replace")
 
 

@@ -76,7 +76,7 @@ def _number(element: ET.Element, attribute: str, name: str) -> float:
     if text is None:
         raise MotorError(f"motor {name!r}: <{_tag(element)}> has no attribute {attribute!r}")
     try:
-        value = float(text)
+        value = float(text if "." in text else text.replace(",", ".", 1))
     except ValueError:
         shown = text if len(text) <= 40 else text[:37] + "..."
         raise MotorError(f"motor {name!r}: {attribute}={shown!r} is not a number") from None

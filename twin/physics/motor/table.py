@@ -4,6 +4,7 @@ The other figures of the motor are those of the motor it replaces, unless commen
 `# propellant_mass = 60 g`, `# loaded_mass = 125 g`, `# diameter = 29 mm`, `# length = 124 mm`.
 """
 
+import csv
 import math
 import re
 from collections.abc import Mapping
@@ -24,6 +25,7 @@ FIGURES: Final[Mapping[str, Kind]] = {
 _FIGURE = re.compile(r"\s*(\w+)\s*[=:]\s*(.*?)\s*")
 _SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
 _DECIMAL = re.compile(r"([-+]?\d*),(\d+)")  # between semicolons or tabs
+_OWN_UNIT = re.compile(r"(?<=[\d.])\s*(?:s|N)(?=\s*(?:[,;\t\"]|$))")  # behind a number
 _OTHER_UNITS = re.compile(
     r"(?:^|[^a-z])(ms|msec|milliseconds|min|kn|mn|lbf|lbs|lb|kgf|kg|g|ozf)(?=[^a-z]|$)"
 )
@@ -94,6 +96,11 @@ def _read_figure(comment: str, where: str, figures: dict[str, float]) -> None:
 
 
 def _cells(line: str) -> list[str]:
+    line = _OWN_UNIT.sub("", line)
+    if '"' in line:
+        between = next((mark for mark in ";\t" if mark in line), ",")
+        cells = next(csv.reader([line], delimiter=between, skipinitialspace=True), [])
+        return [_DECIMAL.sub(r"\1.\2", c) if _DECIMAL.fullmatch(c) else c for c in cells]
     if ";" not in line and "\t" not in line:
         return _SEPARATOR.split(line)
     cells = [cell.strip() for cell in re.split(r"[;\t]", line)]

@@ -162,7 +162,7 @@ def _unmeasured() -> dict[str, Any]:
     """Settings of the measurement at their defaults."""
     kept = ("live", "until")
     names = [n for kind in (Rig, Time) for n in hints(kind)]
-    names += ["within_s", "amplitude_deg", "model"]
+    names += ["within_s", "amplitude_deg", "model", "set"]
     return {n: getattr(Identify, n) for n in names if n not in kept}
 
 

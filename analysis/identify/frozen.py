@@ -1,0 +1,116 @@
+"""Readings that are none of the gimbal: of a sensor that stands still, repeats, or is away."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.array import Array
+from analysis.identify.problem.noise import clipped_rms
+from analysis.recording.measurements import Measurement
+
+_STILL = 0.5  # s of equal readings, or within the noise
+_ANSWERED = 0.25  # s, or ten readings: by then a gimbal has begun to answer
+_MOVED = 0.4  # of the command's range
+_NOISE = 8.0  # deviations: 100 Gaussian readings are within 5
+_MARKS = 5  # equal readings far beyond all others: a mark for a missing one
+_BEYOND = 3.0  # times the range of all others
+_CHANGES = 20  # of a sensor that repeats its readings
+_TURN = 2.0 * np.pi
+
+
+def without_frozen(records: Sequence[Measurement]) -> tuple[list[Measurement], list[str]]:
+    """Records without the readings that are none of the gimbal, and a line for each kind.
+
+    Left out are marks such as -9999, repetitions of a sensor that is slower than the log, and
+    readings that stand still, but for noise, under commands that move over 0.4 of their range and
+    were given long enough ago for any gimbal to have answered: a servo that ignores small commands
+    is no such case. Angles that jump by a turn go on behind it.
+    """
+    kept, found = [], []
+    for r in records:
+        series = {}
+        for what, sensor in r.sensors:
+            values = sensor.values.copy()
+            for axis, name in enumerate(r.outputs):
+                known = np.flatnonzero(np.isfinite(values[:, axis]))
+                own, time = values[known, axis], sensor.time[known]
+                column = r.inputs.index(name) if name in r.inputs else 0
+                turns = what == "angle" and r.command.unit == "rad"
+                said = _cleaned(own, time, r, column, turns=turns)
+                values[known, axis] = own
+                found += [f"{r.name}: {what} '{name}' {text}" for text in said]
+            left = np.isfinite(values).any(axis=1) | np.isnan(sensor.values).all(axis=1)
+            series[what] = replace(sensor, values=values).rows(np.asarray(left))
+        kept.append(replace(r, angle=series.get("angle"), rate=series.get("rate")))
+    return (kept if found else list(records)), found
+
+
+def _cleaned(values: Array, time: Array, r: Measurement, column: int, *, turns: bool) -> list[str]:
+    """Mark the readings (n,) of one sensor that are none, in place; what was wrong."""
+    if len(values) < _CHANGES or np.ptp(values) == 0.0:
+        return []
+    found = []
+    for extreme in (values.max(), values.min()):
+        rows = values == extreme
+        others = values[~rows & np.isfinite(values)]
+        if rows.sum() < _MARKS or len(others) < _CHANGES:
+            continue
+        if np.abs(others - extreme).min() > _BEYOND * np.ptp(others):
+            values[rows] = np.nan
+            found.append(f"has a mark far beyond all others in {rows.sum()} samples, left out")
+    good = np.flatnonzero(np.isfinite(values))
+    if turns and (np.abs(np.diff(values[good])) > 0.9 * _TURN).any():
+        whole = np.unwrap(values[good])
+        if np.ptp(whole) < 0.5 * np.ptp(values[good]):
+            values[good] = whole
+            found.append("jumps by a turn where its sensor begins anew; counted through")
+    changes = np.flatnonzero(np.diff(values[good]) != 0.0) + 1
+    every = int(np.gcd.reduce(np.diff(changes))) if len(changes) > _CHANGES else 1
+    if every > 1:
+        again = np.ones(len(good), dtype=bool)
+        again[changes[0] % every :: every] = False
+        values[good[again]] = np.nan
+        found.append(f"gives each reading {every} times, slower than the log; repetitions left out")
+        good = good[~again]
+    for low, high, count in _still(time[good], values[good], r, column):
+        values[(time >= low) & (time <= high)] = np.nan
+        found.append(
+            f"does not move between {low:.4g} and {high:.4g} s while the command does ({count}"
+            " changes); these readings are left out, check the sensor"
+        )
+    return found
+
+
+def _still(
+    time: Array, values: Array, r: Measurement, column: int
+) -> list[tuple[float, float, int]]:
+    """Begin, end [s] and commands of every stretch in which a sensor stands still."""
+    from scipy.ndimage import binary_dilation, maximum_filter1d, minimum_filter1d
+
+    command = r.command.values[:, column]
+    reach = _MOVED * float(np.ptp(command))
+    if len(values) < _CHANGES or reach == 0.0 or np.ptp(values) == 0.0:
+        return []  # a constant column is refused as such
+    period = float(np.median(np.diff(time)))
+    answered = max(_ANSWERED, 10.0 * period)
+    low, high = np.quantile(values, (0.05, 0.95))
+    noise = _NOISE * clipped_rms(np.diff(values, 2) / np.sqrt(6.0))
+    span = max(int(np.ceil(_STILL / period)), 8) // 2 * 2 + 1
+    found: list[tuple[float, float, int]] = []
+    for band in (0.0, noise) if noise < 0.1 * (high - low) else (0.0,):
+        calm = maximum_filter1d(values, span) - minimum_filter1d(values, span) <= band
+        calm = binary_dilation(calm, np.ones(span, dtype=bool))
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], calm.astype(int), [0]])))
+        for a, b in zip(edges[::2], edges[1::2] - 1, strict=True):
+            first = max(int(np.searchsorted(r.command.time, time[a], side="right")) - 1, 0)
+            last = int(np.searchsorted(r.command.time, time[b] - answered, side="right"))
+            held = command[first:last]
+            if len(held) and np.ptp(held) >= reach and not _beside(found, time[a], time[b]):
+                count = int(np.sum(np.diff(held) != 0.0))
+                found.append((float(time[a]), float(time[b]), count))
+    return sorted(found)
+
+
+def _beside(found: Sequence[tuple[float, float, int]], begin: float, end: float) -> bool:
+    return any(low <= end and begin <= high for low, high, _ in found)
