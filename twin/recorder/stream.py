@@ -25,7 +25,9 @@ from twin.recorder.layout import blueprint
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
 from twin.viewer.process import LOOPBACK
 
-CAPACITY = 16_384  # rows: 32 s at 500 Hz
+# Rows: 21.8 s of a mirror in lockstep, with 1000 ticks and 500 frames a second. Writes shorter than
+# the longest of a file would make Rerun's index grow faster.
+CAPACITY = 32_768
 LIVE_NS = 100_000_000  # between two writes to a live viewer
 
 
@@ -158,7 +160,7 @@ class Recorder(Sink):
     def drain(self) -> None:
         """Write the rows, poses and texts kept; `commit` calls it when due."""
         for feed in self._feeds:
-            feed.drain()
+            feed.drain_all()
 
     def close(self) -> None:
         """Write the rest and rename the file to `path`; a second call does nothing.
