@@ -6,9 +6,9 @@ python -m tests.abuse.endurance 1800    another simulated time [s]
 Flat is: after ten minutes, the memory of its own grows by at most 20 MB an hour. Of its own are
 anonymous and shared pages (`RssAnon`, `RssShmem`); those of mapped files, which the kernel keeps
 and drops as it likes, differ by 80 MB between two runs. Until nine minutes the recorder's writes
-grow, to 20 s of signals and 60 s of the scene, and its buffers with them. The growth cannot be zero:
-Rerun keeps an index of all chunks of a file until the file is closed, up to 5 kB for each of 4000
-chunks an hour.
+grow, to 20 s of signals and 60 s of the scene, and its buffers with them. The growth cannot be
+zero: Rerun keeps an index of all chunks of a file until the file is closed, up to 5 kB for each of
+4000 chunks an hour.
 """
 
 import subprocess

@@ -16,8 +16,8 @@ from twin.recorder.scene.poses import Poses
 from twin.recorder.sink import one_line
 
 FLUSH_SECONDS = 60.0  # a slow disk needs a few; without it Rerun waits for ever
-# Rerun keeps 2 kB for each write of an entity until the file is closed, for the index at its end.
-# So writes of a file grow with the run, up to what a killed process may lose.
+# Rerun keeps 2 to 5 kB for each write of an entity until the file is closed, for the index at its
+# end. So writes of a file grow with the run, up to what a killed process may lose.
 PART = 25  # of the run: a write of a file is no shorter than that
 LONGEST_NS = 20_000_000_000  # nor need it be longer than this
 SCENE_PART, SCENE_NS = 8, 60_000_000_000  # likewise of what is for the viewer only

@@ -46,10 +46,10 @@ class Recorder(Sink):
     model : model of the 3D scene; None records none
     pose_period_ns : experiment time between two poses of the scene [ns]
     capacity : largest number of rows before they are written
-    drain_ns : experiment time between two writes [ns], or 4 % of the time until then if that is
-        longer, up to the time of 1024 poses; a killed process loses at most that. Each write of a
-        signal takes about 1.5 kB of the file besides its values, and 2 kB of memory until the file
-        is closed.
+    drain_ns : experiment time between two writes [ns], or 4 % of the time until then, up to 20 s,
+        if that is longer; a killed process loses at most that. The scene and what else is for the
+        viewer only has 12.5 %, up to 60 s. Each write of an entity takes about 1.5 kB of the file
+        besides its values, and 2 to 5 kB of memory until the file is closed.
     serve : port on the loopback interface for a live viewer, besides the file; it gets what is
         recorded every 0.1 s
 
