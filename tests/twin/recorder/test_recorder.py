@@ -24,7 +24,7 @@ from tests.benchmarks import long_run
 from tests.conftest import ROOT
 from tests.twin.recorder import runs
 from twin import viewer
-from twin.recorder import DetachedRecorder, Recorder, RecorderError
+from twin.recorder import DetachedRecorder, Recorder, RecorderError, feed
 from twin.recorder.feed import Feed
 from twin.recorder.process import ring
 from twin.recorder.scene import scene, shapes
@@ -637,6 +637,27 @@ def test_an_hour_of_a_rig_in_lockstep_has_few_chunks(tmp_path):
     assert place.reshape(-1, 3)[order, 0].tolist() == list(range(0, 1500 * seconds, 30))
     stamps = begin * 10**9 + np.arange(0, 1500 * seconds, 30) * 10**9 // 1500
     assert time[order].astype(np.int64).tolist() == stamps.tolist()
+
+
+def test_a_scene_that_is_written_seldom_is_that_written_often(tmp_path, monkeypatch):
+    found = []
+    for name in ("seldom.rrd", "often.rrd"):
+        runs.fly(tmp_path / name, 30.0)
+        kept, chunks = {}, 0
+        for chunk in RrdReader(tmp_path / name).stream().to_chunks():
+            if not chunk.is_static:
+                batch, chunks = chunk.to_record_batch(), chunks + 1
+                for column in set(batch.schema.names) - {"time", "rerun.controls.RowId"}:
+                    rows = zip(
+                        batch["time"].to_numpy(False), batch[column].to_pylist(), strict=True
+                    )
+                    kept.setdefault((chunk.entity_path, column), []).extend(rows)
+        ordered = {key: sorted(rows, key=lambda row: row[0]) for key, rows in kept.items()}
+        found.append((chunks, {key: repr(rows) for key, rows in ordered.items()}))
+        monkeypatch.setattr(feed, "SCENE_NS", 0)
+    assert found[0][0] < 0.8 * found[1][0]
+    assert {path for path, _ in found[0][1]} > {"/world/vehicle", "/world/trail", "/view/residual"}
+    assert found[0][1] == found[1][1]
 
 
 def test_what_is_asked_for_is_written_with_the_scene(tmp_path):
