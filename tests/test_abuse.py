@@ -2,7 +2,10 @@
 
 import os
 import signal
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 
 from tests.abuse import endurance, runs, texts
@@ -78,10 +81,38 @@ def test_an_attempt_that_ends_the_process_is_a_failure_of_its_kind_alone(tmp_pat
     assert rows[0].failed[0] == ("kill", b"kill", "ended the process, exit code -9")
 
 
-def test_memory_that_grows_after_the_first_tenth_is_a_failure():
-    warm = [*range(100), *[100] * 900]
-    assert endurance.grown(warm) == ""
-    assert endurance.grown([size + k / 20 for k, size in enumerate(warm)]).startswith("memory grew")
+@pytest.mark.parametrize("seconds", [1200, 3600])
+def test_memory_that_grows_after_ten_minutes_is_a_failure(seconds):
+    time = np.arange(seconds)
+    warm = 100.0 + np.minimum(time, 540.0)  # s of growth at first
+    for hourly, flat in ((19.0, True), (21.0, False)):
+        sizes = warm + hourly / 3600.0 * time
+        sizes[::7] += 50.0  # a write
+        assert (endurance.grown(sizes, seconds) == "") is flat
+    assert endurance.grown(warm + 21.0 / 3600.0 * time, seconds).startswith("memory grew from 64")
+
+
+def test_memory_of_its_own_leaves_out_mapped_files(tmp_path):
+    (tmp_path / "file").write_bytes(bytes(30_000_000))
+    program = (
+        "import mmap, sys; print(1, flush=True); input(); own = bytearray(b'1' * 10_000_000);"
+        f"f = open({str(tmp_path / 'file')!r}, 'rb');"
+        "m = mmap.mmap(f.fileno(), 0, access=mmap.ACCESS_READ); sum(m[::4096]);"
+        "print(2, flush=True); input()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        process.stdout.readline()
+        (before,) = endurance.resident(process.pid)
+        process.stdin.write("\n")
+        process.stdin.flush()
+        process.stdout.readline()
+        (after,) = endurance.resident(process.pid)
+        process.communicate("\n")
+    assert after[0] - before[0] == pytest.approx(10.0, abs=2.0)
+    assert after[1] - before[1] == pytest.approx(40.0, abs=2.0)
+    assert endurance.resident(process.pid) == []
 
 
 def test_a_result_that_does_not_open_and_a_changed_input_are_failures(tmp_path):

@@ -1,6 +1,7 @@
 """Arrays in Rerun's column format; the only module with xyzw quaternions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Protocol
 
 import numpy as np
 import rerun as rr
@@ -10,6 +11,18 @@ from analysis import schema
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+
+
+class Columns(Protocol):
+    """What takes columns: a Rerun stream, or what sends them to one later."""
+
+    def send_columns(
+        self,
+        entity_path: str,
+        indexes: Iterable[rr.TimeColumn],
+        columns: Iterable[rr.ComponentColumn],
+    ) -> None:
+        """Take rows of an entity."""
 
 
 def times(time: Stamps, wall: Stamps) -> list[rr.TimeColumn]:

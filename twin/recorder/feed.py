@@ -9,14 +9,18 @@ from numpy.typing import NDArray
 
 from analysis import schema
 from twin.recorder import columns
+from twin.recorder.later import Later
 from twin.recorder.layout.held import THRUST, in_force, since_1970
 from twin.recorder.layout.look import Look
 from twin.recorder.scene.poses import Poses
 from twin.recorder.sink import one_line
 
 FLUSH_SECONDS = 60.0  # a slow disk needs a few; without it Rerun waits for ever
-# Rerun keeps 2 kB for each write of a signal until the file is closed, for the index at its end.
+# Rerun keeps 2 to 5 kB for each write of an entity until the file is closed, for the index at its
+# end. So writes of a file grow with the run, up to what a killed process may lose.
 PART = 25  # of the run: a write of a file is no shorter than that
+LONGEST_NS = 20_000_000_000  # nor need it be longer than this
+SCENE_PART, SCENE_NS = 8, 60_000_000_000  # likewise of what is for the viewer only
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -34,7 +38,7 @@ class Feed:
     capacity : largest number of rows before they are written
     drain_ns : experiment time between two writes [ns]
     live : whether the stream is a viewer's, which keeps its first layout; in a file, a write also
-        has at least 4 % of the time until then
+        has at least 4 % of the time until then, or 20 s where that is less
 
     Attributes
     ----------
@@ -71,6 +75,7 @@ class Feed:
         self._texts: list[tuple[str, int, str, str]] = []
         self._last_wall = 0
         self._reached = 0
+        self._sent = 0  # time until which the scene is written
         self.failed = ""
 
     def begin(self, stream: rr.RecordingStream) -> None:
@@ -81,6 +86,7 @@ class Feed:
         RuntimeError : it cannot be written
         """
         self.stream = stream
+        self._later = Later(stream)
         self.look.start(stream)
         if self._poses:
             self._poses.start(stream)
@@ -100,7 +106,8 @@ class Feed:
         if self._n == self._capacity or time_ns >= self._due:
             every = self._drain_every
             due = time_ns - time_ns % every + every
-            self._due = due if self._live else max(due, time_ns + time_ns // PART)
+            share = min(time_ns // PART, LONGEST_NS)
+            self._due = due if self._live else max(due, time_ns + share)
             self.drain()
 
     def commit_all(
@@ -151,7 +158,7 @@ class Feed:
         self._texts.append((entity, time_ns, text, level))
 
     def drain(self) -> None:
-        """Write the rows, poses and texts kept; `commit` calls it when due."""
+        """Write the rows and texts kept, and the scene if due; `commit` calls it when due."""
         n = self._n
         time, wall = self._time[:n], self._wall[:n]
         self._send_poses(time, wall)
@@ -165,8 +172,15 @@ class Feed:
             self._send_rows(self._block[:n] * self._scale, time, wall)
             self._reached, self._last_wall = int(time[-1]), int(wall[-1])
         rows = {name: self._block[:n, place] for name, place in self._slices.items()}
-        self.look.drain(self.stream, time, wall, rows)
+        self.look.drain(self.stream, self._later, time, wall, rows)
         self._n = 0
+        share = min(self._reached // SCENE_PART, SCENE_NS)
+        if self._live or self._reached - self._sent >= share:
+            self._later.send()
+            self._sent = self._reached
+        self._flush()
+
+    def _flush(self) -> None:
         try:  # else what a fast run writes waits in memory
             self.stream.flush(timeout_sec=FLUSH_SECONDS)
         except RuntimeError as error:  # `close` reports it
@@ -192,12 +206,17 @@ class Feed:
         thrust = held[THRUST][:, 0] if THRUST in held else np.zeros(len(at))
         angles = {name: held[name] for name in self._poses.ghost.signals if name in held}
         stamps = since_1970(at, time, wall, self._last_wall)
-        self._poses.drain(self.stream, stamps, thrust, angles)
+        self._poses.drain(self._later, stamps, thrust, angles)
+
+    def drain_all(self) -> None:
+        """Write all that is kept."""
+        self._sent = -SCENE_NS
+        self.drain()
 
     def finish(self) -> None:
         """Write the rest, and what needs the whole run; `failed` says whether it was written."""
         try:
-            self.drain()
+            self.drain_all()
             if self._poses:
                 self._poses.finish(self.stream)
             self.look.finish(self.stream)

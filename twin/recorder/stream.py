@@ -25,7 +25,9 @@ from twin.recorder.layout import blueprint
 from twin.recorder.sink import DRAIN_NS, POSE_PERIOD_NS, Sink, one_line, places
 from twin.viewer.process import LOOPBACK
 
-CAPACITY = 16_384  # rows: 32 s at 500 Hz
+# Rows: 21.8 s of a mirror in lockstep, with 1000 ticks and 500 frames a second. Writes shorter than
+# the longest of a file would make Rerun's index grow faster.
+CAPACITY = 32_768
 LIVE_NS = 100_000_000  # between two writes to a live viewer
 
 
@@ -44,10 +46,10 @@ class Recorder(Sink):
     model : model of the 3D scene; None records none
     pose_period_ns : experiment time between two poses of the scene [ns]
     capacity : largest number of rows before they are written
-    drain_ns : experiment time between two writes [ns], or 4 % of the time until then if that is
-        longer, up to the time of 1024 poses; a killed process loses at most that. Each write of a
-        signal takes about 1.5 kB of the file besides its values, and 2 kB of memory until the file
-        is closed.
+    drain_ns : experiment time between two writes [ns], or 4 % of the time until then, up to 20 s,
+        if that is longer; a killed process loses at most that. The scene and what else is for the
+        viewer only has 12.5 %, up to 60 s. Each write of an entity takes about 1.5 kB of the file
+        besides its values, and 2 to 5 kB of memory until the file is closed.
     serve : port on the loopback interface for a live viewer, besides the file; it gets what is
         recorded every 0.1 s
 
@@ -158,7 +160,7 @@ class Recorder(Sink):
     def drain(self) -> None:
         """Write the rows, poses and texts kept; `commit` calls it when due."""
         for feed in self._feeds:
-            feed.drain()
+            feed.drain_all()
 
     def close(self) -> None:
         """Write the rest and rename the file to `path`; a second call does nothing.

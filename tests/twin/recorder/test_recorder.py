@@ -1,6 +1,7 @@
 """The recorder: nothing lost, nothing different between two runs, nothing in the loop's way."""
 
 import json
+import math
 import os
 import signal
 import socket
@@ -23,7 +24,7 @@ from tests.benchmarks import long_run
 from tests.conftest import ROOT
 from tests.twin.recorder import runs
 from twin import viewer
-from twin.recorder import DetachedRecorder, Recorder, RecorderError
+from twin.recorder import DetachedRecorder, Recorder, RecorderError, feed
 from twin.recorder.feed import Feed
 from twin.recorder.process import ring
 from twin.recorder.scene import scene, shapes
@@ -606,9 +607,76 @@ def test_the_writes_of_a_long_run_grow_with_it(tmp_path):
             recorder.row[0] = t
             recorder.commit(t * 100_000_000, t)
     assert recording.read(path)["vehicle/mass"].values[:, 0].tolist() == list(range(10 * seconds))
-    # one a second for 25 s, then each ends 4 % later than the one before
-    expected = 25 + np.log(seconds / 25) / np.log(1.04)
+    # one a second for 25 s, then each ends 4 % later than the one before, up to 20 s
+    expected = 25 + np.log(500 / 25) / np.log(1.04) + (seconds - 500) / 20
     assert _writes(path, "/vehicle/mass") == pytest.approx(expected, rel=0.03)
+
+
+def test_an_hour_of_a_rig_in_lockstep_has_few_chunks(tmp_path):
+    """A signal every 20 s, also at 1500 rows a second, and the scene every minute."""
+    path, begin, seconds = tmp_path / "a.rrd", 1000, 200
+    model = mujoco.MjModel.from_xml_string(runs.SCENE)
+    data = mujoco.MjData(model)
+    with Recorder(path, signals=["vehicle/mass"], properties={}, model=model) as recorder:
+        for k in range(1500 * seconds):
+            at = begin * 10**9 + k * 10**9 // 1500
+            recorder.row[0] = k
+            recorder.commit(at, at)
+            if k % 30 == 0:
+                data.xpos[1:, 0] = k
+                recorder.commit_pose(at, data)
+    assert recording.read(path)["vehicle/mass"].values[:, 0].tolist() == list(range(1500 * seconds))
+    # the first row is due at once, before the first pose
+    assert _writes(path, "/vehicle/mass") == 1 + seconds // 20
+    assert _writes(path, "/world/vehicle") == math.ceil(seconds / 60)
+    chunks = RrdReader(path).stream().filter(content="/world/vehicle").to_chunks()
+    batches = [chunk.to_record_batch() for chunk in chunks if not chunk.is_static]
+    place = np.concatenate([b["Transform3D:translation"].flatten().flatten() for b in batches])
+    time = np.concatenate([b["time"].to_numpy(zero_copy_only=False) for b in batches])
+    order = np.argsort(time)
+    assert place.reshape(-1, 3)[order, 0].tolist() == list(range(0, 1500 * seconds, 30))
+    stamps = begin * 10**9 + np.arange(0, 1500 * seconds, 30) * 10**9 // 1500
+    assert time[order].astype(np.int64).tolist() == stamps.tolist()
+
+
+def test_a_scene_that_is_written_seldom_is_that_written_often(tmp_path, monkeypatch):
+    found = []
+    for name in ("seldom.rrd", "often.rrd"):
+        runs.fly(tmp_path / name, 30.0)
+        kept, chunks = {}, 0
+        for chunk in RrdReader(tmp_path / name).stream().to_chunks():
+            if not chunk.is_static:
+                batch, chunks = chunk.to_record_batch(), chunks + 1
+                for column in set(batch.schema.names) - {"time", "rerun.controls.RowId"}:
+                    rows = zip(
+                        batch["time"].to_numpy(False), batch[column].to_pylist(), strict=True
+                    )
+                    kept.setdefault((chunk.entity_path, column), []).extend(rows)
+        ordered = {key: sorted(rows, key=lambda row: row[0]) for key, rows in kept.items()}
+        found.append((chunks, {key: repr(rows) for key, rows in ordered.items()}))
+        monkeypatch.setattr(feed, "SCENE_NS", 0)
+    assert found[0][0] < 0.8 * found[1][0]
+    assert {path for path, _ in found[0][1]} > {"/world/vehicle", "/world/trail", "/view/residual"}
+    assert found[0][1] == found[1][1]
+
+
+def test_what_is_asked_for_is_written_with_the_scene(tmp_path):
+    path, model = tmp_path / "a.rrd", mujoco.MjModel.from_xml_string(runs.SCENE)
+    data = mujoco.MjData(model)
+    with Recorder(path, signals=["vehicle/mass"], properties={}, model=model) as recorder:
+        for second in range(1000, 1010):
+            recorder.row[0] = second
+            recorder.commit(second * 10**9, second)
+            recorder.commit_pose(second * 10**9, data)
+            if second == 1005:
+                saved = viewer.repaired(recorder.flush())
+                assert _rows(saved, "/vehicle/mass") == _rows(saved, "/world/vehicle") == 6
+    assert _rows(path, "/vehicle/mass") == _rows(path, "/world/vehicle") == 10
+
+
+def _rows(path, entity):
+    chunks = RrdReader(path).stream().filter(content=entity).to_chunks()
+    return sum(chunk.to_record_batch().num_rows for chunk in chunks if not chunk.is_static)
 
 
 def test_the_writes_to_a_viewer_are_not_those_of_the_file(tmp_path, monkeypatch):

@@ -63,7 +63,7 @@ class Display:
                     stream.log(plots.band(kind, axis), plots.band_style(), static=True)
 
     def drain(
-        self, stream: rr.RecordingStream, time: Stamps, wall: Stamps, rows: Mapping[str, Floats]
+        self, stream: columns.Columns, time: Stamps, wall: Stamps, rows: Mapping[str, Floats]
     ) -> None:
         """Take rows (n, k) of signals by name, in stored units."""
         self._start = int(time[0]) if self._start < 0 else self._start
@@ -85,7 +85,7 @@ class Display:
         )
 
     def _mark_gaps(
-        self, stream: rr.RecordingStream, name: str, time: Stamps, wall: Stamps, values: Floats
+        self, stream: columns.Columns, name: str, time: Stamps, wall: Stamps, values: Floats
     ) -> None:
         there = np.isfinite(values).any(axis=1)
         if not there.any():
@@ -107,7 +107,7 @@ class Display:
             stream.send_columns(schema.SIGNALS[name].entity, when, columns.ends(len(at)))
 
     def _send_residual(
-        self, stream: rr.RecordingStream, time: Stamps, wall: Stamps, rows: Mapping[str, Floats]
+        self, stream: columns.Columns, time: Stamps, wall: Stamps, rows: Mapping[str, Floats]
     ) -> None:
         simulated, measured = rows["gimbal/simulated"], rows["gimbal/measured"]
         known = np.isfinite(simulated).all(axis=1)
@@ -126,7 +126,7 @@ class Display:
             stream.send_columns(plots.RESIDUAL, stamps, columns.scalars(difference))
 
     def _send_band(
-        self, stream: rr.RecordingStream, time: Stamps, wall: Stamps, rows: Mapping[str, Floats]
+        self, stream: columns.Columns, time: Stamps, wall: Stamps, rows: Mapping[str, Floats]
     ) -> None:
         half, middle = rows[self._half], rows[self._middle]
         known = np.isfinite(middle).all(axis=1)

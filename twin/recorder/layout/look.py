@@ -80,17 +80,22 @@ class Look:
             self._display.text(time_ns, text, level)
 
     def drain(
-        self, stream: rr.RecordingStream, time: Stamps, wall: Stamps, rows: Mapping[str, Floats]
+        self,
+        stream: rr.RecordingStream,
+        later: columns.Columns,
+        time: Stamps,
+        wall: Stamps,
+        rows: Mapping[str, Floats],
     ) -> None:
-        """Take rows (n, k) of signals by name, in SI."""
+        """Take rows (n, k) of signals by name, in SI; `later` gets what has many rows."""
         self._display.send_events(stream)
         if not time.size:
             return
         self._states.drain(stream, time, wall, rows)
         if self._profile is not None:
-            self._profile.drain(stream, time, wall, rows[POSITION])
+            self._profile.drain(later, time, wall, rows[POSITION])
         stored = {name: schema.SIGNALS[name].to_stored(values) for name, values in rows.items()}
-        self._display.drain(stream, time, wall, stored)
+        self._display.drain(later, time, wall, stored)
 
     def finish(self, stream: rr.RecordingStream) -> None:
         """Write the blueprint of what was really recorded."""

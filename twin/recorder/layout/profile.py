@@ -27,9 +27,7 @@ class Profile:
         self._path: list[Floats] = []
         self._first: Floats | None = None
 
-    def drain(
-        self, stream: rr.RecordingStream, time: Stamps, wall: Stamps, position: Floats
-    ) -> None:
+    def drain(self, stream: columns.Columns, time: Stamps, wall: Stamps, position: Floats) -> None:
         """Take positions (n, 3) in the world [m]; rows that are not finite are skipped."""
         rows = np.flatnonzero(np.isfinite(position).all(axis=1))
         if not rows.size:

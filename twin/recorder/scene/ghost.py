@@ -76,7 +76,7 @@ class Ghost:
 
     def drain(
         self,
-        stream: rr.RecordingStream,
+        stream: columns.Columns,
         time: Stamps,
         wall: Stamps,
         qpos: Floats,

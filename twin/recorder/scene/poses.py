@@ -159,7 +159,7 @@ class Poses:
         return self._time[: self._n]
 
     def drain(
-        self, stream: rr.RecordingStream, wall: Stamps, thrust: Floats, angles: Mapping[str, Floats]
+        self, stream: columns.Columns, wall: Stamps, thrust: Floats, angles: Mapping[str, Floats]
     ) -> None:
         """Send the kept poses and discard them.
 
@@ -201,7 +201,7 @@ class Poses:
             stream.log(f"{schema.WORLD}/path", line, static=True)
 
     def _drain_trail(
-        self, stream: rr.RecordingStream, time: Stamps, wall: Stamps, position: Floats
+        self, stream: columns.Columns, time: Stamps, wall: Stamps, position: Floats
     ) -> None:
         pick = slice(self._skip, None, TRAIL_EVERY)
         self._skip = (self._skip - len(position)) % TRAIL_EVERY
