@@ -94,7 +94,7 @@ def evidence(
         known.disagree or known.colour is not None,
         repeatable(problem, residual, column), sizes, smear,
         simpler, beginning(problem, residual),
-        None if isinstance(fit, ServoFit) else statics(problem, residual, column),
+        statics=None if isinstance(fit, ServoFit) else statics(problem, residual, column),
     )  # fmt: skip
 
 
