@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.compiled import njit
 from twin import status
 from twin.experiments.flight.flight import ENDS, Flight, Watch, over, watch
-from twin.experiments.flight.track import POSITION, VELOCITY, Track, Views, keep
+from twin.experiments.flight.track import POSITION, Track, Views, keep
 from twin.loop.loop import TIME_UP, Outcome
 from twin.loop.seats import Pilot, Steering, steer, steering
 from twin.physics.native.layout import number
@@ -105,7 +105,7 @@ def compiled_ticks(
             begin = 0
             for k in np.flatnonzero(events[:count]).tolist():
                 copies.commit(times[begin : k + 1], copied[begin : k + 1])
-                flight.report(times[k], events[k], kept[k, POSITION], kept[k, VELOCITY])
+                flight.report(times[k], events[k], kept[k, POSITION])
                 begin = k + 1
             copies.commit(times[begin:count], copied[begin:count])
         ticks += count
