@@ -111,17 +111,20 @@
                    ticks: "outside", tickcolor: quiet, ticklen: 4, automargin: true };
     spec.panels.forEach((p, i) => {
       const left = p.column * (w + gapX), top = 1 - p.row * (h + gapY);
-      const below = !p.x_label && spec.panels.some((q) => q.column === p.column && q.row > p.row && !q.x_label);
+      // an axis between others of its own, as in a stack, would leave those above it without numbers
+      const below = !spec.panels.some((q) => q.x_label) && spec.panels.some((q) => q.column === p.column && q.row > p.row);
       out["xaxis" + suffix(i)] = {
         ...line, anchor: "y" + suffix(i), domain: [left, left + w], showticklabels: !below,
         type: spec.x_log ? "log" : "linear", matches: i === shared || p.x_label ? undefined : "x" + suffix(shared),
         ...(spec.x_range && !p.x_label ? { range: spec.x_range } : {}),
+        ...(p.x_range ? { range: p.x_range } : {}),
         title: below ? undefined : { text: plain(p.x_label || spec.x_label), standoff: 8, font: { size: 12.5 } },
         ...(spec.x_log && decades(spec) > 1 ? { dtick: "D2" } : {}),
       };
       out["yaxis" + suffix(i)] = {
         ...line, anchor: "x" + suffix(i), domain: [top - h, top], type: p.y_log ? "log" : "linear",
         title: { text: plain(p.y_label), standoff: 6, font: { size: 12.5 } }, zeroline: !p.y_log,
+        ...(p.y_range ? { range: p.y_range } : {}),
         ...(p.rows.length ? named(p.rows) : {}),
       };
       if (p.rows.length) Object.assign(out["xaxis" + suffix(i)], { showticklabels: false, ticks: "", showgrid: false, zeroline: false, showline: false });

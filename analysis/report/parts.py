@@ -55,6 +55,8 @@ class Panel:
     y_log: bool = False
     x_label: str = ""  # of an own x axis; without it the panel shares the plot's
     rows: tuple[str, ...] = ()
+    x_range: tuple[float, float] | None = None  # of an own x axis
+    y_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +90,8 @@ class Plot:
             "x_range": self.x_range,
             "panels": [
                 {"title": p.title, "y_label": p.y_label, "row": p.row, "column": p.column,
-                 "y_log": p.y_log, "x_label": p.x_label, "rows": p.rows}
+                 "y_log": p.y_log, "x_label": p.x_label, "rows": p.rows,
+                 "x_range": p.x_range, "y_range": p.y_range}
                 for p in self.panels
             ],
             "lines": [_line(line) for line in self.lines],

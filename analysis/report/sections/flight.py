@@ -26,6 +26,10 @@ LOOP = (
 )
 
 
+TRACK = 1  # place of the ground track among the panels
+THINNEST = 0.1  # of the larger extent of the ground track
+
+
 def flight(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | None:
     """Path and signals of every flight with a table of its figures; None without one."""
     flights = [(f"run{k}", run, f) for k, (run, f) in _flights(runs, numbers)]
@@ -42,6 +46,7 @@ def flight(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | Non
         lines = _lines(role, run, f)
         for (_, into), more in zip(drawn, lines, strict=True):
             into += more
+    drawn[TRACK] = (_ground(*drawn[TRACK]), drawn[TRACK][1])
     drawn = [pair for pair in drawn if pair[1]]
     panels = tuple(replace(p, row=k // 2, column=k % 2) for k, (p, _) in enumerate(drawn))
     placed = tuple(replace(x, panel=k) for k, (_, lines) in enumerate(drawn) for x in lines)
@@ -58,6 +63,18 @@ def flight(runs: Sequence[Measurement], numbers: ReportNumbers) -> Section | Non
     if not all(run.recording.passive for _, run, _ in flights):
         parts.append(Table((), (), LOOP))
     return Section("flight", "Flight", (), tuple(parts))
+
+
+def _ground(panel: Panel, lines: Drawn) -> Panel:
+    """The ground track with neither axis narrower than a tenth of the other: centimetres would."""
+    x, y = (np.concatenate([np.asarray(getattr(line, c)) for line in lines]) for c in "xy")
+    spans = [(float(np.nanmin(v)), float(np.nanmax(v))) for v in (x, y)]
+    least = THINNEST * max(high - low for low, high in spans)
+    wide = [
+        (0.5 * (low + high - least), 0.5 * (low + high + least)) if high - low < least else None
+        for low, high in spans
+    ]
+    return replace(panel, x_range=wide[0], y_range=wide[1])
 
 
 def _flights(

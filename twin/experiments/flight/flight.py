@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from analysis.compiled import njit
 from analysis.flown import GROUND
 from twin.errors import TwinError
-from twin.experiments.flight.result import FlightResult
+from twin.experiments.flight.burnout import at_burnout
+from twin.experiments.flight.result import FlightResult, Opening
 from twin.experiments.flight.rocketry import figures, notes
 from twin.experiments.flight.track import POSITION, VELOCITY, Track
 from twin.experiments.flight.wind import wind_text
@@ -20,6 +21,8 @@ from twin.experiments.programme import Vector, start_of
 from twin.loop.loop import Outcome
 from twin.physics.aerodynamics.stability import margins
 from twin.physics.native.ramp import ASIDE, rail
+from twin.physics.native.recovery import is_open
+from twin.plant.authority import numeric
 from twin.plant.plant import Plant
 
 Array = NDArray[np.float64]
@@ -41,9 +44,12 @@ class Watch(NamedTuple):
     ----------
     position, velocity, closure : views of the plant's state
     fixed : (10,) launch point, point steered to (NaN without), ramp: length [m] and direction
-    times : (2,) of burnout and ignition [ns]
-    most : (5,) largest closure, closest distance, place of the burnout
+    times : (3,) of burnout, of ignition and from which on parachutes may open [ns]
+    most : (6,) largest closure, closest distance, place of the burnout, speed there
     marks : (6,) `ON_RAMP` to `BURNT`
+    last : (2, 7) the two ticks before: time [s], position, velocity; NaN where there is none
+    chutes : (k, 5) of each parachute `chute_delay` and `chute_height`; when it opened [s], height
+        above the launch point and speed just before, NaN where it is closed
     """
 
     position: Array
@@ -53,12 +59,14 @@ class Watch(NamedTuple):
     times: Integers
     most: Array
     marks: Integers
+    last: Array
+    chutes: Array
 
 
 ON_RAMP, RISING, CLOSEST_NS, MOVED_NS, POWERED, BURNT = range(6)
 """Places in `Watch.marks`: on the ramp; rising; when last nearer the point than ever since the
 launch; when last moved on the ramp [ns]; ticks under power; whether burnout is past."""
-BURNED_OUT, LEFT_RAMP, TOPPED = 1, 2, 4
+BURNED_OUT, LEFT_RAMP, TOPPED, OPENED = 1, 2, 4, 8
 """What `watch` reports of a tick."""
 ENDS = (None, GROUND, PASSED, "never left the ramp")
 """Why a flight is over, by the number that `over` gives."""
@@ -93,27 +101,46 @@ class Flight:
         self.memory = Watch(
             plant.position, plant.velocity, plant.closure,
             np.array([*self._start, *aim, ramp, *rail(elevation, azimuth)]),
-            np.array([self.burnout_ns, ignition_ns]), np.array([0.0, math.inf, 0.0, 0.0, 0.0]),
+            np.array([self.burnout_ns, ignition_ns, self._over_ns(ignition_ns)]),
+            np.array([0.0, math.inf, 0.0, 0.0, 0.0, 0.0]),
             np.array([1, 0, -1, self.burnout_ns, 0, 0]),
+            np.full((2, 7), math.nan), _chutes(plant.model),
         )  # fmt: skip
         self.announce: Callable[[int, str], None] = lambda *_: None
+
+    def _over_ns(self, ignition_ns: int) -> int:
+        """Time from which on parachutes may open: the end of the thrust curve, zeros included."""
+        return ignition_ns + round(float(_numeric(self._plant.model, "motor_time")[-1]) * 1e9)
 
     def watch(self, time_ns: int) -> None:
         """Record what the result needs of this tick."""
         if events := watch(time_ns, self.memory):
-            self.report(time_ns, events, self._plant.position, self._plant.velocity)
+            self.report(time_ns, events, self._plant.position)
 
-    def report(self, time_ns: int, events: int, position: Array, velocity: Array) -> None:
-        """Announce events that `watch` gave at a position and velocity (3,)."""
-        speed = math.hypot(*velocity.tolist())
+    def report(self, time_ns: int, events: int, position: Array) -> None:
+        """Announce events that `watch` gave at a position (3,)."""
         if events & BURNED_OUT:
             away = f"{self._burnout_range:.1f} m from the launch point"
-            self.announce(time_ns, f"burnout at {speed:.1f} m/s, {away}")
+            self.announce(time_ns, f"burnout at {self.memory.most[5]:.1f} m/s, {away}")
+        if events & OPENED:
+            for k, opening in self._openings:
+                if opening.time_s == time_ns * 1e-9:
+                    self.announce(time_ns, f"{self._chute(k)} opens at {opening.text()}")
         if events & TOPPED:
             height = float(position[2]) - self._start[2]
             self.announce(time_ns, f"apogee, {height:.1f} m above the launch point")
         if events & LEFT_RAMP:
             self.announce(time_ns, f"left the ramp after {self.memory.fixed[6]:.1f} m")
+
+    @property
+    def _openings(self) -> list[tuple[int, Opening]]:
+        """Parachutes that have opened, by their number."""
+        found = [(k, c[2:]) for k, c in enumerate(self.memory.chutes.tolist())]
+        return [(k, Opening(*c)) for k, c in found if not math.isnan(c[0])]
+
+    def _chute(self, k: int) -> str:
+        several = len(self.memory.chutes) > 1
+        return f"parachute {k + 1}" if several else "parachute"
 
     @property
     def _burnout_range(self) -> float | None:
@@ -162,6 +189,7 @@ class Flight:
             notes=plant.twin.notes + notes(track, landed=landed),
             wind=wind_text(plant.model),
             static_margin=_static_margin(plant.model),
+            parachutes={self._chute(k): opening for k, opening in self._openings},
         )
 
 
@@ -189,16 +217,28 @@ def watch(time_ns: int, w: Watch) -> int:
     x, y, z = w.position
     vx, vy, vz = w.velocity
     fixed, most, marks = w.fixed, w.most, w.marks
-    burnout_ns, ignition_ns = w.times
-    events = 0
+    burnout_ns, ignition_ns, over_ns = w.times
+    events, now = 0, time_ns * 1e-9
     speed = vx * vx + vy * vy + vz * vz
     most[0] = max(most[0], w.closure[0], w.closure[1])
     if time_ns <= burnout_ns:
         marks[POWERED] += 1
     elif not marks[BURNT]:
         marks[BURNT] = 1
-        most[2], most[3], most[4] = x, y, z
+        most[2:5], most[5] = w.position, math.sqrt(speed)
+        if not math.isnan(w.last[1, 0]):
+            place, velocity = at_burnout(w.last, burnout_ns * 1e-9)
+            most[2:5], most[5] = place, math.sqrt(np.sum(velocity**2))
         events |= BURNED_OUT
+    for k in range(len(w.chutes)):
+        chute = w.chutes[k]
+        after = (time_ns - over_ns) * 1e-9
+        if math.isnan(chute[2]) and is_open(after, vz, z, chute[0], chute[1]):
+            chute[2], chute[3], chute[4] = now, z - fixed[2], math.sqrt(speed)
+            if not math.isnan(w.last[1, 0]):  # it brakes within this tick
+                chute[3] = w.last[1, 3] - fixed[2]
+                chute[4] = math.sqrt(np.sum(w.last[1, 4:7] ** 2))
+            events |= OPENED
     if marks[RISING] and vz < 0.0 and not marks[ON_RAMP]:
         events |= TOPPED
     marks[RISING] = vz > 0.0
@@ -213,6 +253,8 @@ def watch(time_ns: int, w: Watch) -> int:
             most[1] = distance
         elif distance < most[1]:
             most[1], marks[CLOSEST_NS] = distance, time_ns
+    w.last[0] = w.last[1]
+    w.last[1, 0], w.last[1, 1:4], w.last[1, 4:7] = now, w.position, w.velocity
     return events
 
 
@@ -234,6 +276,16 @@ def _static_margin(model: mujoco.MjModel) -> tuple[float, float] | None:
         return margins(model)
     except TwinError:
         return None
+
+
+def _chutes(model: mujoco.MjModel) -> Array:
+    """Parachutes that pull as `Watch.chutes` (k, 5), all closed."""
+    parts = [numeric(model, f"chute_{n}") for n in ("drag_area", "delay", "height")]
+    if any(p is None for p in parts):
+        return np.empty((0, 5))
+    area, delay, height = (np.asarray(p) for p in parts)
+    closed = np.full((len(area), 3), math.nan)
+    return np.ascontiguousarray(np.column_stack([delay, height, closed])[area > 0.0])
 
 
 def _burnout(model: mujoco.MjModel) -> float:

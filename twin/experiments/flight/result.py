@@ -1,6 +1,7 @@
 """A flight in numbers."""
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from twin.config.result import Result, Rows
@@ -11,6 +12,19 @@ if TYPE_CHECKING:
     from analysis.timing import Verdict
 
 OF_MACHINE = ("recording", "physics_steps", "physics_s", "cpu_s", "wall_s", "timing", "warnings")
+
+
+@dataclass(frozen=True)
+class Opening:
+    """When a parachute opened [s]; height above the launch point [m], speed [m/s] just before."""
+
+    time_s: float
+    height_m: float
+    speed_m_s: float
+
+    def text(self) -> str:
+        """Speed and height."""
+        return f"{self.speed_m_s:.1f} m/s, {self.height_m:.1f} m above the launch point"
 
 
 @dataclass(frozen=True)
@@ -45,6 +59,7 @@ class FlightResult(Result):
     fault : what went wrong with the rig first; None where nothing did
     turntable_rms_deg : of the difference between the vehicle's turn and what the base's IMU
         measured, while the motor burned; None without a turntable
+    parachutes : those that opened, by name
     timing : whether real time left the flight valid; None in lockstep
     """
 
@@ -73,6 +88,7 @@ class FlightResult(Result):
     fault: str | None = None
     turntable_rms_deg: float | None = None
     timing: "Verdict | None" = None
+    parachutes: Mapping[str, Opening] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:
@@ -108,6 +124,7 @@ class FlightResult(Result):
             full, empty = self.static_margin
             rows.append(("static margin", f"{full:+.2f} at launch, {empty:+.2f} empty [calibres]"))
         rows += self.figures.rows(self.powered_slant_range_m)
+        rows += [(k, f"opens at {o.time_s:.2f} s, {o.text()}") for k, o in self.parachutes.items()]
         if self.closest_approach_m is not None and self.target_m is not None:
             place = ", ".join(f"{c:.0f}" for c in self.target_m)
             rows.append(("closest approach", f"{self.closest_approach_m:.2f} m to ({place}) m"))

@@ -9,6 +9,7 @@ import numpy as np
 from analysis.compiled import njit
 from analysis.flown import fast
 from twin.errors import TwinError
+from twin.experiments.flight.burnout import at_burnout
 from twin.experiments.flight.figures import Figures
 from twin.experiments.flight.track import (
     AIRSPEED,
@@ -62,6 +63,11 @@ def figures(track: Track, burnout: float, *, landed: bool) -> Figures:
     east, north = (ticks[-1, POSITION] - start)[:2].tolist()
     burnt = bool(time[-1] > burnout)
     burning = ticks[time <= burnout]
+    at = _at(burnout, time, height), _at(burnout, time, speed)
+    if len(burning) > 1:
+        before = np.column_stack([burning[-2:, c] for c in (TIME, POSITION, VELOCITY)])
+        place, velocity = at_burnout(np.ascontiguousarray(before), burnout)
+        at = float(place[2] - start[2]), float(np.linalg.norm(velocity))
     return Figures(
         rail_exit_s=off,
         rail_exit_speed_m_s=None if off is None else _at(off, time, speed),
@@ -69,8 +75,8 @@ def figures(track: Track, burnout: float, *, landed: bool) -> Figures:
         if off is None
         else _largest_degrees(ticks[free : free + 1, ATTACK]),
         burnout_s=burnout if burnt else None,
-        burnout_height_m=_at(burnout, time, height) if burnt else None,
-        burnout_speed_m_s=_at(burnout, time, speed) if burnt else None,
+        burnout_height_m=at[0] if burnt else None,
+        burnout_speed_m_s=at[1] if burnt else None,
         apogee_m=float(height[top]) if passed else None,
         apogee_s=float(time[top]) if passed else None,
         max_ascent_speed_m_s=float(speed[: top + 1].max()),
