@@ -9,16 +9,14 @@ import numpy as np
 from analysis.identify import channels, checks, progress
 from analysis.identify.doubts import (
     effective_warnings,
-    evidence,
     selection_warnings,
     stamp_warnings,
     warnings_of,
 )
 from analysis.identify.errors import IdentificationError
+from analysis.identify.evidence.collected import evidence
 from analysis.identify.evidence.diagnostics import Saturation, saturation
-from analysis.identify.evidence.uncertainty import (
-    whole_jacobian,
-)
+from analysis.identify.evidence.uncertainty import whole_jacobian
 from analysis.identify.frozen import without_frozen
 from analysis.identify.linear.fit import search
 from analysis.identify.linear.selection import one_pole_less, select
