@@ -4,7 +4,6 @@ from analysis.comparison.compare import (
     AxisComparison,
     Comparison,
     Errors,
-    Spectrum,
     compare,
     errors,
 )
@@ -19,6 +18,7 @@ from analysis.comparison.flights import (
     spread,
 )
 from analysis.comparison.motion import bridged
+from analysis.comparison.spectrum import Spectrum
 
 __all__ = [
     "AxisComparison",
