@@ -1,6 +1,6 @@
 """Long life: memory and threads over a long run, over many runs, and at the end of an hour's file.
 
-python -m tests.benchmarks.long_run FILE.rrd 10     memory [bytes] at every minute of one run
+python -m tests.benchmarks.long_run FILE.rrd 10     own memory [MB] at every minute of one run
 python -m tests.benchmarks.long_run runs 200        threads and memory over runs in one process
 python -m tests.benchmarks.long_run hour 60         peak memory while minutes of rows are recorded
 """
@@ -18,6 +18,7 @@ import psutil
 
 import twin
 from analysis import schema
+from tests.abuse.endurance import resident
 from twin.experiments.provenance import DRAIN_LOCKSTEP_NS
 from twin.loop.clock import Lockstep
 from twin.loop.loop import Seats, run
@@ -38,14 +39,14 @@ def bench(path: Path, minutes: int) -> None:
     """Step the gimbal back and forth, recorded at 250 Hz."""
     times: np.ndarray = np.arange(0.0, 60.0 * minutes, 0.5)
     angles = np.where(np.arange(times.size)[:, None] % 2, 0.08, -0.08) * np.ones((1, 2))
-    process = psutil.Process()
+    process = os.getpid()
     with native.installed():
         plant = Plant(load(ModelConfig(scene="bench")))
         rows = Rows(plant)
 
         def tell(time_ns: int) -> None:
             if time_ns % MINUTE_NS == 0:
-                print(process.memory_info().rss, flush=True)
+                print(f"{resident(process)[0][0]:.3f}", flush=True)
 
         with Recorder(
             path, signals=rows.signals, properties={}, model=plant.model, drain_ns=DRAIN_LOCKSTEP_NS
