@@ -17,6 +17,8 @@ _MARKS = 5  # equal readings far beyond all others: a mark for a missing one
 _BEYOND = 3.0  # times the range of all others
 _CHANGES = 20  # of a sensor that repeats its readings
 _TURN = 2.0 * np.pi
+_LIKE = 0.7  # correlation of command and readings, at the best of these lags [s]
+_LAGS = np.arange(0.0, 1.0, 0.02)
 
 
 def without_frozen(records: Sequence[Measurement]) -> tuple[list[Measurement], list[str]]:
@@ -25,7 +27,8 @@ def without_frozen(records: Sequence[Measurement]) -> tuple[list[Measurement], l
     Left out are marks such as -9999, repetitions of a sensor that is slower than the log, and
     readings that stand still, but for noise, under commands that move over 0.4 of their range and
     were given long enough ago for any gimbal to have answered: a servo that ignores small commands
-    is no such case. Angles that jump by a turn go on behind it.
+    is no such case, nor one that never follows its command. Angles that jump by a turn go on
+    behind it.
     """
     kept, found = [], []
     for r in records:
@@ -73,7 +76,10 @@ def _cleaned(values: Array, time: Array, r: Measurement, column: int, *, turns: 
         values[good[again]] = np.nan
         found.append(f"gives each reading {every} times, slower than the log; repetitions left out")
         good = good[~again]
-    for low, high, count in _still(time[good], values[good], r, column):
+    still = _still(time[good], values[good], r, column)
+    if still and not _answers(time[good], values[good], r, column, still):
+        still = []  # of exchanged columns, or a servo without power: the sensor is not to blame
+    for low, high, count in still:
         values[(time >= low) & (time <= high)] = np.nan
         found.append(
             f"does not move between {low:.4g} and {high:.4g} s while the command does ({count}"
@@ -110,6 +116,31 @@ def _still(
                 count = int(np.sum(np.diff(held) != 0.0))
                 found.append((float(time[a]), float(time[b]), count))
     return sorted(found)
+
+
+def _answers(
+    time: Array,
+    values: Array,
+    r: Measurement,
+    column: int,
+    still: Sequence[tuple[float, float, int]],
+) -> bool:
+    """Whether readings follow the command outside the stretches in which they stand still."""
+    moves = np.ones(len(time), dtype=bool)
+    for low, high, _ in still:
+        moves &= (time < low) | (time > high)
+    answer = values[moves] - values[moves].mean()
+    if not answer.any():
+        return False
+    best = 0.0
+    for late in _LAGS:
+        place = np.searchsorted(r.command.time, time[moves] - late, side="right") - 1
+        held = r.command.values[np.maximum(place, 0), column]
+        held = held - held.mean()
+        if held.any():
+            likeness = abs(float(held @ answer)) / float(np.sqrt(held @ held * (answer @ answer)))
+            best = max(best, likeness)
+    return best > _LIKE
 
 
 def _beside(found: Sequence[tuple[float, float, int]], begin: float, end: float) -> bool:
