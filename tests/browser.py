@@ -39,7 +39,11 @@ class Page:
     def __init__(self, address: str) -> None:
         from websocket import create_connection
 
-        self._socket = create_connection(address, timeout=SETTLE_SECONDS, suppress_origin=True)
+        # a picture is a megabyte of text, which the client checks byte by byte in Python, 2 s each;
+        # it is decoded strictly all the same
+        self._socket = create_connection(
+            address, timeout=SETTLE_SECONDS, suppress_origin=True, skip_utf8_validation=True
+        )
         self._count = 0
         self.complaints: list[str] = []
         self.send("Runtime.enable")

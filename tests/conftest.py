@@ -54,6 +54,26 @@ def settled():
     gc.freeze()
 
 
+@pytest.fixture(scope="session")
+def nursery():
+    """The process that `analysis.limited` forks from in tests."""
+    from tests import confined  # imports NumPy
+
+    made = confined.Nursery()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick_limits(request, nursery):
+    """Fork the processes with limits, but in modules marked `started`."""
+    if request.node.get_closest_marker("started") is not None:
+        yield
+        return
+    with nursery.at_work():
+        yield
+
+
 def patient(test):
     """Mark a test of wall-clock time as `realtime`; it passes if one of ten tries does.
 

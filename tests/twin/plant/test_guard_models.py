@@ -15,6 +15,8 @@ from twin.physics import guard
 from twin.plant.model.compose import compose
 from twin.plant.model.model import ModelConfig, load
 
+pytestmark = pytest.mark.started
+
 HOSTILE = ROOT.parent / "shared" / "cases" / "hostile"
 GEOM = '<geom size="1"/>'
 FREE = f"<body><freejoint/>{GEOM}</body>"
