@@ -8,6 +8,9 @@ from meshes.solids import Solid, box, disc, hull, rod, sector, sphere, tube, uni
 
 QUARTER = 90.0
 GAP = 0.1  # mm, so that a printed pocket takes its part
+# Boards of the GY-521 are sold with 20.7 to 21 by 15.5 to 15.9 mm; their two 3 mm holes stand 15.2 to
+# 15.5 mm apart and 2.5 mm from the long edge opposite the pins.
+BOARD, BOARD_HOLES, BOARD_EDGE = 15.8, 15.3, 2.5
 
 
 def bulkhead(drawing: Drawing) -> Solid:
@@ -51,7 +54,7 @@ def holder(drawing: Drawing) -> Solid:
     for side in (-1, 1):
         solid += rod((0, side * bore, 0), (0, side * reach, 0), boss)
         cut.append(rod((0, side * (bore + 0.4), 0), (0, side * 30, 0), thread))
-        pillar = (side * (half_board[0] - 1.9), half_board[1] - 1.9)
+        pillar = (side * BOARD_HOLES / 2, BOARD / 2 - BOARD_EDGE)
         solid += rod((*pillar, forward), (*pillar, top), 1.9)
         cut.append(rod((*pillar, forward + 0.2), (*pillar, top + 1), thread, segments=16))
     for name in ("holder_x_ball", "holder_y_ball"):

@@ -155,3 +155,15 @@ def test_a_potentiometers_shaft_fits_the_hole_of_the_sensor_and_turns_with_it():
     corners = read(MESHES / "potentiometer_shaft.stl").reshape(-1, 3)
     assert 1.9 < np.hypot(corners[:, 0], corners[:, 2]).max() < 2.0
     assert -1.0 < corners[:, 2].min() < -0.9
+
+
+@pytest.mark.parametrize("spacing", [15.2, 15.5])  # mm, of the boards that are sold
+def test_the_pillars_of_the_holder_take_the_holes_of_a_gy_521(spacing):
+    """An M2 screw has 0.5 mm of room each way in a hole of 3 mm; measured on the STL."""
+    vertices = trimesh.load(MESHES / "holder.stl").vertices
+    top = vertices[np.isclose(vertices[:, 2], vertices[:, 2].max(), atol=0.01)]
+    sides = (top[top[:, 0] < 0.0], top[top[:, 0] > 0.0])
+    centres = [(side.min(axis=0) + side.max(axis=0)) / 2 for side in sides]
+    apart = abs(centres[1][0] - centres[0][0])
+    assert abs(apart - spacing) < 2 * 0.5
+    assert centres[0][1] == pytest.approx(centres[1][1], abs=0.01)
