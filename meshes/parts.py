@@ -8,8 +8,8 @@ from meshes.solids import Solid, box, disc, hull, rod, sector, sphere, tube, uni
 
 QUARTER = 90.0
 GAP = 0.1  # mm, so that a printed pocket takes its part
-# Boards of the GY-521 are sold with 20.7 to 21 by 15.5 to 15.9 mm; their two 3 mm holes stand 15.2 to
-# 15.5 mm apart and 2.5 mm from the long edge opposite the pins.
+# GY-521 boards are sold with 20.7 to 21 by 15.5 to 15.9 mm; their two 3 mm holes stand 15.2 to
+# 15.5 mm apart, 2.5 mm from the long edge opposite the pins.
 BOARD, BOARD_HOLES, BOARD_EDGE = 15.8, 15.3, 2.5
 
 
