@@ -262,12 +262,14 @@ def _channel_warnings(
         found.append(f"{', '.join(lost)}: not determined by these readings")
     period = min(float(np.median(np.diff(p.time))) for p in problem.parts)
     fastest = float(np.abs(np.roots(channel.den)).max())
+    bare = problem.layout.inputs > 1 and problem.layout.zeros == 0
     if fastest * period > _COARSE:
         rate = f"at {math.ceil(fastest)} Hz or more" if fastest * period < 20.0 else "faster"
         found.append(
             f"{shown}: its motion of {fastest:.3g} rad/s lies beyond the sampling"
             f" ({1e3 * period:.3g} ms between readings): frequency, damping and delay are not"
             f" determined by its shape, whatever their intervals; record {rate}"
+            + (", or fit a zero (--zeros 1), without which a coupling looks so" if bare else "")
         )
     if channel.delay > 0.98 * longest:
         found.append(f"{name}: delay at the longest searched, {longest:g} s; search further")

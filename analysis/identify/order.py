@@ -7,10 +7,11 @@ from typing import Literal
 import numpy as np
 
 from analysis.array import Array
-from analysis.identify import checks
+from analysis.identify import checks, progress
 from analysis.identify.errors import IdentificationError
 from analysis.identify.identification import check_order, layout_of, longest_delay
 from analysis.identify.linear.fit import search
+from analysis.identify.linear.starts import ROWS, thinned
 from analysis.identify.prediction import nrmse_fit
 from analysis.identify.problem.assemble import assemble
 from analysis.identify.problem.problem import Problem
@@ -75,7 +76,12 @@ def select_order(
         assemble(records, axis, layout_of(records, *order, delay), shared_offset=False)
         for order in orders
     ]
-    held_out = [_held_out(problem, longest) for problem in problems]
+    if problems[0].layout.inputs > 1:  # minutes with all readings
+        problems = [thinned(problem, ROWS) for problem in problems]
+    held_out = []
+    for problem in problems:
+        progress.say(f"axis {records[0].outputs[axis]}, {problem.layout.poles} poles")
+        held_out.append(_held_out(problem, longest))
     whole = [_error(problems[0], h.residual, ~h.spikes) for h in held_out]
     kept = ~held_out[int(np.argmin(whole))].spikes
     errors = [_error(problems[0], h.residual, kept) for h in held_out]

@@ -116,17 +116,31 @@ def longest(config: Identify) -> float | None:
 
 
 def _order(config: Identify, runs: list[Measurement]) -> tuple[int, int, tuple[OrderScore, ...]]:
-    """Order from the settings, or the largest any axis needs, with the scores of that axis."""
+    """Order from the settings, or the largest any axis needs, with the scores of that axis.
+
+    Each axis is tried with its own command; where another's moves it too, with all commands.
+    """
     if not config.select_order:
         return config.poles, config.zeros, ()
     from analysis.identify import own_records, select_order
 
-    chosen = [
-        select_order(own_records(runs, k), delay=_delay(config.delay), max_delay=longest(config))
-        for k in range(len(runs[0].outputs))
-    ]
-    (poles, zeros), scores = max(chosen, key=lambda c: (sum(c[0]), c[0]))
+    delay, most = _delay(config.delay), longest(config)
+    axes = range(len(runs[0].outputs))
+    chosen = [select_order(own_records(runs, k), delay=delay, max_delay=most) for k in axes]
+    if config.coupling != "none" and not config.servo:
+        (poles, zeros), _ = _largest(chosen)
+        model = identify_gimbal(runs, poles, zeros, delay, coupling=config.coupling, max_delay=most)
+        rows = enumerate(model.channels)
+        if any(any(c.num) for i, row in rows for j, c in enumerate(row) if i != j):
+            chosen = [select_order(runs, delay=delay, axis=k, max_delay=most) for k in axes]
+    (poles, zeros), scores = _largest(chosen)
     return poles, zeros, scores
+
+
+def _largest(
+    chosen: list[tuple[tuple[int, int], tuple[OrderScore, ...]]],
+) -> tuple[tuple[int, int], tuple[OrderScore, ...]]:
+    return max(chosen, key=lambda c: (sum(c[0]), c[0]))
 
 
 def _notes(config: Identify, source: Given) -> list[str]:
