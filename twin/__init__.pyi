@@ -216,6 +216,7 @@ def identify(
     gyro_delay_ms: float = ...,
     initial: Literal['rest', 'free'] = ...,
     check: tuple[str | PathLike[str], ...] = ...,
+    check_commands: str | PathLike[str] | None = ...,
     check_only: bool = ...,
     both: bool = ...,
     parameters: tuple[str, ...] = ...,

@@ -228,7 +228,8 @@ def _residual_warnings(axis: AxisEvidence, name: str) -> list[str]:
     if axis.repeats > _ANSWER:
         share = f"{100 * axis.repeats:.0f} % of it"
         found.append(
-            f"{name}: the residual follows the command, and another order or delay explains {share}"
+            f"{name}: the residual follows the command, and another order, zero or delay explains"
+            f" {share}; of a servo with a limit of speed or a dead band it does so too (--servo)"
         )
     return found
 

@@ -73,13 +73,19 @@ def identify_gimbal(
         tuple(m.axes[0] for m in alone),
         tuple(dict.fromkeys(w for m in alone for w in m.warnings)),  # what is said of both, once
     )
-    if (
-        coupling == "auto"
-        and not servo
-        and np.abs(cross_gains(model, records)).max() > _WORTH_A_CHANNEL
-    ):
+    if coupling == "none":
+        return model
+    crossed = cross_gains(model, records)
+    if np.abs(crossed).max() <= _WORTH_A_CHANNEL:
+        return model
+    if not servo:
         return identify(records, poles, zeros, delay, max_delay=max_delay)
-    return model
+    found = [
+        f"axis '{outputs[i]}' also follows command '{inputs[j]}', by {100 * crossed[i, j]:.2g} % of"
+        " what its own axis does; a servo model has no such channel"
+        for i, j in np.argwhere(np.abs(crossed) > _WORTH_A_CHANNEL)
+    ]
+    return replace(model, warnings=(*model.warnings, *found))
 
 
 def cross_gains(model: IdentifiedModel, records: Sequence[Measurement]) -> Array:

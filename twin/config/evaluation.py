@@ -132,6 +132,8 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
     """Whether the gimbal was at rest when a record starts, or may have moved (free)."""
     check: Files = ()
     """Recording or table for validation: predicted, not fitted. Repeatable."""
+    check_commands: Path | None = None
+    """With `--commands`: table of the commands of the `--check` table, with stamps of their own."""
     check_only: Flag = False
     """Print what the records can determine and how well, and what to record for the rest; no model
     is written. Bounds of a servo are searched in the structure speed alone."""
@@ -159,6 +161,10 @@ class Identify(Columns, Output, Live, Time, Parameters, Rig):
         if self.check_only and (self.linkage or self.check or self.out is not None):
             raise TwinError(
                 "--check-only writes no model; it excludes --linkage, --check and --out"
+            )
+        if self.check_commands is not None and (self.commands is None or len(self.check) != 1):
+            raise TwinError(
+                f"--check-commands {self.check_commands}: needs --commands and one --check table"
             )
         if self.check_only and self.structure not in ("best", "speed"):
             raise TwinError(

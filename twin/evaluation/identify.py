@@ -3,6 +3,7 @@
 import time
 import warnings
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ from analysis.identify import (
 )
 from analysis.identify.progress import reported_to
 from analysis.recording import Measurement
+from analysis.recording.loader import is_table
 from analysis.transfer_function import TransferFunctionModel, margins
 from hardware.frames import AXES
 from twin import status
@@ -51,7 +53,7 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
     out = named(config.out, "model", ".json", force=config.force)
     source = given(config, config.sources)
     runs = source.runs
-    held_back = [given(config, (file,)).runs[0] for file in config.check]
+    held_back = [_held_back(config, file) for file in config.check]
     with warnings.catch_warnings(), reported_to(status.say):
         warnings.simplefilter("ignore", RuntimeWarning)  # of figures that are reported as unknown
         poles, zeros, scores = _order(config, runs)
@@ -83,6 +85,16 @@ def identify(config: Identify) -> "IdentifyResult | PhysicsResult | InformationR
         time.perf_counter() - began,
         set(flown.inputs) == set(flown.outputs) == set(AXES),
     )
+
+
+def _held_back(config: Identify, file: Path) -> Measurement:
+    """A file to check by, with commands of its own."""
+    if is_table(file) and config.commands is not None and config.check_commands is None:
+        raise TwinError(
+            f"--check {file}: has other commands than those of --commands {config.commands};"
+            " give them as --check-commands"
+        )
+    return given(replace(config, commands=config.check_commands), (file,)).runs[0]
 
 
 def _information(config: Identify) -> InformationResult:
