@@ -41,6 +41,8 @@ HELD = 0.15  # s; commands held longer are steps one can watch settle
 UNSEEN = "the record does not show it"
 SIZES = 4  # different step sizes make a staircase
 APPROACHES = 3  # of a place from one side make its repeatability
+FEWEST_RESTS = 6  # tell what moves an axis besides its own command
+COUPLED = 0.01  # of an axis' own gain: less does not show in its figures
 FEWEST_SIZES = 3  # of steps tell where a speed stops growing
 
 
@@ -83,6 +85,10 @@ def kind_of(axis: Measurement) -> Kind:
 def run_figures(run: Measurement) -> tuple[AxisFigures, ...]:
     """Figures of every axis, in the run's order, and then the coupling between them."""
     found = [axis_figures(axis) for axis in run.axes]
+    for k, (driven, entry) in enumerate(zip(run.axes, found, strict=True)):
+        if entry.kind in ("steps", "staircase"):
+            shares = [_also(driven, other) for other in run.axes if other is not driven]
+            found[k] = replace(entry, notes=(*entry.notes, *(s for s in shares if s)))
     coupled = [
         f
         for driven, entry in zip(run.axes, found, strict=True)
@@ -244,6 +250,33 @@ def _coupling(driven: Measurement, other: Measurement) -> tuple[Figure, ...]:
     name = f"coupling {driven.component}→{other.component}"
     value = 100.0 * slope.value / gain
     return (Figure(name, value, "%", slope.amplitude, slope.n, (low, high)),)
+
+
+def _also(driven: Measurement, other: Measurement) -> str:
+    """What another axis' command adds to the angles at rest, where both are commanded at once."""
+    steps = steps_of(driven)
+    count = len(steps)
+    if count < FEWEST_RESTS:
+        return ""
+    command, angle = plateaus(steps)
+    rests = [s.start + s.time[-len(s.rest) :] for s in steps]
+    theirs = np.array([float(other.command.held(at)[:, 0].mean()) for at in rests])
+    if np.ptp(theirs) == 0.0:
+        return ""
+    columns = np.column_stack([command, theirs, np.ones(count)])
+    found, _, rank, _ = np.linalg.lstsq(columns, angle, rcond=None)
+    left = angle - columns @ found
+    if rank < 3 or found[0] == 0.0:
+        return ""
+    noise = float(left @ left) / (count - 3) * float(np.linalg.inv(columns.T @ columns)[1, 1])
+    share = abs(found[1] / found[0])
+    if share < COUPLED or abs(found[1]) < 4.0 * math.sqrt(noise):
+        return ""
+    return (
+        f"gain, linearity, hysteresis and repeatability hold what the command of {other.component}"
+        f" moves here as well, {100.0 * share:.2g} % of its own axis' motion; command one axis at a"
+        " time"
+    )
 
 
 def _sweep_gap(axis: Measurement) -> tuple[Figure, ...]:

@@ -206,13 +206,14 @@ def crossing(t: Array, rise: Array, level: float, noisy: bool) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One cut-out step: the command changes at time zero."""
+    """One cut-out step: the command changes at time zero, which is `start` [s] of the record."""
 
     time: Array
     response: Array
     before: Array  # readings just before
     command_before: float
     command_after: float
+    start: float = 0.0
 
     @property
     def rest(self) -> Array:

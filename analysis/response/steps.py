@@ -63,7 +63,8 @@ def cut_steps(
         if inside.sum() < 8 or t[inside][-1] - begin < shortest:
             continue
         rest = y[before] if before.any() else y[inside][:1]
-        found.append(Step(t[inside] - begin, y[inside], rest, float(u[row - 1]), float(u[row])))
+        change = float(u[row - 1]), float(u[row])
+        found.append(Step(t[inside] - begin, y[inside], rest, *change, begin))
     return tuple(found)
 
 

@@ -13,6 +13,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from analysis.flown import flown
 from analysis.recording import (
@@ -26,7 +27,7 @@ from analysis.recording import (
 from analysis.recording.series import POSITION
 from analysis.report import Line, Panel, Plot, Section, Table, render, report
 from analysis.report.build import labelled, simulated
-from analysis.report.figures import AxisFigures, axis_figures, kind_of
+from analysis.report.figures import AxisFigures, axis_figures, kind_of, run_figures
 from analysis.report.numbers import RunNumbers
 from analysis.report.parts import thinned
 from analysis.report.sections.key_figures import largest_figures
@@ -729,3 +730,18 @@ def test_a_model_answers_commands_at_the_stamps_of_a_log_that_jitter():
             y = level[k] + (y - level[k]) * np.exp(-pole * (time[k + 1] - time[k]))
     error = found.values[:, 0] - true
     assert np.degrees(np.sqrt(np.mean(error**2))) < 0.05
+
+
+@pytest.mark.parametrize("share", [0.0, 0.08])
+def test_figures_at_rest_say_what_the_other_command_moves(share):
+    """Two first-order axes, both commanded at once; y also follows x's command by `share`."""
+    rng = np.random.default_rng(2)
+    at = np.arange(0.0, 20.0, 0.01)
+    command = np.repeat(np.radians(rng.choice([-6.0, -3.0, 3.0, 6.0], (40, 2))), 50, axis=0)
+    answer = lfilter([0.2], [1.0, -0.8], command, axis=0)
+    angle = answer + share * answer[:, [0, 0]] * [0.0, 1.0]
+    angle += rng.normal(0.0, np.radians(0.02), angle.shape)
+    x, y = run_figures(measurement(at, command, angle=angle, stamps="exact"))[:2]
+    assert not [n for n in x.notes if "as well" in n]
+    said = [re.search(r"command of x moves here as well, ([\d.]+) %", n) for n in y.notes]
+    assert [float(m[1]) for m in said if m] == pytest.approx([8.0] if share else [], abs=0.5)

@@ -617,3 +617,29 @@ def test_the_linkage_behind_a_rig_is_found_within_its_intervals(capsys, few_plac
     for e in found["estimates"]:
         assert abs(e["value"] - {**changed, "delay": 0.0}[e["name"]]) < 3.3 * e["std"]
         assert e["std"] < 0.015 * e["value"] or e["name"] == "delay"
+
+
+def test_a_table_to_check_by_has_commands_of_its_own(capsys, tmp_path):
+    """Two records of one closed form, with other steps; their commands stand in other tables."""
+    time = np.arange(0.0, 6.0, 0.01)
+    for name, seed in (("a", 0), ("b", 1)):
+        rng = np.random.default_rng(seed)
+        at = np.concatenate([[-1.0], 0.4 + 0.5 * np.arange(10) + rng.uniform(-0.1, 0.1, 10)])
+        level = np.concatenate([[0.0], rng.permutation(np.linspace(-6.0, 6.0, 10))])
+        late = np.clip(time[:, None] - at - 0.02, 0.0, None)
+        answer = 1.0 - np.exp(-30.0 * late) * (1.0 + 30.0 * late)
+        angle = answer @ np.diff(level, prepend=0.0) + rng.normal(0.0, 0.02, len(time))
+        log = tmp_path / f"{name}.csv"
+        log.write_text("t,p\n" + "".join(f"{t},{p}\n" for t, p in zip(time, angle, strict=True)))
+        sent = tmp_path / f"{name}-sent.csv"
+        sent.write_text("t,u\n" + "".join(f"{t},{u}\n" for t, u in zip(at, level, strict=True)))
+    given = f"identify {tmp_path}/a.csv --time t --input u --angle p --angle-unit deg"
+    given += f" --commands {tmp_path}/a-sent.csv --check {tmp_path}/b.csv"
+    status, _, err = run(capsys, *f"{given} --out {tmp_path}/m.json".split())
+    assert status == 2
+    assert "--check-commands" in err
+    given += f" --check-commands {tmp_path}/b-sent.csv --json"
+    status, out, _ = run(capsys, *f"{given} --out {tmp_path}/n.json".split())
+    assert status == 0
+    ((fit,),) = json.loads(out)["checks"].values()
+    assert fit > 98.0
