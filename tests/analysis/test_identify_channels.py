@@ -91,3 +91,43 @@ def test_exchanged_columns_are_suspected(order, own):
     else:
         assert said == list(model.warnings[:1])
         assert said[0].startswith("axis 'x' follows command 'y' and axis 'y' follows command 'x'")
+
+
+def test_a_coupling_with_a_zero_is_found_under_commands_that_change_all_the_time():
+    """A gyro between two changes of a multisine: the loss is stairs of a few microseconds.
+
+    4.5 deviations, 9 figures; a descent over all parameters came to rest 10 deviations off.
+    """
+    rng = np.random.default_rng(8)
+    time = (np.arange(6000) + 0.5) * 0.0019998
+    at = np.arange(0.6, 11.0, 0.01)
+    tones = np.arange(0.25, 8.01, 0.25)
+    command = np.zeros((len(at), 2))
+    for k in range(2):
+        own = tones[k::2]
+        waves = np.cos(2.0 * np.pi * np.outer(at, own) + rng.uniform(0.0, 2.0 * np.pi, len(own)))
+        command[:, k] = np.radians(4.0) * waves.sum(axis=1) / np.abs(waves.sum(axis=1)).max()
+    jumps = np.diff(command, axis=0, prepend=np.zeros((1, 2)))
+
+    def answered(column, gain, omega, damping, delay, lead):
+        """Angle and rate at `time`, by the modes of the step response in closed form."""
+        p = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
+        since = time[:, None] - at - delay
+        grown = np.where(since > 0.0, np.exp(p * np.maximum(since, 0.0)), 0.0)
+        weight = gain * omega**2 * (1.0 + lead * p) / (p * (p - p.conjugate()))
+        angle = (2.0 * (weight * grown).real + gain * (since > 0.0)) @ jumps[:, column]
+        return np.stack([angle, (2.0 * (weight * p * grown).real) @ jumps[:, column]])
+
+    own = {"gain": 0.95, "natural frequency": 62.0, "damping": 0.8, "delay": 0.009}
+    cross = {"gain": 0.08, "natural frequency": 55.0, "damping": 0.7, "delay": 0.012}
+    y = answered(1, *own.values(), 0.0) + answered(0, *cross.values(), 0.03)
+    angle, rate = y + rng.normal(0.0, np.radians([[0.05], [1.0]]), y.shape)
+    record = measurement(
+        time, np.vstack([[0.0, 0.0], command]), command_time=np.append(0.0, at),
+        angle=angle[:, None], rate=rate[:, None], outputs=("y",),
+    )  # fmt: skip
+    known = {e.name: e for e in identify([record], 2, 1).estimates}
+    for name, truth in (("y/y", own), ("y/x", {**cross, "zero": -1.0 / 0.03})):
+        for figure, value in truth.items():
+            found = known[f"{name} {figure}"]
+            assert abs(found.value - value) < 4.5 * found.std, found

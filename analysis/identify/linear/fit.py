@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.array import Array
 from analysis.identify.linear.descent import descend
-from analysis.identify.linear.starts import best_start, follow, jumps
+from analysis.identify.linear.starts import best_start, follow_closely, jumps
 from analysis.identify.problem import noise as sensor_noise
 from analysis.identify.problem.noise import Mask, Pair, weights
 from analysis.identify.problem.problem import Problem, Solution
@@ -63,7 +63,7 @@ def settled(problem: Problem, theta: Array, kept: Mask, aside: Mask, max_delay: 
     converged = False
     for turn in range(_ROUNDS):
         if jumps(problem):
-            theta = follow(problem, theta, max_delay, 1e-6)
+            theta = follow_closely(problem, theta, max_delay)
         theta, converged = descend(problem, theta, max_delay, 60)
         solution = problem.solve(theta)
         last, before = noise, aside

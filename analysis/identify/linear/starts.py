@@ -20,6 +20,8 @@ _JUDGED_ROWS = 2000  # samples the starts are judged on
 _GUESSED_ROWS = 600  # samples that the strongest command is chosen on
 _FOLLOWED = 3
 _DELAYS = 13
+_TURNS = 8
+_FINE = 1e-6  # relative loss that a further turn must save
 _ROUGH = 1e-4  # relative loss at which a descent that is only a start may stop
 _AROUND = (np.linspace(-1.5, 1.5, 13), np.linspace(-0.2, 0.2, 9))  # sampling periods
 
@@ -87,17 +89,49 @@ def along_delay(problem: Problem, poles: Array, max_delay: float) -> Array:
     return min((follow(problem, starts[i], max_delay) for i in best), key=problem.loss)
 
 
-def follow(problem: Problem, theta: Array, max_delay: float, ftol: float = _ROUGH) -> Array:
+def follow(problem: Problem, theta: Array, max_delay: float) -> Array:
     """Descend from θ, across the stairs that a jumping rate makes of the loss over the delay."""
-    theta = descend(problem, theta, max_delay, 25, ftol)[0]
+    theta = descend(problem, theta, max_delay, 25, _ROUGH)[0]
     if not jumps(problem):
         return theta
     for _ in range(3):
         across = _across_stairs(problem, theta, max_delay)
         if across is theta:
             break
-        theta = descend(problem, across, max_delay, 25, ftol)[0]
+        theta = descend(problem, across, max_delay, 25, _ROUGH)[0]
     return theta
+
+
+def follow_closely(problem: Problem, theta: Array, max_delay: float) -> Array:
+    """`follow` to the bottom, with the delays of jumping channels held and searched in turns.
+
+    Where commands change at every other reading the stairs are so fine that a descent over all
+    parameters comes to rest on any of them; with the delays held the loss is smooth.
+    """
+    for _ in range(_TURNS):
+        before = problem.loss(theta)
+        theta = descend(problem, theta, max_delay, 25, _FINE)[0]
+        theta = _across_stairs(problem, theta, max_delay)
+        theta = _with_held_delays(problem, theta, max_delay)
+        if problem.loss(theta) > before * (1.0 - _FINE):
+            break
+    return theta
+
+
+def _with_held_delays(problem: Problem, theta: Array, max_delay: float) -> Array:
+    layout = problem.layout
+    held = [j for j in layout.free_delays if layout.zeros_of(j) == layout.poles - 1]
+    places = [layout.delay_place(j) for j in held]
+    delays = tuple(
+        layout.delay(theta, j) if j in held else layout.delays[j] for j in range(layout.inputs)
+    )
+    smooth = problem.with_layout(replace(layout, delays=delays))
+    found = descend(smooth, np.delete(theta, places), max_delay, 25, _FINE)[0]
+    moving = np.ones(len(theta), dtype=bool)
+    moving[places] = False
+    end = theta.copy()
+    end[moving] = found
+    return end if problem.loss(end) < problem.loss(theta) else theta
 
 
 def jumps(problem: Problem) -> bool:
