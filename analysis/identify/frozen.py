@@ -63,7 +63,9 @@ def _cleaned(values: Array, time: Array, r: Measurement, column: int, *, turns: 
             values[rows] = np.nan
             found.append(f"has a mark far beyond all others in {rows.sum()} samples, left out")
     good = np.flatnonzero(np.isfinite(values))
-    if turns and (np.abs(np.diff(values[good])) > 0.9 * _TURN).any():
+    # what leaves one turn is no sensor of angles that begins anew, but some other quantity
+    within = np.ptp(values[good]) <= 1.02 * _TURN
+    if turns and within and (np.abs(np.diff(values[good])) > 0.9 * _TURN).any():
         whole = np.unwrap(values[good])
         if np.ptp(whole) < 0.5 * np.ptp(values[good]):
             values[good] = whole
