@@ -203,7 +203,8 @@ def switches(length: float) -> None:
         assert 2 * half[2] == pytest.approx(SWITCH)
         for hole in (-4.75, 4.75):  # SS-5GL: 9.5 mm between its holes
             start = case + 1.9 * out + hole * np.array([-out[1], out[0], 0.0])
-            axis = Axis("calibration_rig", start + (0.0, 0.0, half[2]), (0.0, 0.0, -1.0))
+            start[2] += half[2]
+            axis = Axis("calibration_rig", start, (0.0, 0.0, -1.0))
             begin, end = axis.ends(axis.hole)
             assert begin == pytest.approx(SWITCH, abs=0.05)
             assert not axis.thread.any()
