@@ -3,6 +3,8 @@
 Which number means what stands beside the numerics `print_*` in mechanism.xml.
 """
 
+import math
+
 from meshes.drawing import Drawing
 from meshes.solids import Solid, box, disc, hull, rod, sector, sphere, tube, union
 
@@ -11,6 +13,7 @@ GAP = 0.1  # mm, so that a printed pocket takes its part
 # GY-521 boards are sold with 20.7 to 21 by 15.5 to 15.9 mm; their two 3 mm holes stand 15.2 to
 # 15.5 mm apart, 2.5 mm from the long edge opposite the pins.
 BOARD, BOARD_HOLES, BOARD_EDGE = 15.8, 15.3, 2.5
+PRESSED = 5.0  # mm of a rod's wire in the barrel of its end
 
 
 def bulkhead(drawing: Drawing) -> Solid:
@@ -111,7 +114,15 @@ def rod_end(drawing: Drawing) -> Solid:
     solid += rod((0, 0, -length), (0, 0, 0), barrel)
     socket = sphere(ball + 0.05)
     mouth = rod((0, -9, 0), (0, 9, 0), ball * 0.82)
-    return solid - socket - mouth - rod((0, 0, -length - 1), (0, 0, -length + 5), wire)
+    return solid - socket - mouth - rod((0, 0, -length - 1), (0, 0, -length + PRESSED), wire)
+
+
+def wire(drawing: Drawing) -> tuple[float, float]:
+    """Lengths of the wires of rods x and y, between the ends of the bores of their ends [mm]."""
+    length = drawing.numeric("print_rod_end")[2]
+    balls = ((drawing.site(f"horn_{a}_ball"), drawing.site(f"holder_{a}_ball")) for a in "xy")
+    x, y = (math.dist(high, low) - 2.0 * (length - PRESSED) for high, low in balls)
+    return x, y
 
 
 def bracket(drawing: Drawing) -> Solid:
