@@ -3,6 +3,8 @@
 Which number means what stands beside the numerics `print_*` in mechanism.xml.
 """
 
+import math
+
 from meshes.drawing import Drawing
 from meshes.solids import Solid, box, disc, hull, rod, sector, sphere, tube, union
 
@@ -11,6 +13,7 @@ GAP = 0.1  # mm, so that a printed pocket takes its part
 # GY-521 boards are sold with 20.7 to 21 by 15.5 to 15.9 mm; their two 3 mm holes stand 15.2 to
 # 15.5 mm apart, 2.5 mm from the long edge opposite the pins.
 BOARD, BOARD_HOLES, BOARD_EDGE = 15.8, 15.3, 2.5
+PRESSED = 5.0  # mm of a rod's wire in the barrel of its end
 
 
 def bulkhead(drawing: Drawing) -> Solid:
@@ -44,7 +47,7 @@ def ring(drawing: Drawing) -> Solid:
 def holder(drawing: Drawing) -> Solid:
     """Sleeve that grips the motor, closed forward, with the y axis, both rod balls and the IMU."""
     bore, outer, aft, boss, reach = drawing.numeric("print_holder")
-    thread, _, _ = drawing.numeric("print_screw")
+    thread, clearance, _ = drawing.numeric("print_screw")
     forward = drawing.site("motor_forward")[2]
     board, half_board = drawing.geom("imu_board"), drawing.geom_size("imu_board")
     top = board[2] - half_board[2]
@@ -54,9 +57,6 @@ def holder(drawing: Drawing) -> Solid:
     for side in (-1, 1):
         solid += rod((0, side * bore, 0), (0, side * reach, 0), boss)
         cut.append(rod((0, side * (bore + 0.4), 0), (0, side * 30, 0), thread))
-        pillar = (side * BOARD_HOLES / 2, BOARD / 2 - BOARD_EDGE)
-        solid += rod((*pillar, forward), (*pillar, top), 1.9)
-        cut.append(rod((*pillar, forward + 0.2), (*pillar, top + 1), thread, segments=16))
     for name in ("holder_x_ball", "holder_y_ball"):
         ball = drawing.site(name)
         outward = ball * (1, 1, 0) / max(abs(ball[:2]))
@@ -66,17 +66,28 @@ def holder(drawing: Drawing) -> Solid:
             rod(foot, seat, 2.0), rod(foot - (0, 0, 3.5), foot - (0, 0, 3.5) + outward, 2.0)
         )
         cut.append(rod(foot + outward * 0.2, ball, thread, segments=16))
-    lug, slit = _clamp(bore, outer, aft, thread)
+    lug, slit = _clamp(bore, outer, aft, thread, clearance)
     solid = union(solid, lug) - union(*cut, slit)
+    for side in (-1, 1):  # whole pillars, whose inner sides stand in the hole of the cap
+        foot = (side * BOARD_HOLES / 2, BOARD / 2 - BOARD_EDGE)
+        solid += rod((*foot, forward), (*foot, top), 1.9)
+        solid -= rod((*foot, forward + 0.2), (*foot, top + 1), thread, segments=16)
     return solid - disc(bore, aft - 1, forward)
 
 
-def _clamp(bore: float, outer: float, aft: float, thread: float) -> tuple[Solid, Solid]:
-    """Lug and slit by which a screw tightens the aft end of the sleeve on the motor."""
-    lug = box((bore + 0.4, -3.2, aft), (outer + 3.2, 3.2, aft + 7)).rotate((0, 0, -45))
+def _clamp(
+    bore: float, outer: float, aft: float, thread: float, clearance: float
+) -> tuple[Solid, Solid]:
+    """Lug and slit by which a screw tightens the aft end of the sleeve on the motor.
+
+    The screw has its thread in the far half alone: held in both, it could not pull them together.
+    """
+    lug = box((bore + 0.4, -3.7, aft), (outer + 3.2, 3.2, aft + 7))
     slit = box((bore - 2, -0.5, aft - 1), (outer + 9, 0.5, aft + 12))
-    hole = rod((outer + 1.0, -9, aft + 3.5), (outer + 1.0, 9, aft + 3.5), thread, segments=16)
-    return lug, (slit + hole).rotate((0, 0, -45))
+    x, z = outer + 1.0, aft + 3.5
+    hole = rod((x, -9, z), (x, 0, z), thread, segments=16)
+    hole += rod((x, 0, z), (x, 9, z), clearance, segments=16)
+    return lug.rotate((0, 0, -45)), (slit + hole).rotate((0, 0, -45))
 
 
 def horn(drawing: Drawing) -> Solid:
@@ -103,7 +114,15 @@ def rod_end(drawing: Drawing) -> Solid:
     solid += rod((0, 0, -length), (0, 0, 0), barrel)
     socket = sphere(ball + 0.05)
     mouth = rod((0, -9, 0), (0, 9, 0), ball * 0.82)
-    return solid - socket - mouth - rod((0, 0, -length - 1), (0, 0, -length + 5), wire)
+    return solid - socket - mouth - rod((0, 0, -length - 1), (0, 0, -length + PRESSED), wire)
+
+
+def wire(drawing: Drawing) -> tuple[float, float]:
+    """Lengths of the wires of rods x and y, between the ends of the bores of their ends [mm]."""
+    length = drawing.numeric("print_rod_end")[2]
+    balls = ((drawing.site(f"horn_{a}_ball"), drawing.site(f"holder_{a}_ball")) for a in "xy")
+    x, y = (math.dist(high, low) - 2.0 * (length - PRESSED) for high, low in balls)
+    return x, y
 
 
 def bracket(drawing: Drawing) -> Solid:
@@ -111,7 +130,7 @@ def bracket(drawing: Drawing) -> Solid:
     _, outer, _, _, _ = drawing.numeric("print_bulkhead")
     inner = drawing.numeric("print_bulkhead")[0]
     low, low_top, mid, mid_top = drawing.numeric("print_bracket")
-    thread, clearance, _ = drawing.numeric("print_screw")
+    _, clearance, _ = drawing.numeric("print_screw")
     case, half = drawing.geom("servo_x_case"), drawing.geom_size("servo_x_case")
     rise = drawing.geom("servo_y_case")[2] - case[2]
     top = case[2] + rise + half[2]
@@ -137,7 +156,7 @@ def bracket(drawing: Drawing) -> Solid:
         for height in (low + 6, top - 6):
             hole = rod((outer - 5.9, 0, height), (outer + 4.1, 0, height), clearance)
             solid -= hole.rotate((0, 0, azimuth))
-    pilots = _pilots(drawing, thread)
+    pilots = _pilots(drawing, past)
     solid -= pilots + pilots.rotate((0, 0, QUARTER)).translate((0, 0, rise))
     return solid ^ disc(outer, low, top)
 
@@ -173,17 +192,15 @@ def _posts(drawing: Drawing, bottom: float, top: float) -> Solid:
     return union(*posts)
 
 
-def _pilots(drawing: Drawing, thread: float) -> Solid:
+def _pilots(drawing: Drawing, past: float) -> Solid:
+    """Holes of servo x's screws in the posts, and the way of head and driver through the shell."""
     ears, reach = drawing.geom("servo_x_ears"), drawing.geom_size("servo_x_ears")
     (half,) = drawing.numeric("print_servo")
-    return union(
-        *(
-            rod(
-                (ears[0] + side * half, ears[1] - reach[1] - 7, ears[2]),
-                (ears[0] + side * half, 30, ears[2]),
-                thread,
-                segments=16,
-            )
-            for side in (-1, 1)
-        )
-    )
+    thread, _, head = drawing.numeric("print_screw")
+    holes = []
+    for side in (-1, 1):
+        x, z = ears[0] + side * half, ears[2]
+        low, high = ears[1] - reach[1], ears[1] + reach[1]
+        holes.append(rod((x, low - 7, z), (x, high, z), thread, segments=16))
+        holes.append(rod((x, high, z), (x, past, z), head + 0.4))
+    return union(*holes)

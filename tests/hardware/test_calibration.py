@@ -382,6 +382,31 @@ def test_switches_that_the_gyro_finds_too_far_apart_are_told_with_both_distances
     assert by[2] == "18.0"
 
 
+@pytest.mark.parametrize(
+    "mounted",
+    [
+        [[0, 1], [-1, 0]],
+        [[0, -1], [1, 0]],
+        [[-1, 0], [0, -1]],
+        [[1, 0], [0, -1]],
+        [[-1, 0], [0, 1]],
+    ],
+    ids=["quarter turn", "other quarter", "half turn", "chip to the motor", "and turned"],
+)
+def test_an_imu_that_is_mounted_another_way_round_is_refused(mounted):
+    rig = _Rig(0)
+    rig.gyro = np.array(mounted, float)
+    with pytest.raises(CalibrationError, match="mounted another way round"):
+        solve(rig.log(), RIG, 0)
+
+
+def test_a_slight_turn_of_the_imu_is_measured():
+    rig, turn = _Rig(0), radians(8.0)
+    rig.gyro = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    gyro = solve(rig.log(), RIG, 0).gyro
+    np.testing.assert_allclose(gyro.matrix, rig.gyro, atol=0.01)
+
+
 @pytest.mark.parametrize(("place", "off", "says"), [(PLUS, 0.2, "+x"), (MINUS, -0.3, "-x")])
 def test_a_switch_that_closes_off_its_place_is_told_with_the_angle(place, off, says):
     value = np.zeros(11)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.comparison import PathDifference, flight_path, path_difference
-from analysis.flown import FIGURES, Flown, flown
+from analysis.flown import FIGURES, GROUND, Flown, flown
 from analysis.plain import plain
 from analysis.recording import Measurement, rrd
 from twin.config import Compare
@@ -13,6 +13,7 @@ from twin.config.result import Result, Rows
 from twin.errors import TwinError
 
 LEADS = ("apogee", "highest point")  # names of figures that are shown first
+APART = 0.05  # s; ends that differ by less are those of one duration at two rates
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,27 @@ class FlightsResult(Result):
 
 
 def leading(flights: tuple[Flown, Flown]) -> Rows:
-    """Apogees that differ, and how far the ends lie apart."""
+    """Apogees that differ, and how far the ends lie apart; before them, that one was cut short."""
     lead = [row for row in _differing(flights)[0] if row[0].startswith(LEADS)]
+    cut = cut_short(flights)
+    if cut is not None:
+        first, second = cut
+        text = (
+            f"at {first:.2f} s, at {second:.2f} s; both are compared until {min(cut):.2f} s at most"
+        )
+        lead = [
+            ("ended", text),
+            ("", "the next rows are of each flight up to its own end"),
+            *lead,
+        ]
     return [*lead, ("ends apart", f"{ends_apart(flights):.1f} m on the ground plan")]
+
+
+def cut_short(flights: tuple[Flown, Flown]) -> tuple[float, float] | None:
+    """When two flights ended [s]; None where both landed, at one time, or where it is unknown."""
+    first, second = (f.numbers.get("flight_time_s", math.nan) for f in flights)
+    landed = all(f.texts.get("ended") == GROUND for f in flights)
+    return (first, second) if abs(second - first) > APART and not landed else None
 
 
 def ends_apart(flights: tuple[Flown, Flown]) -> float:

@@ -13,7 +13,7 @@ from twin.config import Compare, Export, Fly, Report
 from twin.errors import TwinError
 from twin.evaluation.compare import compare
 from twin.evaluation.export import export, size_text
-from twin.evaluation.flights import _differing
+from twin.evaluation.flights import _differing, cut_short, leading
 from twin.evaluation.report import write_report
 from twin.experiments.flight.fly import fly
 from twin.plant.model.compose import MJCF
@@ -80,6 +80,29 @@ def test_passive_flights_are_compared_by_apogee_and_range(passive, files, tmp_pa
     assert not any(row[0].startswith(("fit", "delay", "rmse")) for row in found.rows())
     assert (tmp_path / "c.rrd").stat().st_size > 1000
     assert not (tmp_path / "c.rrd.partial").exists()
+
+
+def test_a_flight_that_was_cut_short_is_told_and_one_that_landed_earlier_is_none(files, tmp_path):
+    fly(Fly(vehicle=ROCKET, duration_s=1.5, out=tmp_path / "short.rrd"))
+    found = compare(Compare((files["calm"], tmp_path / "short.rrd"), out=tmp_path / "c.rrd"))
+    whole = read(files["calm"])["vehicle/position"].time[-1]
+    names = [name for name, _ in found.rows()]
+    text = dict(found.rows())["ended"]
+    assert text.startswith(f"at {whole:.2f} s, at 1.50 s; both are compared until 1.50 s")
+    assert names.index("ended") < names.index("ends apart")
+    assert "paths, 1.5 s" in names
+    landed = compare(Compare((files["calm"], files["windy"]), out=tmp_path / "d.rrd"))
+    assert "ended" not in dict(landed.rows())
+
+
+@pytest.mark.parametrize(
+    ("times", "cut"),
+    [((1.0, 3.0), True), ((3.0, 1.0), True), ((3.0, 3.002), False), ((3.0, None), False)],
+)
+def test_ends_at_one_time_or_none_are_not_told_apart(times, cut):
+    both = tuple(Flown({} if t is None else {"flight_time_s": t}, {}, None) for t in times)
+    assert cut_short(both) == (times if cut else None)
+    assert ("ended" in dict(leading(both))) == cut
 
 
 @pytest.mark.parametrize(

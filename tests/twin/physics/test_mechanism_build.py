@@ -119,6 +119,19 @@ def test_printed_parts_of_a_built_mechanism_are_closed_and_fit_its_tube(built: P
     assert bulkhead.bounds[1, 0] == pytest.approx(73.4 / 2 - 0.1, abs=0.05)
 
 
+def test_the_wires_of_the_rods_end_where_the_bores_of_their_ends_do(tmp_path: Path) -> None:
+    """The floor of a bore, by its vertices: the only ones as far aside as the wire is thick."""
+    (tmp_path / "g.toml").write_text(LARGE)
+    made = mechanism(Settings("build", tmp_path / "g.toml", out=tmp_path / "g.xml"))
+    vertices = trimesh.load(tmp_path / "g" / "rod_end.stl").vertices
+    aside = np.hypot(vertices[:, 0], vertices[:, 1])
+    floor = vertices[np.isclose(aside, 0.75, atol=0.01) & (vertices[:, 2] > -8.9)][:, 2]
+    assert np.ptp(floor) < 0.01
+    for rod, wire in zip(made.rods_mm, made.wires_mm, strict=True):
+        assert wire == pytest.approx(rod + 2 * floor.mean(), abs=0.02)
+    assert any(f"wires {made.wires_mm[0]:.1f} mm (x)" in text for _, text in made.rows())
+
+
 def test_meshes_writes_the_parts_of_any_mechanism_anywhere(built: Path, tmp_path: Path) -> None:
     drawn = draw(Meshes(mechanism=built, out=tmp_path / "parts"))
     for part in map(Path, drawn.parts):

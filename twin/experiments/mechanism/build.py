@@ -26,11 +26,14 @@ class BuildResult(Result):
     file : MJCF, or the folder of the parts
     parts : printable parts (STL in millimetres)
     rods_mm : between the centres of the balls (x, y); empty where only parts were drawn
+    wires_mm : of the wires in them (x, y), to the ends of the bores of the drawn rod ends; empty
+        with own rod ends
     """
 
     file: str
     parts: tuple[str, ...]
     rods_mm: tuple[float, ...] = ()
+    wires_mm: tuple[float, ...] = ()
 
     def as_dict(self) -> dict[str, object]:
         """JSON values; lengths in millimetres where the name says so."""
@@ -45,6 +48,9 @@ class BuildResult(Result):
             rows.append(
                 ("rods", f"{x:.1f} mm (x), {y:.1f} mm (y) between the centres of the balls")
             )
+            if self.wires_mm:
+                x, y = self.wires_mm
+                rows.append(("", f"their wires {x:.1f} mm (x), {y:.1f} mm (y)"))
             rows.append(("", f"twin mechanism check {self.file}"))
         return rows
 
@@ -56,13 +62,17 @@ def built(config: Settings) -> BuildResult:
     ------
     TwinError : dimensions that cannot be, or files that cannot be written
     """
+    from meshes.drawing import Drawing
+    from meshes.parts import wire
+
     assert config.file is not None
     size = read(config.file)
     out = config.out or Path("runs") / f"{config.file.stem}.xml"
     out = writable(out, ".xml", force=config.force)
     parts = write(size, out, force=config.force)
     x, y = size.rods
-    return BuildResult(str(out), tuple(map(str, parts)), (x * 1e3, y * 1e3))
+    wires = () if "rod_end" in dict(size.stl) else wire(Drawing.read(out))
+    return BuildResult(str(out), tuple(map(str, parts)), (x * 1e3, y * 1e3), wires)
 
 
 def write(size: Dimensions, out: Path, *, force: bool = False) -> tuple[Path, ...]:
