@@ -27,6 +27,7 @@ from analysis.recording.series import Recording
 from analysis.schema import AnalysisError
 
 GRANTED = "granted"  # the word for a right that a loop had
+FEWEST = 100  # ticks: of fewer, one alone is above the 99th percentile
 REFINED = 4  # times finer than it was flown, for the error of the time step
 
 
@@ -96,14 +97,15 @@ class Verdict(Plain):
 
     Attributes
     ----------
-    word : whether timing left the run what it was meant to be
+    word : whether timing left the run what it was meant to be; a run of fewer than 100 ticks that
+        breaks no limit is not judged
     reasons : every limit that was broken, and what the machine denied where ticks were late
     overruns : ticks that were not begun in time because the loop was busy
     stolen : time that the host withheld from a virtual machine meanwhile [s]
     lateness, sensor_age, round_trip, delay : None where not recorded; `delay` is the loop's
     """
 
-    word: Literal["valid", "invalid"]
+    word: Literal["valid", "invalid", "not judged"]
     reasons: tuple[str, ...]
     ticks: int
     period: float
@@ -228,7 +230,10 @@ def _judged(v: Verdict, limits: Limits, wire: float, frame: float) -> Verdict:
                     f"{cause} moved the path by {by.position:.3g} m, {most:.3g} m is the limit"
                 )
     reasons += _blamed(v, limits)
-    word: Literal["valid", "invalid"] = "invalid" if reasons else "valid"
+    word: Literal["valid", "invalid", "not judged"] = "invalid" if reasons else "valid"
+    seen = v.ticks or (v.delay.n if v.delay is not None else 0)
+    if not reasons and seen < FEWEST:
+        word, reasons = "not judged", [f"{seen} of at least {FEWEST} ticks"]
     split = None
     if v.round_trip is not None:
         host = v.lateness.p50 if v.lateness is not None else 0.0

@@ -72,8 +72,9 @@ def fitted_line(x: Array, y: Array) -> tuple[float, float, Array]:
     AnalysisError : fewer than three points, or points over one place
     """
     if len(x) < 3 or np.ptp(x) == 0.0:
-        raise AnalysisError(f"{len(x)} points over a range of {np.ptp(x) if len(x) else 0:g}; "
-                            "a line needs three that differ")  # fmt: skip
+        equal = "equal " if len(x) > 1 and np.ptp(x) == 0.0 else ""
+        points = "point" if len(x) == 1 else "points"
+        raise AnalysisError(f"{len(x)} {equal}{points}; a line needs three that differ")
     slope, offset = np.polyfit(x, y, 1)
     return float(slope), float(offset), y - slope * x - offset
 

@@ -10,6 +10,7 @@ from collections.abc import Generator
 import numpy as np
 
 from hardware.calibration.errors import CalibrationError
+from hardware.calibration.imu import ImuWatch
 from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
 from hardware.calibration.result import Calibration
 from hardware.calibration.solve import solve
@@ -34,6 +35,7 @@ class Procedure:
         self.log = Log()
         self.done = False
         self._frame: SensorFrame | None = None
+        self._imu = ImuWatch()
         self._integral = np.zeros(3)
         self._pulses = list(self.rig.neutral)
         self._direction = [1, 1]  # which way each servo moves its own axis
@@ -53,7 +55,7 @@ class Procedure:
 
         Raises
         ------
-        CalibrationError : a switch does not do what it should; the message names it
+        CalibrationError : a switch or the IMU does not do what it should; the message names it
         """
         first = self._frame is None
         if self._frame is not None:
@@ -61,6 +63,7 @@ class Procedure:
             self._integral += np.array(frame.gyro) * dt
         self._frame = frame
         if not self.done:
+            self._imu.check(frame)
             try:
                 if first:
                     next(self._steps)
@@ -116,10 +119,7 @@ class Procedure:
                 )
             for name, closed in zip(SWITCHES, frame.switches, strict=True):
                 if closed:
-                    raise CalibrationError(
-                        f"switch {name} is closed at neutral; check its wiring (it must open to "
-                        "ground) and that the gimbal hangs free"
-                    )
+                    raise _closed(name)
             frame = yield self._sent()
         values = np.array(readings)
         x, y, z = values.mean(axis=0).tolist()
@@ -129,8 +129,11 @@ class Procedure:
     def _search(self, axis: int) -> Steps:
         """Find both switches of an axis and which way the servo turns it."""
         names = (2 * axis, 2 * axis + 1)
+        hit = names[0]
         for way in (1, -1):
             yield from self._move(axis, self.rig.neutral[axis])
+            if way == -1 and self._frame is not None and self._frame.switches[hit]:
+                raise _closed(SWITCHES[hit])  # it opens beyond neutral, within its own travel
             hit = yield from self._until_any(axis, way, names)
             if way == 1:
                 self._direction[axis] = 1 if hit == names[0] else -1
@@ -253,6 +256,14 @@ class Procedure:
                 came=self._came,
             )
         )
+
+
+def _closed(name: str) -> CalibrationError:
+    return CalibrationError(
+        f"switch {name} is closed at neutral; check its wiring (it must open to ground), that the"
+        " gimbal hangs free, and that the horn stands at a right angle at neutral (a tooth is 15°"
+        " to 18°)"
+    )
 
 
 def _seen(frame: SensorFrame) -> tuple[float, float, float, float]:

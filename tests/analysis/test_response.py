@@ -409,3 +409,17 @@ def test_intervals_of_what_cannot_be_negative_begin_at_zero():
     (dead,) = [f for f in step_figures(steps) if f.name == "dead_time up"]
     assert dead.interval[0] == 0.0
     assert dead.interval[1] > dead.value
+
+
+@pytest.mark.parametrize(
+    ("x", "says"),
+    [
+        ([], "0 points"),
+        ([0.1], "1 point"),
+        ([0.0, 0.09], "2 points"),
+        ([0.1] * 4, "4 equal points"),
+    ],
+)
+def test_too_few_points_for_a_line_are_told_without_a_number_in_another_unit(x, says):
+    with pytest.raises(AnalysisError, match=f"^{says}; a line needs three that differ$"):
+        linearity(x, x)

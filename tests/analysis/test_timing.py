@@ -18,10 +18,14 @@ TIME = np.arange(1000) * PERIOD
 SPEED = 50.0  # m/s
 
 
-def recorded(**signals):
+def recorded(ticks=1000, **signals):
     series = {
         f"timing/{name}": TimeSeries(
-            f"timing/{name}", TIME, np.broadcast_to(values, (1000,))[:, None].copy(), "s", ("t",)
+            f"timing/{name}",
+            TIME[:ticks],
+            np.broadcast_to(values, (ticks,))[:, None].copy(),
+            "s",
+            ("t",),
         )
         for name, values in signals.items()
     }
@@ -50,6 +54,14 @@ def test_a_run_in_time_is_valid_without_a_reason():
     verdict = assess(recorded(lateness=5e-5, sensor_age=2e-3, round_trip=4e-3), PERIOD)
     assert (verdict.word, verdict.reasons) == ("valid", ())
     assert verdict.delay.p50 == pytest.approx(4e-3)
+
+
+@pytest.mark.parametrize("ticks", [1, 99])
+def test_a_run_that_ended_after_few_ticks_is_not_called_valid(ticks):
+    verdict = assess(recorded(ticks, lateness=5e-5), PERIOD, overruns=0)
+    assert verdict.text() == f"not judged: {ticks} of at least 100 ticks"
+    assert assess(recorded(100, lateness=5e-5), PERIOD, overruns=0).word == "valid"
+    assert assess(recorded(ticks, lateness=2 * PERIOD), PERIOD).word == "invalid"
 
 
 @pytest.mark.parametrize("late", [0.010, 0.020, 0.040])

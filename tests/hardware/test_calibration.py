@@ -24,6 +24,7 @@ from hardware.calibration.solve import _check_axis, _deviation, _maps, _mean, so
 from hardware.emulator import parse, sample_rig
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import SensorFrame
+from hardware.protocol import Flags
 from tests.hardware.trial import calibrate
 
 RIG = CalibrationRig()
@@ -324,14 +325,41 @@ def test_loose_potentiometer_is_named():
 def _frame(switches=(False,) * 4):
     return SensorFrame(
         0, 0, (0.5,) * 4, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3,
-        (1.5e-3, 1.5e-3, 0.0), switches, (0.0, 0.0), 0,
+        (1.5e-3, 1.5e-3, 0.0), switches, (0.0, 0.0), int(Flags.HOLDER_IMU),
     )  # fmt: skip
 
 
 def _feed(procedure, switches, frames=2000):
     for k in range(frames):
-        frame = replace(_frame(switches(procedure)), device_us=2000 * k)
+        noise = (0.0, 0.0, 1e-4 * (k % 2))
+        frame = replace(_frame(switches(procedure)), device_us=2000 * k, gyro=noise)
         procedure.step(frame)
+
+
+@pytest.mark.parametrize("minimal", [False, True])
+@pytest.mark.parametrize(
+    ("fault", "says"),
+    [
+        ("imu:unplug:100", "(0x68) does not answer; check VCC, GND, SDA, SCL and AD0"),
+        ("imu:unplug:100@10", "(0x68) does not answer"),
+        ("gyro:frozen", "(0x68) repeats one reading"),
+    ],
+)
+def test_a_silent_imu_is_named_within_a_second(fault, says, minimal):
+    rig, injections = replace(QUICK, minimal=minimal), (parse(fault),)
+    with pytest.raises(CalibrationError, match=re.escape(says)):
+        calibrate(sample_rig(4), rig, injections=injections)
+
+
+def test_an_imu_that_is_away_for_less_than_a_second_spoils_nothing():
+    fault = parse("imu:unplug:0.8@0.1")
+    assert calibrate(sample_rig(4), QUICK, injections=(fault,)).gyro.matrix[0][0] > 0.9
+
+
+def test_a_horn_one_tooth_off_is_thought_of_where_a_switch_is_closed_at_neutral():
+    """A spline of 21 to 25 teeth: 17.1° to 14.4° a tooth, 7.6° of the gimbal by a gain of 0.444."""
+    with pytest.raises(CalibrationError, match=r"\+x is closed at neutral.*a tooth is 15° to 18°"):
+        calibrate(sample_rig(3), QUICK, injections=(parse("servo_x:slipped:17"),))
 
 
 def test_switch_closed_at_neutral_is_named():

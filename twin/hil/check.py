@@ -14,6 +14,7 @@ from hardware.frames import (
     HardwareError,
     Pair,
 )
+from hardware.rig.rig import TIMEOUT_MS
 from twin.errors import CheckError
 from twin.hil.gimbal import COMMAND_NS, RigGimbal
 
@@ -21,6 +22,7 @@ AMPLITUDE = radians(2.0)
 STEPS: tuple[Pair, ...] = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # of the amplitude
 HOLD_NS, SAMPLE_NS = 320_000_000, 80_000_000  # at each step, and the last part of it that counts
 FEWEST = 5  # frames of a sample
+LATE_NS = TIMEOUT_MS * 1_000_000  # without a command for as long, a rig's servos go to neutral
 # Of the commanded motion of 4°: a play of 1.1° leaves 0.72; half a gain leaves 0.65 at most, where
 # the motor's weight moves the gimbal outwards through its play; double gives at least 1.7.
 DEAD, SMALLEST, LARGEST = 0.25, 0.7, 1.4
@@ -63,9 +65,9 @@ def check_motion(seat: RigGimbal) -> None:
     CheckError : an axis does not move, or not as commanded; in one line
     HardwareError : no readings come
     """
-    seen = [_held(seat, (AMPLITUDE * u, AMPLITUDE * v)) for u, v in STEPS]
-    _held(seat, (0.0, 0.0))
-    a, b, c, d = seen
+    held = [_held(seat, (AMPLITUDE * u, AMPLITUDE * v)) for u, v in (*STEPS, (0.0, 0.0))]
+    late = max(late for _, late in held)
+    a, b, c, d = (angle for angle, _ in held[: len(STEPS)])
     across = 2.0 * AMPLITUDE
     response = (
         ((a[0] - b[0]) / across, (c[0] - d[0]) / across),
@@ -75,6 +77,8 @@ def check_motion(seat: RigGimbal) -> None:
     gain = max(t.gain for t in seat.rig.fusion.monitor.actuation.tolerance)
     problem = wrong_motion(response, gain) or _displaced(seat, a, b, c, d)
     sensors = [f for f in named if f.sensor not in SERVO_NAMES]
+    if problem and not sensors and late > LATE_NS:  # what moved says nothing about plugs and horns
+        raise _too_late(late)
     if not problem or sensors:  # what a faulty sensor shows says nothing about a servo
         counted = sensors if problem else [f for f in named if f.sensor in SERVO_NAMES]
         problem = ", ".join(f"{f.sensor} {f.kind}" for f in counted)
@@ -126,18 +130,31 @@ def _displaced(seat: RigGimbal, a: Pair, b: Pair, c: Pair, d: Pair) -> str:
     return ""
 
 
-def _held(seat: RigGimbal, angle: Pair) -> Pair:
-    """Mean angles at the end of a command [rad]."""
-    begin, x, y, count = seat.now_ns(), 0.0, 0.0, 0
+def _held(seat: RigGimbal, angle: Pair) -> tuple[Pair, int]:
+    """Mean angles at the end of a command [rad], and how late readings came at worst [ns]."""
+    begin, x, y, count, late = seat.now_ns(), 0.0, 0.0, 0, 0
+    newest = begin
     while (now := seat.now_ns()) - begin < HOLD_NS:
         seat.rig.send(GimbalCommand(now, angle), seat.turntable)
         seat.wait(COMMAND_NS)
         seat.rig.poll()
+        newest = max([newest, *(state.time_ns for state in seat.rig.states)])
+        polled = seat.now_ns()
+        late = max(late, polled - now, polled - newest)
         if now - begin > HOLD_NS - SAMPLE_NS:
             for state in seat.rig.states:
                 x, y, count = x + state.angle[0], y + state.angle[1], count + 1
     if count < FEWEST:
+        if newest > begin and late > LATE_NS:
+            raise _too_late(late)
         raise HardwareError(
             "the rig sends no readings during the motion check; check its sensors and supply"
         )
-    return x / count, y / count
+    return (x / count, y / count), late
+
+
+def _too_late(late: int) -> CheckError:
+    return CheckError(
+        f"motion check: readings came up to {late * 1e-6:.0f} ms late; this computer is too busy"
+        " for a rig in real time: stop other programs and try again"
+    )

@@ -1,5 +1,6 @@
 """The motion check before a run with a rig."""
 
+import itertools
 import json
 import re
 from dataclasses import replace
@@ -17,7 +18,7 @@ from hardware.simavr.nano import missing
 from tests.twin.cli.test_cli import run as command
 from twin.errors import CheckError
 from twin.hil import RigOptions, open_rig
-from twin.hil.check import LARGEST, SMALLEST, remedy, wrong_motion
+from twin.hil.check import LARGEST, SMALLEST, check_motion, remedy, wrong_motion
 from twin.hil.simulated import nominal_calibration, parameters
 from twin.plant.compiled import compiled
 from twin.plant.model.model import ModelConfig, load
@@ -50,6 +51,29 @@ def test_play_and_tolerances_of_healthy_rigs_pass(own):
 )
 def test_each_wrong_motion_is_named(own, other, problem):
     assert wrong_motion(response(own, other)).startswith(problem)
+
+
+@pytest.mark.parametrize(
+    ("stall_ms", "every", "fault", "says"),
+    [
+        (280, 126, (), r"readings came up to 28\d ms late; this computer is too busy"),
+        (280, 30, (), r"readings came up to 28\d ms late; this computer is too busy"),
+        (40, 30, ("servo_x:reversed",), "servo_x reversed"),
+        (280, 126, ("potentiometer_x_a:open",), "potentiometer_x_a open"),
+    ],
+)
+def test_a_rig_that_goes_neutral_in_a_stall_is_not_blamed(stall_ms, every, fault, says):
+    """Its servos return to zero 100 ms after the last command: in a sample (126), or before it."""
+    with compiled(), open_rig(RigOptions("emulator", faults=fault), None) as seat:
+        wait, calls = seat.wait, itertools.count(1)
+
+        def stalled(ns):
+            wait(ns + (stall_ms * 1_000_000 if next(calls) % every == 0 else 0))
+
+        seat.wait = stalled
+        with pytest.raises(CheckError, match=says) as refusal:
+            check_motion(seat)
+    assert ("plugs" in str(refusal.value)) is bool(fault)
 
 
 def test_a_run_is_refused_in_one_line_and_leaves_no_recording(capsys, tmp_path):
