@@ -15,8 +15,8 @@ from twin.loop.readings import Readings
 if TYPE_CHECKING:
     from twin.hil.turntable import Turntable
 
-# First names: that of a servo follows after 0.3 s, that of a potentiometer's wire (`open`, where its
-# reading lies at a rail) or track (`deviating`) after 25 to 50 ms.
+# First names, and for how long another may follow [s]: that of a servo comes after 0.3 s, `open` or
+# `deviating` of a potentiometer after 25 to 50 ms.
 NAMING_S = {UNNAMED: 0.4, GLITCH: 0.06}
 LATE_S = 0.3  # an older reading does not count; a pause of this computer is caught up with sooner
 
