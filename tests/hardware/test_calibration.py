@@ -388,7 +388,7 @@ def test_frames_that_come_late_do_not_spoil_a_calibration(stall_ms, often):
 
 
 def test_a_computer_that_is_always_late_is_named_and_not_a_switch():
-    with pytest.raises(CalibrationError, match="came late .* this computer is too busy"):
+    with pytest.raises(CalibrationError, match=r"came late .* this computer is too busy"):
         stalled(sample_rig(4), QUICK, 300, 0.3)
 
 
