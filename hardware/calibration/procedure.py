@@ -13,10 +13,12 @@ from hardware.calibration.errors import CalibrationError
 from hardware.calibration.imu import ImuWatch
 from hardware.calibration.log import SWITCHES, CalibrationRig, Event, Log
 from hardware.calibration.result import Calibration
+from hardware.calibration.servos import InForce
 from hardware.calibration.solve import solve
 from hardware.frames import AXES, Pair, SensorFrame
 from hardware.parts import RAIL, tilts
 
+ATTEMPTS = 8  # at an approach, of which a busy computer spoils some
 Steps = Generator[Pair, SensorFrame, None]
 
 
@@ -35,7 +37,7 @@ class Procedure:
         self.log = Log()
         self.done = False
         self._frame: SensorFrame | None = None
-        self._imu = ImuWatch()
+        self._imu, self._force = ImuWatch(), InForce(self.rig)
         self._integral = np.zeros(3)
         self._pulses = list(self.rig.neutral)
         self._direction = [1, 1]  # which way each servo moves its own axis
@@ -64,6 +66,7 @@ class Procedure:
         self._frame = frame
         if not self.done:
             self._imu.check(frame)
+            self._force.update(frame, self._pulses)
             try:
                 if first:
                     next(self._steps)
@@ -98,7 +101,7 @@ class Procedure:
     def _wait(self, duration: float) -> Steps:
         frame = yield self._sent()
         end = frame.device_us + duration * 1e6
-        while frame.device_us < end:
+        while not self._force.over(frame.device_us, end):
             frame = yield self._sent()
 
     def _sent(self) -> Pair:
@@ -151,7 +154,7 @@ class Procedure:
         while True:
             self._step_by(axis, way * self.rig.coarse, own[0] if way > 0 else own[1])
             end = self._now() + self.rig.dwell * 1e6
-            while self._now() < end:
+            while not self._force.over(self._now(), end):
                 frame = yield self._sent()
                 for index, closed in enumerate(frame.switches):
                     if closed and index not in own:
@@ -185,7 +188,20 @@ class Procedure:
         yield from self._wait(3 * self.rig.dwell)
 
     def _visit(self, switch: int, offset: float) -> Steps:
-        """Close a switch and open it again, noting both."""
+        """Close a switch and open it again, noting both; once more where frames came late."""
+        for _ in range(ATTEMPTS):
+            noted = len(self.log.events)
+            yield from self._approach(switch, offset)
+            if not self._force.left:
+                return
+            del self.log.events[noted:]
+        raise CalibrationError(
+            f"readings or commands came late in {ATTEMPTS} approaches to switch"
+            f" {SWITCHES[switch]}; this computer is too busy for a rig in real time: stop other"
+            " programs and try again"
+        )
+
+    def _approach(self, switch: int, offset: float) -> Steps:
         axis, other = switch // 2, 1 - switch // 2
         outwards = self._direction[axis] * (1 if switch % 2 == 0 else -1)
         held = self.rig.neutral[other] + offset
@@ -199,7 +215,10 @@ class Procedure:
         )
         yield from self._move(axis, start)
         yield from self._retreat(switch, axis, outwards)
+        self._force.left = False
         yield from self._note(switch, axis, outwards, closing=True)
+        if self._force.left:
+            return
         self._closed_at[switch] = self._pulses[axis]
         for _ in range(2):
             self._step_by(axis, outwards * self.rig.fine, switch)
@@ -219,8 +238,10 @@ class Procedure:
         for _ in range(limit):
             self._step_by(axis, way * self.rig.fine, switch)
             end = self._now() + self.rig.dwell * 1e6
-            while self._now() < end:
+            while not self._force.over(self._now(), end):
                 frame = yield self._sent()
+                if self._force.left:
+                    return
                 if frame.switches[switch] == closing:
                     yield from self._record(switch, axis, way, closing, frame)
                     return

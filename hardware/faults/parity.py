@@ -6,7 +6,7 @@ potentiometers by one common factor, which no other single fault does.
 
 from hardware.faults.axis import DRIFT
 from hardware.faults.evidence import POTENTIOMETERS, Prediction, Reading
-from hardware.faults.states import SUPPLY
+from hardware.faults.states import GLITCH, SUPPLY
 from hardware.faults.tracks import Tracks
 from hardware.parts import RAIL
 
@@ -57,7 +57,7 @@ class Parity:
                 axis.count(k, railed, bad, r.dt)
             if bad:
                 use[i] = False
-                self._tracks.accuse(i, 1.0 if z2 > CERTAIN_2 else 0.6, "glitch")
+                self._tracks.accuse(i, 1.0 if z2 > CERTAIN_2 else 0.6, GLITCH)
         return use
 
     def _alone(self, i: int, p: Prediction, rest: list[float]) -> bool:

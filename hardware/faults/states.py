@@ -15,6 +15,7 @@ SENSORS = (
 )
 GYRO, SUPPLY = len(POTENTIOMETER_NAMES), len(POTENTIOMETER_NAMES) + 1
 PAIR, SERVO = SUPPLY + 1, SUPPLY + 1 + len(PAIR_NAMES)  # of x; that of y is the next
+GLITCH = "glitch"  # kind of a potentiometer's fault until its readings show another
 UNNAMED = "not following"  # kind of a servo's fault until, or if, its motion does not show another
 
 ODD_SCORE, BAD_SCORE = 0.05, 1.0

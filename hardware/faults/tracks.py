@@ -5,6 +5,7 @@ from math import exp
 
 from hardware.faults.axis import FORGOTTEN, MOSTLY, Axis
 from hardware.faults.states import (
+    GLITCH,
     GYRO,
     NAMED,
     ODD_SCORE,
@@ -87,6 +88,8 @@ class Tracks:
                 kind = "open"
             elif axis.outlying[k] > MOSTLY:
                 kind = "deviating"
+            elif axis.outlying[k] and self.out[index] and track.kind == GLITCH:
+                kind = GLITCH  # its wrong readings are few: they alone moved its mean
         elif index == GYRO and self.stands:
             kind = "frozen"
         elif index >= SERVO and self.out[index] and kind != track.kind:

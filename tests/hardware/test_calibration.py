@@ -21,10 +21,11 @@ from hardware.calibration import (
 from hardware.calibration.axis import KA, KB, M1, M2, MINUS, OA, OB, PLUS, C, first_guess, tabulate
 from hardware.calibration.result import EXACT
 from hardware.calibration.solve import _check_axis, _deviation, _maps, _mean, solve
-from hardware.emulator import parse, sample_rig
+from hardware.emulator import Emulator, parse, sample_rig
 from hardware.emulator.truth import exact_calibration
 from hardware.frames import SensorFrame
 from hardware.protocol import Flags
+from hardware.rig import in_process
 from tests.hardware.trial import calibrate
 
 RIG = CalibrationRig()
@@ -332,7 +333,8 @@ def _frame(switches=(False,) * 4):
 def _feed(procedure, switches, frames=2000):
     for k in range(frames):
         noise = (0.0, 0.0, 1e-4 * (k % 2))
-        frame = replace(_frame(switches(procedure)), device_us=2000 * k, gyro=noise)
+        pulse = (*procedure._pulses, 0.0)
+        frame = replace(_frame(switches(procedure)), device_us=2000 * k, gyro=noise, pulse=pulse)
         procedure.step(frame)
 
 
@@ -360,6 +362,34 @@ def test_a_horn_one_tooth_off_is_thought_of_where_a_switch_is_closed_at_neutral(
     """A spline of 21 to 25 teeth: 17.1° to 14.4° a tooth, 7.6° of the gimbal by a gain of 0.444."""
     with pytest.raises(CalibrationError, match=r"\+x is closed at neutral.*a tooth is 15° to 18°"):
         calibrate(sample_rig(3), QUICK, injections=(parse("servo_x:slipped:17"),))
+
+
+def stalled(parameters, rig, stall_ms, often):
+    """Calibrate while the host takes no frame and sends nothing for a while, at random."""
+    rng = np.random.default_rng(0)
+    device = Emulator(parameters)
+    seat = in_process(device, fuse=False)
+    procedure = Procedure(rig, seat.connect().serial)
+    while not procedure.done:
+        device.advance_us(1000 * stall_ms if rng.random() < often else 10_000)
+        pulses = [procedure.step(frame) for frame in seat.poll()]
+        seat.send_pulses(*pulses[-1])
+    return procedure.result()
+
+
+@pytest.mark.parametrize(("stall_ms", "often"), [(70, 0.1), (300, 0.003)])
+def test_frames_that_come_late_do_not_spoil_a_calibration(stall_ms, often):
+    """The servos return to neutral 0.1 s after the last command; such an approach is repeated."""
+    parameters = sample_rig(4)
+    got, true = stalled(parameters, QUICK, stall_ms, often), exact_calibration(parameters)
+    M = np.array(got.matrix)
+    assert np.abs(M @ (np.array(got.zero) - true.zero)).max() < radians(0.15)
+    assert np.abs((M - true.matrix) / np.diag(true.matrix)[:, None]).max() < 0.01
+
+
+def test_a_computer_that_is_always_late_is_named_and_not_a_switch():
+    with pytest.raises(CalibrationError, match=r"came late .* this computer is too busy"):
+        stalled(sample_rig(4), QUICK, 300, 0.3)
 
 
 def test_switch_closed_at_neutral_is_named():

@@ -38,7 +38,9 @@ def computing_row(wall_s: float, cpu_s: float, steps: int, physics_s: float) -> 
 
 def trouble_rows(fault: str | None, warnings: dict[str, int]) -> Rows:
     """Rows about a rig's fault and MuJoCo's warnings; none where there are none."""
-    rows = [] if fault is None else [("FAULT", fault)]
+    from hardware.faults.advice import advice
+
+    rows = [] if fault is None else [("FAULT", "; ".join(filter(None, (fault, advice(fault)))))]
     return rows + [("WARNING", f"MuJoCo: {name} ×{n}") for name, n in warnings.items()]
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from hardware.events import Event, Level, RigLost
 from hardware.faults import SENSORS
-from hardware.faults.states import GYRO, UNNAMED
+from hardware.faults.states import GLITCH, GYRO, UNNAMED
 from hardware.frames import GimbalState, Pair
 from twin.config import OnFault
 from twin.hil.gimbal import SILENT_S
@@ -15,7 +15,9 @@ from twin.loop.readings import Readings
 if TYPE_CHECKING:
     from twin.hil.turntable import Turntable
 
-NAMING_S = 0.4  # the name of a servo's fault follows after 0.3 s
+# First names, and for how long another may follow [s]: that of a servo comes after 0.3 s, `open` or
+# `deviating` of a potentiometer after 25 to 50 ms.
+NAMING_S = {UNNAMED: 0.4, GLITCH: 0.06}
 LATE_S = 0.3  # an older reading does not count; a pause of this computer is caught up with sooner
 
 
@@ -47,7 +49,8 @@ class RunFault(Event):
 class Guard:
     """A controller that commands zero from a rig's first fault on.
 
-    A servo that does not follow is named by its return to zero; the run ends 0.4 s later then.
+    A servo that does not follow is named by its return to zero; the run ends 0.4 s later then. A
+    potentiometer's first wrong reading does not tell a glitch from an open wire: 0.06 s later.
 
     A fault is a lost connection, a silence of 0.1 s, readings that are 0.3 s
     old for as long, or a sensor that the monitor has named. Lost
@@ -87,11 +90,14 @@ class Guard:
             self.fault = self._detected(time, gimbal)
             if self.fault is not None:
                 self.events.append(RunFault(self.fault, self._policy))
-                self._waits_until = time + NAMING_S if UNNAMED in self.fault else time
+                self._waits_until = time + _naming(self.fault)
                 if self._turntable is not None and self._policy != "ignore":
                     self._turntable.stop()
-        elif UNNAMED in self.fault and time < self._waits_until:
+        elif time < self._waits_until:
+            unnamed = UNNAMED in self.fault
             self.fault = self._readings.health if self._readings.faults else self.fault
+            if unnamed and UNNAMED not in self.fault:  # final
+                self._waits_until = time
         self._time = time
         wanted = self._controller.update(time, gimbal)  # at every tick, so that its state continues
         return wanted if self.fault is None or self._policy == "ignore" else (0.0, 0.0)
@@ -100,8 +106,7 @@ class Guard:
         """Return the reason to end the run, None while there is none."""
         if self.fault is None or self._policy != "end":
             return None
-        waits = UNNAMED in self.fault and self._time < self._waits_until
-        return None if waits else f"fault: {self.fault}"
+        return None if self._time < self._waits_until else f"fault: {self.fault}"
 
     def _detected(self, time: float, gimbal: GimbalState) -> str | None:
         r = self._readings
@@ -123,3 +128,8 @@ class Guard:
         if time - self._last_frame <= SILENT_S:
             return None
         return f"readings are {age:.1f} s old" if r.frames else f"no readings for {SILENT_S:g} s"
+
+
+def _naming(fault: str) -> float:
+    """Return for how long the name of a fault may change after it was found [s]."""
+    return max(time if kind in fault else 0.0 for kind, time in NAMING_S.items())

@@ -60,6 +60,20 @@ def test_a_run_waits_at_neutral_for_the_name_of_a_servo_that_does_not_follow(nam
     assert guard.over() == f"fault: servo_x {kind}"
 
 
+def test_a_run_waits_for_the_readings_of_a_potentiometer_to_tell_a_glitch_from_an_open_wire():
+    """They fall to the rail by way of other angles: glitch, deviating, open within 50 ms."""
+    guard, readings = guarded("end")
+    for time in np.arange(1.0, 1.2, 0.004).round(3):
+        kind = "glitch" if time < 1.01 else "deviating" if time < 1.03 else "open"
+        readings.faults = (Fault("potentiometer_y_a", kind, 1.0),)
+        readings.health = f"potentiometer_y_a {kind}"
+        assert guard.update(time, ILL) == (0.0, 0.0)
+        if guard.over():
+            break
+    assert time == 1.06
+    assert guard.over() == "fault: potentiometer_y_a open"
+
+
 def fails(readings, how):
     if how == "sensor":
         readings.health = "gyro frozen"
@@ -191,3 +205,19 @@ def test_impossible_readings_end_in_a_fault_and_not_in_a_diverged_simulation(
     result = fly(Fly(gimbal="emulator", duration_s=0.3, out=tmp_path / "fly.rrd"))
     assert not result.passed
     assert "potentiometer_x_a" in result.fault
+
+
+@pytest.mark.parametrize("unit", [1, 3, 5])
+@pytest.mark.parametrize(
+    ("fault", "kind", "advice"),
+    [("open", "open", "its wire and plug"), ("glitch:0.2", "glitch", "loose contact")],
+)
+def test_the_kind_of_a_potentiometers_fault_ends_a_run_with_what_to_look_at(
+    capsys, tmp_path, unit, fault, kind, advice
+):
+    line = f"step --gimbal emulator --unit {unit} --fault potentiometer_y_a:{fault}@2"
+    status, text, _ = command(capsys, *line.split(), "--out", str(tmp_path / "a.rrd"))
+    assert status == 1
+    (told,) = [row for row in text.splitlines() if row.startswith("FAULT")]
+    assert f"potentiometer_y_a {kind}; check" in told
+    assert advice in told
