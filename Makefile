@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 QUIET := $(if $(shell test -t 2 && echo terminal),,--quiet)  # pip's progress bars on a terminal only
 STAMP := $(VENV)/.installed
 
-.PHONY: env run test test-long mutate abuse test-tools bench validate lint types style format meshes docs docs-check generated lock clean
+.PHONY: env run test test-all test-long mutate abuse test-tools bench validate lint types style format meshes docs docs-check generated lock clean
 
 env: $(STAMP)
 
@@ -27,6 +27,10 @@ test-tools:
 
 test: env test-tools
 	@PYTHON=$(BIN)/python bash .ci/tests
+
+# Also the tests that take more than 1.5 s each, as .ci/run does.
+test-all: env test-tools
+	@PYTHON=$(BIN)/python bash .ci/tests "not slow and not bench"
 
 # The long forms as well: whole minutes of simulated telemetry, hundreds of seeds.
 test-long: env test-tools

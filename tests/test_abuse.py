@@ -21,6 +21,7 @@ SAMPLE = {
 }
 
 
+@pytest.mark.thorough
 def test_a_fixed_sample_of_abuse_has_no_failures(tmp_path):
     rows = abuse(SAMPLE, 1, tmp_path / "abuse")
     assert [row.attempts for row in rows] == [count for _, count in SAMPLE.values()]

@@ -53,6 +53,7 @@ def test_models_meshes_firmware_and_studies_are_in_the_wheel(unpacked):
     assert tops == {"mjcf", "meshes", "twin", "hardware", "analysis"}
 
 
+@pytest.mark.thorough
 def test_the_wheel_works_without_the_checkout(unpacked, tmp_path):
     program = f"""
 import sys, twin

@@ -37,6 +37,7 @@ def moved(time, steps, gain, omega, damping, delay, lead):
     )
 
 
+@pytest.mark.thorough
 def test_every_channel_of_two_commands_keeps_the_zero_and_the_delay_that_it_has():
     """4.5 deviations: 20 figures. Once x/x lost its zero, and its delay came out 7 ms short."""
     rng = np.random.default_rng(0)
@@ -93,6 +94,7 @@ def test_exchanged_columns_are_suspected(order, own):
         assert said[0].startswith("axis 'x' follows command 'y' and axis 'y' follows command 'x'")
 
 
+@pytest.mark.thorough
 def test_a_coupling_with_a_zero_is_found_under_commands_that_change_all_the_time():
     """A gyro between two changes of a multisine: the loss is stairs of a few microseconds.
 

@@ -99,6 +99,7 @@ def record(rng, duration, largest, noise, h=2e-5):
     return measurement(t, u, command_time=at, before=[0.0], angle=angle)
 
 
+@pytest.mark.thorough
 def test_the_servo_is_told_from_others_and_its_figures_are_found():
     """A limit of 60°/s, as servos are simulated; Euler steps of 20 µs, noise of 0.03°.
 
@@ -117,6 +118,7 @@ def test_the_servo_is_told_from_others_and_its_figures_are_found():
     assert model.warnings == ()
 
 
+@pytest.mark.thorough
 def test_a_structure_that_predicts_as_well_with_other_figures_is_named():
     """Small steps in much noise: fitted as `speed`, the delay lies outside its interval."""
     r = record(np.random.default_rng(1), 4.0, np.radians(6.0), 6e-3)

@@ -15,6 +15,7 @@ from tests.benchmarks.identification import Gimbal, moved, random_steps
 from twin.evaluation.words import estimated
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["late", "coloured", "quantised", "single"])
 def test_scores_of_figures_are_those_of_their_deviations(kind):
     """Root mean square of 20 scores is within 0.4 to 2: chance leaves it there in 99 of 100 cases.
@@ -25,6 +26,7 @@ def test_scores_of_figures_are_those_of_their_deviations(kind):
     assert 0.4 < rms < 2.0
 
 
+@pytest.mark.thorough
 def test_a_coupling_with_a_zero_and_another_delay_is_found_and_the_absent_one_named():
     r, true = coverage.two_axes(3)
     model = identify([r], 2, 1)
@@ -84,6 +86,7 @@ def test_a_record_that_begins_in_motion_is_predicted_with_its_motion():
     assert fit_to(model, [replace(runs[1], initial="rest")])[0, 0] < 80.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["exact", "single"])
 def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
     """The linear figures against the errors of the fit. A linear gimbal reaches no limit; of a
@@ -100,6 +103,7 @@ def test_what_a_record_cannot_determine_is_named_before_the_fit(kind):
     assert np.isinf(expected["x backlash"].half) == (kind == "single")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("seed", "poor", "named"),
     [(1009, "one size", {"backlash"}), (6025, "one size", {"rate limit", "dead band", "backlash"}),
@@ -126,6 +130,7 @@ def test_what_steps_do_not_show_of_a_bounded_servo_is_named(seed, poor, named):
                 assert true < bounds[name].below
 
 
+@pytest.mark.thorough
 def test_a_second_pole_that_is_not_there_is_named():
     """A first order without bounds: the second pole is left out, and no bound is a value."""
     rng = np.random.default_rng(3)
@@ -167,6 +172,7 @@ def test_advice_is_what_the_record_lacks():
     assert "higher rate" in advice("damping", 0.7, 0.1, 0.06, replace(has, coarse=0.5))
 
 
+@pytest.mark.thorough
 def test_a_limit_that_a_linear_record_does_not_reach_is_a_bound_from_below():
     """The loop k = ω/(2ζ) asks for k times the largest jump; a limit below that shows.
 

@@ -57,6 +57,7 @@ def test_a_hard_dead_band_of_a_third_of_the_commands_is_named_with_what_fits_it(
         assert not bent(identify([record(seed, at, u, kind(u, none))]))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("noisy", [False, True])
 @pytest.mark.parametrize("lost", [(3.2, 7.9), (0.0, 4.0), (15.0, 20.0)])
 def test_a_sensor_that_stands_still_is_named_and_its_readings_do_not_count(lost, noisy):

@@ -117,6 +117,7 @@ def test_rao_garnier_benchmark_is_unbiased():
     assert (np.abs(error) < 4.0 * bound).all()
 
 
+@pytest.mark.thorough
 def test_a_delay_of_many_samples_is_found():
     error, bound, _ = studies.benchmark_study(2, *studies.DELAYED, samples=2000)
     assert (np.abs(error) < 4.0 * bound).all()
@@ -199,6 +200,7 @@ def test_the_gyro_filter_delay_is_taken_out():
     assert identify([r]).channels[0][0].delay == pytest.approx(0.02, abs=1e-4)
 
 
+@pytest.mark.thorough
 def test_held_out_steps_choose_the_true_order():
     rng = np.random.default_rng(9)
     r = studies.servo_record(rng, studies.Gimbal(40.0, 0.6, 0.02, 1.0), duration=3.5)
@@ -248,6 +250,7 @@ def test_a_gyro_alone_has_a_fit_of_its_own_that_goes_into_the_file():
     assert model.to_transfer_function().fit["x"] == [pytest.approx(model.fit)]
 
 
+@pytest.mark.thorough
 def test_a_two_axis_model_predicts_a_record_of_one_axis():
     rng = np.random.default_rng(8)
     t, (at, u) = studies.stamps(rng, 10.0, 0.005), studies.random_steps(rng, 10.0, 0.4, 8.0, 2)

@@ -8,6 +8,7 @@ from analysis.identify import select_order
 from analysis.recording import measurement
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("lead", [0.0, 0.03])
 def test_the_zero_of_a_coupling_is_seen_with_all_commands(lead):
     """y follows its own command and 15 % of x's, through (1 + lead·s); x has no part of it."""

@@ -111,6 +111,7 @@ def test_pulses_are_turned_back_into_the_commands_they_carried(spoil):
     assert np.mean(off > 3e-4) <= 1.5 * spoil
 
 
+@pytest.mark.thorough
 def test_a_model_from_pulses_is_that_of_the_servo_without_the_wait():
     """Made with 4 ms: commands add 10 ± 1 ms of wait and a bad fit, pulses nothing. 1 %: noise."""
     recording = Rig().recording()

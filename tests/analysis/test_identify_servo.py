@@ -62,6 +62,7 @@ def real_servo(runs):
     return identify(runs["step"], servo=True)
 
 
+@pytest.mark.thorough
 def test_the_real_servo_is_fitted_and_its_speed_found(real_servo):
     """95 % and 281 °/s: what a rate-limited model reaches on these steps (data/README)."""
     assert np.median(real_servo.axes[0].fit_angle) >= 95.0
@@ -108,6 +109,7 @@ def test_the_real_servo_on_two_axes_is_predicted_without_a_lead(shared_data):
     assert fit_to(model, [records["triangle"]]).min() > 80.0
 
 
+@pytest.mark.thorough
 def test_a_simulated_limit_is_found_and_the_linear_fit_flagged():
     found = studies.limited_study(0, 7.0)
     assert found["limit error"] <= 0.01
@@ -309,6 +311,7 @@ def test_a_servo_is_idle_only_where_none_of_its_limits_is_reached():
             assert bounds.idle == (up is back is slew is idle)
 
 
+@pytest.mark.thorough
 def test_a_structure_that_leaves_more_than_noise_has_effective_values():
     """Both speeds of the true servo are missing here."""
     model = identify([behind_a_set_point()], servo="speed", max_delay=0.05)

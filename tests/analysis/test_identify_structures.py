@@ -18,6 +18,7 @@ def simulated(kind, seed, duration=7.0, *, play=False):
     return truth, study.recorded(kind, truth, rng, study.NOISE, duration)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("play", [False, True])
 def test_a_set_point_servo_is_found_and_play_is_not_taken_for_a_dead_band(play):
     """Searched with both free from the start, it ended where a dead band stood for the slew."""

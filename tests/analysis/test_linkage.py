@@ -67,6 +67,7 @@ def first_half(moves):
     return Moves(moves.control[:1500], moves.time[keep], moves.angle[keep], moves.changes[:5])
 
 
+@pytest.mark.thorough
 def test_stiffness_damping_and_delay_of_a_closed_form_are_found_within_their_intervals(moves):
     """99.9 % intervals; and MuJoCo's semi-implicit steps of 1 ms are half a step late."""
     fit = fit_linkage(moves, knobs("stiffness", "damping", DELAY), build)
@@ -91,6 +92,7 @@ def test_a_wrong_scale_of_the_potentiometers_leaves_noise_only_at_the_true_param
     assert left.std() == pytest.approx(1.01 * NOISE, rel=0.08)
 
 
+@pytest.mark.thorough
 def test_moves_held_out_do_not_enter_the_fit(moves):
     """Spoiling every held-out reading changes their fit and nothing else."""
     moves = first_half(moves)
@@ -108,6 +110,7 @@ def test_moves_held_out_do_not_enter_the_fit(moves):
     assert any("poor fit" in w for w in other.warnings)
 
 
+@pytest.mark.thorough
 def test_a_value_that_the_recording_asks_beyond_its_bound_is_said(moves):
     low = [Knob("stiffness", 0.5, 0.2, 0.9, "N·m/rad"), *knobs("damping")]
     fit = fit_linkage(first_half(moves), low, build, most=4)

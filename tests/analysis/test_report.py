@@ -178,6 +178,7 @@ def test_runs_are_laid_over_each_other_by_their_commands_and_the_shift_is_told(t
     assert "gain" not in [name for _, name, _ in exact.disagree]
 
 
+@pytest.mark.thorough
 def test_steps_of_two_sizes_through_a_limited_speed_disagree_only_where_they_do(tmp_path):
     """The same gimbal twice, and one that is slower only where its speed is limited."""
     one = np.repeat(np.tile([0.03, 0.0, 0.12, 0.0, -0.03, 0.0, -0.12, 0.0], 6), 400)
@@ -709,6 +710,7 @@ def test_a_page_can_be_made_of_other_sections(tmp_path):
     assert not list(tmp_path.glob("*.partial"))
 
 
+@pytest.mark.thorough
 def test_a_model_answers_commands_at_the_stamps_of_a_log_that_jitter():
     """A first order in closed form; on an even grid each command would come half a tick late."""
     rng = np.random.default_rng(4)

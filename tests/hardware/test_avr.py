@@ -448,6 +448,7 @@ def _first_edge(bench: Bench) -> float:
     return bench.edge
 
 
+@pytest.mark.thorough
 def test_arrivals_are_dated_right_while_a_servo_frame_begins(bench):
     errors = []
     for lead in range(-30, 330):

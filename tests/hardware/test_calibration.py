@@ -294,6 +294,7 @@ def emulated():
     return unit, calibrate(unit, replace(QUICK, track=radians(345)), seed=4)
 
 
+@pytest.mark.thorough
 def test_emulated_rig_is_calibrated_to_the_claim(emulated):
     parameters, got = emulated
     true = exact_calibration(parameters)
@@ -317,6 +318,7 @@ def test_missing_switch_is_named():
         calibrate(replace(parameters, sensors=far), QUICK)
 
 
+@pytest.mark.thorough
 def test_loose_potentiometer_is_named():
     fault = parse("potentiometer_y_b:stuck")
     with pytest.raises(CalibrationError, match=r"potentiometer_y_b turned 0\.0°"):

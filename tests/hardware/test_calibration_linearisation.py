@@ -39,6 +39,7 @@ def test_every_angle_of_an_accepted_map_comes_back_from_its_linearised_angle(x, 
     np.testing.assert_allclose(back, angle, atol=1e-11)
 
 
+@pytest.mark.thorough
 @settings(max_examples=15, deadline=None, suppress_health_check=FILTERED)
 @given(rows(0.03), rows(0.03), ANGLES)
 def test_the_fixed_point_iteration_alone_gives_the_same_angle(x, y, angle):
@@ -79,6 +80,7 @@ def test_the_slope_is_the_difference_quotient_inside_and_outside_of_the_square(x
     np.testing.assert_allclose(given_map.slope(tuple(angle)), np.transpose(quotient), atol=1e-7)
 
 
+@pytest.mark.thorough
 @settings(max_examples=20, deadline=None, suppress_health_check=FILTERED)
 @given(rows(0.3, (2, 3)), rows(0.3, (2, 3)))
 def test_what_is_accepted_is_diagonally_dominant_between_the_grid_places_too(x, y):

@@ -83,6 +83,7 @@ def test_the_polynomial_is_within_a_hundredth_of_a_degree_of_the_linkage(linkage
     assert polynomial_error(linkage, linearisation) < 0.01
 
 
+@pytest.mark.thorough
 def test_commanded_angles_are_true_within_a_tenth_of_a_degree(units):
     worst = [np.degrees(abs(u.error)).max() for u in units]
     # switches are held to 0.03° (1σ), two of them on each axis

@@ -81,6 +81,7 @@ def rig(make):
     return rig
 
 
+@pytest.mark.thorough
 def test_hello_at_boot_carries_the_kind_of_board_and_the_default_settings(make):
     rig = make()
     first = rig.run(5)[0]
@@ -366,6 +367,7 @@ SCENARIOS = {
 }
 
 
+@pytest.mark.thorough
 def test_the_suite_runs_every_line_of_the_firmwares_core(tmp_path):
     if shutil.which("gcov") is None:
         assert not os.environ.get("CI"), "gcov is missing in CI"

@@ -154,6 +154,7 @@ def _steps(kind, fault, seconds):
     return device, rig, seen
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", _both_rigs())
 def test_unplugged_imu_is_named_until_it_is_back(kind):
     device, rig, seen = _steps(kind, "imu:unplug:0.2@1.1", 3.8)

@@ -96,6 +96,7 @@ def test_no_delay_is_the_limit_of_a_short_one():
     )
 
 
+@pytest.mark.thorough
 def test_nees_stays_in_its_band_over_100_seeds():
     seeds = 100
     mean = run_matched(seeds).mean(axis=0)
@@ -111,6 +112,7 @@ def healthy():
     return run(sample_rig(11), random_steps(11), 8.0, seed=11)
 
 
+@pytest.mark.thorough
 def test_fused_angle_is_twice_as_good_as_the_better_potentiometer(healthy):
     late = healthy.time > 2
     for axis in (0, 1):

@@ -30,6 +30,7 @@ def test_tilts_are_the_turns_that_bring_gravity_to_the_reading():
         assert tilts(tuple(STANDARD_GRAVITY * np.array(turned))) == pytest.approx((x, y))
 
 
+@pytest.mark.thorough
 def test_offset_and_scale_of_the_accelerometer_are_those_of_the_simulated_chip(calibration):
     chip = PARAMETERS.sensors.imus[0]
     a, b = chip.accelerometer_bias[:2]

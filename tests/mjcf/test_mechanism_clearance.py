@@ -147,6 +147,7 @@ def least_gap(mechanism, near=0.3):
     return least, where
 
 
+@pytest.mark.thorough
 def test_parts_clear_each_other_by_0_3_mm_at_every_angle(mechanism):
     gap, where = least_gap(mechanism)
     assert gap >= 0.3, where

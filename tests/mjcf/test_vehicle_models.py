@@ -88,6 +88,7 @@ def test_large_rocket_is_stable_by_about_two_calibres() -> None:
     assert 1.5 < margin < 3.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(FINS))
 def test_air_numerics_follow_from_the_geometry(name: str) -> None:
     """To the digits the files state."""

@@ -88,6 +88,7 @@ def test_intervals_hold_the_exact_value_in_most_campaigns(stops, monkeypatch):
     assert min(coverage(12, 96, stops).values()) >= 9 / 12
 
 
+@pytest.mark.thorough
 def test_flights_to_a_point_are_judged_by_their_miss_and_others_by_their_ends(tmp_path):
     """Misses of deviations 3 and 2 m: the median by quadrature, within 4 standard errors."""
     s = study(tmp_path, linear(400))
@@ -180,6 +181,7 @@ def half(tmp_path_factory):
     return s, flown(s, folder / "out")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("limit", "holds", "status"), [(0.2, False, 0), (0.9, True, 1), (0.63, None, 3)]
 )

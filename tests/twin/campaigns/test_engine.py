@@ -144,6 +144,7 @@ def test_ticks_in_compiled_code_equal_those_in_python(settings, monkeypatch):
         assert _figures(config) == quick
 
 
+@pytest.mark.thorough
 def test_a_campaign_writes_rows_and_answers(tmp_path):
     text = MIXED.format(n=3, duration=0.1, folder=MJCF) + '[measure]\nfast = "max_speed_m_s > 0"\n'
     (tmp_path / "short.toml").write_text(text)

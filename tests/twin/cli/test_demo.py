@@ -35,6 +35,7 @@ def shown(tmp_path_factory):
         return twin.demo(calibration=given, out=folder / "out")
 
 
+@pytest.mark.thorough
 def test_the_folder_holds_every_recording_the_model_and_one_page(shown):
     names = {p.name for p in shown.folder.iterdir()}
     assert {"steps.rrd", "model.json", "flight-model.rrd", "flight-rig.rrd", "demo.html"} <= names

@@ -42,6 +42,7 @@ def test_there_are_six_examples_each_with_its_command_and_a_test():
         assert f'example("{file.stem}")' in here
 
 
+@pytest.mark.thorough
 def test_more_wind_from_behind_carries_the_flight_further_and_lower(example):
     shown, written = example("sweep")
     heights = numbers(r"([\d.]+) m +[\d.]+ m +[\d.]+ °", shown)
@@ -52,6 +53,7 @@ def test_more_wind_from_behind_carries_the_flight_further_and_lower(example):
     assert {"sweep.html", "wind_0.rrd", "wind_12.rrd"} <= written
 
 
+@pytest.mark.thorough
 def test_a_csv_becomes_a_model_that_flies_like_the_shipped_one(example):
     shown, written = example("csv_to_flight")
     assert numbers(r"x/x gain +([\d.]+)", shown) == [pytest.approx(1.06, abs=0.02)]
@@ -59,6 +61,7 @@ def test_a_csv_becomes_a_model_that_flies_like_the_shipped_one(example):
     assert {"measured.csv", "model.json", "own_model.rrd"} <= written
 
 
+@pytest.mark.thorough
 def test_a_rig_and_its_model_agree_in_a_report(example):
     shown, written = example("rig_against_model")
     fits = numbers(r"fit ([\d.]+) %", shown)
@@ -67,6 +70,7 @@ def test_a_rig_and_its_model_agree_in_a_report(example):
     assert "report.html" in written
 
 
+@pytest.mark.thorough
 def test_the_own_controller_flies_like_the_built_in_one(example):
     shown, written = example("own_controller")
     position, command = numbers(r"at most (\S+) ", shown)
@@ -91,6 +95,7 @@ def test_an_own_vehicle_flies_with_its_own_motor(example):
     assert {"vehicle.xml", "airframe.xml", "own.eng"} <= written
 
 
+@pytest.mark.thorough
 def test_the_notebook_is_valid_and_runs(tmp_path, monkeypatch):
     notebook = json.loads((DOCS / "notebook.ipynb").read_text(encoding="utf-8"))
     assert (notebook["nbformat"], notebook["nbformat_minor"]) == (4, 5)
@@ -110,6 +115,7 @@ def test_the_notebook_is_valid_and_runs(tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["runs"]
 
 
+@pytest.mark.thorough
 def test_every_python_block_of_the_page_runs_in_order(tmp_path, monkeypatch):
     page = (DOCS / "python.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)

@@ -138,6 +138,7 @@ def flights(tmp_path_factory):
 RESULTS = ("fly", "step", "replay", "compare", "identify", "report")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("verb", RESULTS)
 def test_a_result_is_json_text_html_and_its_file(flights, verb):
     result = flights[verb]

@@ -167,6 +167,7 @@ def tries(kind, folder, count, seed):
     return refused
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_changed_file_is_read_or_refused_in_one_line(tmp_path, kind):
     count = KINDS[kind][3]

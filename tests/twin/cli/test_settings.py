@@ -111,6 +111,7 @@ def test_a_model_takes_the_place_of_a_rig_without_its_settings():
     assert model == Fly(gimbal="linkage", clock="lockstep", about=run.about)
 
 
+@pytest.mark.thorough
 @given(st.dictionaries(st.from_regex(r"[a-z_]{1,9}", fullmatch=True), st.floats(-1e9, 1e9)))
 def test_overrides_survive_the_way_through_a_recording(values):
     config = Fly(set=values)

@@ -32,6 +32,7 @@ def moved():
     return angles, motions
 
 
+@pytest.mark.thorough
 def test_a_servo_with_more_backlash_is_named_and_nothing_else(moved):
     angles, (new, worn, _) = moved
     late = round(BEFORE / PERIOD)

@@ -44,6 +44,7 @@ def told(capsys, *arguments: str) -> dict:
     return json.loads(out)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("signal", ["steps", "multisine"])
 def test_the_flown_model_is_found_again_within_its_intervals_and_flies(
     capsys, made, tmp_path, signal
@@ -167,6 +168,7 @@ def test_no_flight_is_offered_of_a_model_of_one_measured_axis(capsys, table, tmp
     assert "twin fly" not in shown
 
 
+@pytest.mark.thorough
 def test_identify_and_report_give_the_margins_of_the_attitude_loop_with_the_model(
     capsys, made, tmp_path
 ):
@@ -286,6 +288,7 @@ def test_a_check_says_where_there_is_nothing_to_check(capsys, made, table, tmp_p
     assert f"x {x:.2f} %" in text
 
 
+@pytest.mark.thorough
 def test_order_selection_searches_the_delays_it_is_told_to(capsys, tmp_path):
     """150 ms: beyond the 100 ms that are searched without a word."""
     t = np.arange(0.0, 4.0, 0.025)
@@ -477,6 +480,7 @@ def test_a_comparison_reports_the_delay_between_two_motions_and_checks_the_fit(
             ("50", "99")] == [0, 1]  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_a_limit_is_held_against_the_axes_that_were_commanded(capsys, made, tmp_path):
     """A rig moved about x, whose y moves by coupling and noise, and a model that has neither."""
     files = [str(tmp_path / "rig.rrd"), str(made / "only_x.rrd")]
@@ -566,6 +570,7 @@ def few_places(monkeypatch):
     monkeypatch.setattr("analysis.linkage.search._PLACES", 16)
 
 
+@pytest.mark.thorough
 def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(
     capsys, few_places, tmp_path
 ):
@@ -597,6 +602,7 @@ def test_a_bench_with_other_parameters_is_found_again_and_its_file_loads(
     assert compared["axes"][0]["as_is"]["fit"] > 99.0
 
 
+@pytest.mark.thorough
 def test_the_linkage_behind_a_rig_is_found_within_its_intervals(capsys, few_places, tmp_path):
     """By pulses and raw potentiometers of an emulated Nano. 3.3 deviations: 99.9 %, since there are
     three values; ten rigs of five parameters: tests/benchmarks/linkage.py.

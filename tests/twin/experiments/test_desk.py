@@ -90,6 +90,7 @@ def calibrated(tmp_path_factory):
 
 
 class TestRig:
+    @pytest.mark.thorough
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
     def test_it_prints_its_loopback_port_and_ends_well(self, number):
         arguments = [*TWIN, "rig", "--port", "0", "--json"]
@@ -122,6 +123,7 @@ def rest(simulated, rig, angle):
 
 
 class TestCalibrate:
+    @pytest.mark.thorough
     def test_hardware_alone_sends_a_calibrated_rig_where_it_is_commanded(self, calibrated):
         off = []
         with unit_alone(calibrated[0]) as (simulated, rig):
@@ -180,6 +182,7 @@ class TestCalibrate:
         assert "at 8°" in result.text()
         assert json.loads(json.dumps(result.as_dict()))["rig"] == f"{result.calibration.rig:08x}"
 
+    @pytest.mark.thorough
     def test_a_misplaced_switch_is_named_and_nothing_written(self, tmp_path):
         out = tmp_path / "c.json"
         asked = Calibrate(repeats=1, switch_deg=(13.0, -9.0, 9.0, -9.0), out=out)
@@ -246,6 +249,7 @@ class TestCalibrate:
 
 
 class TestMirror:
+    @pytest.mark.thorough
     def test_the_simulated_gimbal_shows_what_was_measured(self, tmp_path):
         result = mirror(Mirror(duration_s=0.6, out=tmp_path / "m.rrd"))
         run = read(tmp_path / "m.rrd")
@@ -257,6 +261,7 @@ class TestMirror:
         assert abs(np.degrees(later - seen.values[:, 0])[5:-5]).max() < 0.1
         assert run["sensors/gyro"].values.shape == (len(seen.time), 3)
 
+    @pytest.mark.thorough
     def test_a_tape_is_followed_without_the_rig(self, tmp_path):
         live = tmp_path / "live.rrd"
         step(Step(gimbal="emulator", repeats=1, hold_s=0.3, axis="x", out=live))

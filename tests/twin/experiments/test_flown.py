@@ -157,6 +157,7 @@ def test_what_cannot_be_exported_again_is_one_line(tmp_path, name, kind, says):
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.thorough
 def test_an_export_is_exported_again_to_the_last_bit(tmp_path):
     """Parquet files have the figures too, CSV files the signals alone."""
     result = fly(Fly(vehicle=ROCKET, duration_s=0.5, out=tmp_path / "f.rrd"))

@@ -50,6 +50,7 @@ def test_mass_range_and_speed_are_those_of_the_thesis(tmp_path, request, source)
     assert result.warnings == {}
 
 
+@pytest.mark.thorough
 def test_the_identified_model_flies_like_the_linkage_it_stands_for(tmp_path):
     linkage = fly(Fly(out=tmp_path / "linkage.rrd"))
     model = fly(Fly(gimbal="transfer-function", out=tmp_path / "model.rrd"))
@@ -262,6 +263,7 @@ def test_a_vehicle_whose_motor_is_fixed_is_not_told_to_steer(tmp_path, asked):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("gimbal", "integrator", "dt", "largest"),
     [

@@ -27,6 +27,7 @@ def flights(tmp_path_factory):
     )
 
 
+@pytest.mark.thorough
 def test_a_rig_scatters_and_its_models_do_not(flights):
     rig, linkage, model = flights.seats
     assert [s.gimbal for s in flights.seats] == ["emulator", "linkage", "transfer-function"]
@@ -118,6 +119,7 @@ def test_parameters_of_servos_stay_with_the_seats_that_have_servos(tmp_path):
     }
 
 
+@pytest.mark.thorough
 def test_a_rig_that_fails_at_once_is_named_and_not_compared(capsys, tmp_path):
     line = f"--repeat 2 --duration-s 2 --fault link:unplug:1@0.95 --json --out {tmp_path / 'f'}"
     code, text, _ = command(capsys, "fly", "--gimbal", "emulator", *line.split())
@@ -127,6 +129,7 @@ def test_a_rig_that_fails_at_once_is_named_and_not_compared(capsys, tmp_path):
     assert told["differences"] == {}
 
 
+@pytest.mark.thorough
 def test_a_turntables_flights_are_compared_with_models_that_turn_the_same_way(tmp_path):
     result = repeat(
         Fly(

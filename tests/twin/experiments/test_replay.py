@@ -190,6 +190,7 @@ def without_a_rig(monkeypatch):
     monkeypatch.setattr("twin.hil.connect.opened", refused)
 
 
+@pytest.mark.thorough
 def test_a_rigs_flight_repeats_itself_from_its_frames_to_the_last_bit(rig_flight, monkeypatch):
     without_a_rig(monkeypatch)
     found = replay(Replay(rig_flight))

@@ -31,6 +31,7 @@ def bench(tmp_path_factory):
     return folder / "a.rrd"
 
 
+@pytest.mark.thorough
 def test_a_mechanism_whose_files_are_gone_is_repeated_to_the_last_bit(bench):
     found = replay(Replay(bench))
     assert found.identical

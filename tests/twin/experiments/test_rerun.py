@@ -94,6 +94,7 @@ def on_time():
     return config, flown(config, 0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("late_ms", [10, 20, 40])
 def test_a_delayed_loop_is_invalid_and_the_path_error_told_is_within_a_factor_of_two(
     on_time, late_ms

@@ -78,6 +78,7 @@ def test_the_real_time_step_is_one_whose_ticks_end_in_time():
     assert ticks * found.step_cost < 0.004
 
 
+@pytest.mark.thorough
 def test_the_study_writes_a_page_with_the_figure_from_blue_to_green_and_red(tmp_path):
     out = tmp_path / "study.html"
     config = replace(SHORT, integrators=("ab2", "rk4"), dt_ms=(10.0, 5.0), out=out, duration_s=0.4)

@@ -139,6 +139,7 @@ def test_ignored_faults_are_told_all_the_same():
 FLY = "fly --gimbal emulator --programme doublet --at-s 0.3"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("more", "told", "code", "ends"),
     [

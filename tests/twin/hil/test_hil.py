@@ -20,6 +20,7 @@ needs_avr = pytest.mark.skipif(bool(missing()), reason=f"without {', '.join(miss
 RIGS = ["emulator", pytest.param("firmware", marks=needs_avr)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("gimbal", RIGS)
 def test_flights_of_one_seed_are_equal_recordings_and_another_seed_is_not(tmp_path, gimbal):
     paths = [tmp_path / f"{k}.rrd" for k in range(3)]
@@ -49,6 +50,7 @@ def pair(request, tmp_path_factory):
     return files
 
 
+@pytest.mark.thorough
 def test_rig_and_identified_model_fly_alike(pair):
     rig, model = (read(p) for p in pair)
     apart = path_difference(flight_path(rig), flight_path(model))

@@ -128,6 +128,7 @@ def test_a_tampered_calibration_is_refused(tmp_path, change, name):
     assert name in refused(calibration=tmp_path / "c.json")
 
 
+@pytest.mark.thorough
 def test_a_healthy_run_records_its_check_and_fault_times_do_not_count_it(capsys, tmp_path):
     out = tmp_path / "a.rrd"
     fault = "potentiometer_x_a:open@1.4"

@@ -222,6 +222,7 @@ class TestRigGimbal:
         assert {p[:2] for t, p in pulses if 1.72 < t < 1.98} == {neutral[:2]}
         assert pulses[-1][1][0] != neutral[0]  # it steers again
 
+    @pytest.mark.thorough
     def test_a_sensor_that_fails_and_recovers_is_reported_twice_by_name(self):
         events = []
         with seated(faults=("potentiometer_x_a:open@1.5-1.9",)) as (seat, plant):
@@ -254,6 +255,7 @@ def emulated(tmp_path_factory):
 
 
 class TestStep:
+    @pytest.mark.thorough
     @needs_avr
     def test_emulator_and_firmware_answer_alike(self, tmp_path, emulated):
         a = emulated["gimbal/measured"]

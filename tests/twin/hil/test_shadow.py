@@ -46,6 +46,7 @@ def test_the_linkage_with_the_rigs_own_parameters_moves_as_the_rig_does(nominal)
     assert fit(nominal) > 97.0
 
 
+@pytest.mark.thorough
 def test_a_rig_with_slower_servos_moves_otherwise_and_the_recording_names_them(folder, nominal):
     slow = made(folder, "slow", set={"gimbal_servo_slew": 6.0})
     assert fit(slow) < fit(nominal) - 3.0

@@ -141,6 +141,7 @@ def test_the_attitude_seen_is_the_vehicles_within_a_degree_and_the_loop_is_stabl
     assert late[1] < late[0] + 0.5
 
 
+@pytest.mark.thorough
 @needs_avr
 def test_the_real_firmware_turns_its_base_alike(tmp_path):
     result, run = flown(tmp_path / "a.rrd", "firmware", duration_s=1.5, programme="step", at_s=0.3)
@@ -148,6 +149,7 @@ def test_the_real_firmware_turns_its_base_alike(tmp_path):
     assert np.ptp(run["turntable/measured"].values) > radians(4.0)
 
 
+@pytest.mark.thorough
 def test_the_controller_sees_the_base_and_not_the_vehicle(tmp_path, monkeypatch):
     """Told that the base leans by 3° where it stands upright, the loop holds the vehicle askew."""
     leaning = BaseMap(tilt=-radians(3.0))
@@ -211,6 +213,7 @@ def test_a_turntable_that_does_not_turn_is_told():
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("fault", "begin", "told"),
     [
@@ -234,6 +237,7 @@ def test_a_base_that_lies_or_stands_still_is_named_and_all_servos_go_neutral(
     np.testing.assert_allclose(pulse.values[later][:, 2], 1.5e-3, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_vehicle_that_turns_over_does_not_throw_the_base_from_stop_to_stop(tmp_path):
     _, run = flown(
         tmp_path / "a.rrd", "emulator", fault=("potentiometer_x_a:stuck@2.8",), on_fault="ignore",

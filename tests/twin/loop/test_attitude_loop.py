@@ -25,6 +25,7 @@ def loops():
     return attitude_loops()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("omega", [2.0, 9.0, 25.0])
 def test_the_controller_answers_a_small_swing_as_its_transfer_function_says(loops, omega):
     """Angle of 1e-4 rad about x, at 0.1 ms; the first-order integral errs by ω·dt/2."""

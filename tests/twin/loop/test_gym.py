@@ -50,6 +50,7 @@ def test_gymnasiums_checker_passes_without_a_warning():
     env.close()
 
 
+@pytest.mark.thorough
 def test_an_episode_of_the_attitude_loop_is_the_flight_of_that_seed(tmp_path):
     settings = MODEL | {"programme": "doublet", "set": GUSTS, "duration_s": 60.0}
     flight = twin.fly(seed=3, out=tmp_path / "f.rrd", **settings)

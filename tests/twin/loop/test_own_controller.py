@@ -36,6 +36,7 @@ FLIGHTS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("settings", FLIGHTS.values(), ids=FLIGHTS)
 def test_the_attitude_loop_as_a_users_file_flies_like_the_built_in_one(tmp_path, settings):
     built_in = read(twin.fly(out=tmp_path / "a.rrd", **settings))

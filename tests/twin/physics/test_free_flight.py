@@ -130,6 +130,7 @@ def apogees(folder, wind: float):
     return truth.t[-1], truth.y[:3, -1], data.time, data.qpos[:3].copy()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wind", [0.0, 7.0])
 def test_the_apogee_is_that_of_an_independent_integration_within_2e_4(tmp_path, wind):
     time, place, ours, at = apogees(tmp_path, wind)

@@ -293,6 +293,7 @@ def test_the_dead_band_reads_the_time_step_where_it_lies():
     assert structs.STRUCTS["mjOption"].fields[0].name == "timestep"
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("native")
 @pytest.mark.parametrize(("k", "servo"), [(0, "servo_x"), (1, "servo_y")])
 def test_a_servo_with_a_dead_band_pulls_as_one_without_whose_error_is_that_much_smaller(

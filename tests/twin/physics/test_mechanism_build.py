@@ -73,6 +73,7 @@ def test_the_default_dimensions_are_the_reference_mechanism_written_by_hand(tmp_
         assert getattr(model, name) == pytest.approx(getattr(hand, name), abs=1e-6), name
 
 
+@pytest.mark.thorough
 def test_a_vehicle_commands_the_stroke_of_its_mechanism(tmp_path: Path) -> None:
     """Also a vehicle that is described, and 0.8 of the stops of a mechanism that states none."""
     text = mjcf(Dimensions(stroke=math.radians(5), stops=math.radians(7)), str(MESHES))
@@ -310,6 +311,7 @@ def test_a_hostile_model_is_not_compiled_for_its_parts(tmp_path: Path) -> None:
     assert not (tmp_path / "parts").exists()
 
 
+@pytest.mark.thorough
 def test_a_search_without_a_result_says_which_limit_most_candidates_miss(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -326,6 +328,7 @@ def test_a_search_without_a_result_says_which_limit_most_candidates_miss(
     assert searching._commonest(texts) == texts[0]
 
 
+@pytest.mark.thorough
 def test_a_long_arm_and_its_rod_clear_the_bracket_of_a_wide_tube(tmp_path: Path) -> None:
     """A motor of 54 mm: levers of 33 to 37 mm, arms of 8 to 12 mm that turn by up to 46°."""
     for bore, kept in ((0.0784, 6), (0.0984, 0)):

@@ -109,6 +109,7 @@ def test_loaded_vehicle_is_turned_away_beyond_2_5_degrees_and_the_empty_one_righ
         assert flying(model, np.radians(degrees))[1] > 0
 
 
+@pytest.mark.thorough
 def test_gimbal_outweighs_the_air_by_half_through_every_flight() -> None:
     """Least ratio over the burn: 1.9 in a held flight, at its end, and 4.2 toward a point.
 

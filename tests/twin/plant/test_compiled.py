@@ -72,6 +72,7 @@ def ask(package: Path) -> list:
     return json.loads(done.stdout)
 
 
+@pytest.mark.thorough
 def test_an_edited_helper_or_constant_in_another_file_is_compiled_again(package):
     assert ask(package) == [21.0, 21.0, "compiled"]
     helper = package / "helper.py"

@@ -57,6 +57,7 @@ def test_a_model_without_air_has_no_static_margin():
         static_margin(model)
 
 
+@pytest.mark.thorough
 def test_stations_that_do_not_fit_the_geometry_are_reported_with_the_ones_that_do(rocket):
     good = np.array(rocket.numeric("air_strip_area").data)
     assert strip_check(rocket).error == pytest.approx(0.0, abs=1e-5)

@@ -67,6 +67,7 @@ def test_a_difference_in_one_row_is_seen(tmp_path):
     assert compare(tmp_path / "a.rrd", tmp_path / "b.rrd") == 1
 
 
+@pytest.mark.thorough
 def test_a_minute_takes_at_most_20_megabytes_and_a_second(tmp_path, capsys):
     start = time.perf_counter()
     runs.fly(tmp_path / "minute.rrd", 60.0)
@@ -102,6 +103,7 @@ def test_committing_allocates_nothing(tmp_path, capsys):
     assert grown < 200  # the row counter and little else; one float a row would be 72 000
 
 
+@pytest.mark.thorough
 def test_a_recording_written_by_another_process_is_the_same_recording(tmp_path):
     model = mujoco.MjModel.from_xml_string(runs.SCENE)
     for name, make in (("here.rrd", Recorder), ("there.rrd", DetachedRecorder)):
@@ -120,6 +122,7 @@ def test_a_recording_written_by_another_process_is_the_same_recording(tmp_path):
     assert compare(tmp_path / "here.rrd", tmp_path / "there.rrd") == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("make", [Recorder, DetachedRecorder])
 def test_a_recording_is_read_before_its_end_and_then_told_what_was_found(tmp_path, make):
     with make(tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}) as recorder:
@@ -141,6 +144,7 @@ def test_a_recording_is_read_before_its_end_and_then_told_what_was_found(tmp_pat
     assert [e.text for e in whole.events] == ["judged"]
 
 
+@pytest.mark.thorough
 def test_rows_that_find_no_room_are_counted_told_and_never_waited_for(tmp_path):
     recorder = DetachedRecorder(
         tmp_path / "a.rrd", signals=["vehicle/mass"], properties={}, capacity=8
@@ -639,6 +643,7 @@ def test_an_hour_of_a_rig_in_lockstep_has_few_chunks(tmp_path):
     assert time[order].astype(np.int64).tolist() == stamps.tolist()
 
 
+@pytest.mark.thorough
 def test_a_scene_that_is_written_seldom_is_that_written_often(tmp_path, monkeypatch):
     found = []
     for name in ("seldom.rrd", "often.rrd"):
@@ -679,6 +684,7 @@ def _rows(path, entity):
     return sum(chunk.to_record_batch().num_rows for chunk in chunks if not chunk.is_static)
 
 
+@pytest.mark.thorough
 def test_the_writes_to_a_viewer_are_not_those_of_the_file(tmp_path, monkeypatch):
     path, seconds = tmp_path / "a.rrd", 10
     writes, drain = {}, Feed.drain

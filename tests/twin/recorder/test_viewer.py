@@ -82,6 +82,7 @@ def seen(flight, tmp_path_factory, vulkan):
     return headless.screenshot(flight, times, tmp_path_factory.mktemp("seen"), SIZE)
 
 
+@pytest.mark.thorough
 def test_the_native_viewer_shows_the_vehicle_at_three_times(seen):
     assert seen.reports == ()
     assert seen.complaints == ()
@@ -116,6 +117,7 @@ def test_without_the_vehicle_there_is_nothing_red(tmp_path, vulkan):
     assert not vehicle(scene(look.pictures[0])).any()
 
 
+@pytest.mark.thorough
 def test_every_signal_has_a_view_that_reports_nothing(tmp_path, vulkan):
     from analysis import schema
 
@@ -130,6 +132,7 @@ def test_every_signal_has_a_view_that_reports_nothing(tmp_path, vulkan):
     assert look.complaints == ()
 
 
+@pytest.mark.thorough
 def test_the_web_viewer_shows_the_recorded_lines(tmp_path, chromium):
     """At the address that a person types; without a 3D scene, whose first picture takes long."""
     path = tmp_path / "lines.rrd"
@@ -161,6 +164,7 @@ def test_the_web_viewer_shows_the_vehicle(flight, tmp_path, chromium):
         assert_in_frame(picture)
 
 
+@pytest.mark.thorough
 def test_a_flown_flight_is_in_frame_and_reports_nothing(tmp_path, vulkan):
     from twin.config import Fly
     from twin.experiments.flight.fly import fly
