@@ -150,7 +150,7 @@ def test_only_a_recording_of_a_rig_is_kept_without_force(tmp_path, capsys, gimba
 
 VERBS = {
     "fly --duration-s 0.01": ".rrd",
-    "fly --duration-s 0.01 --repeat 2": ".html",
+    "fly --duration-s 0.05 --repeat 2": ".html",
     "step --repeats 1": ".rrd",
     "mirror --duration-s 0.01": ".rrd",
     "calibrate": ".json",
