@@ -29,27 +29,26 @@ def _held_for(p: complex, h: float) -> tuple[complex, complex]:
 
 
 @njit(nogil=True)  # pragma: no cover - compiled
-def _advance(p: complex, h: float) -> tuple[complex, complex, complex]:
-    """`_held_for`, and what the input adds to 1/(s−p)²."""
-    e, first = _held_for(p, h)
+def _twice_held_for(p: complex, h: float, e: complex, first: complex) -> complex:
+    """What the input adds to 1/(s−p)² in the same time; the others of `_held_for`."""
     x = p * h
     if abs(x) < _SERIES:
-        second = h * h * (0.5 + x * (1 / 3 + x * (1 / 8 + x * (1 / 30 + x * (1 / 144 + x / 840)))))
-        return e, first, second
-    return e, first, (h * e - first) / p
+        return h * h * (0.5 + x * (1 / 3 + x * (1 / 8 + x * (1 / 30 + x * (1 / 144 + x / 840)))))
+    return (h * e - first) / p
 
 
 @njit(nogil=True)  # pragma: no cover - compiled
 def modal_response(
-    time: Array, input_time: Array, values: Array, poles: Complex, delay: float
+    time: Array, input_time: Array, values: Array, poles: Complex, delay: float, twice: bool = True
 ) -> tuple[Complex, Complex, Array]:
     """States of 1/(s−p) and 1/(s−p)² (n, modes) and the delayed input (n,) at the given times.
 
-    The input starts at zero and takes `values` (k,) at `input_time` (k,) + `delay`.
+    The input starts at zero and takes `values` (k,) at `input_time` (k,) + `delay`. Without
+    `twice` there are none of 1/(s−p)² (0, modes), and the others take half the time.
     """
     n, modes, k = len(time), len(poles), len(input_time)
     single = np.zeros((n, modes), dtype=np.complex128)
-    double = np.zeros((n, modes), dtype=np.complex128)
+    double = np.zeros((n if twice else 0, modes), dtype=np.complex128)
     held = np.zeros(n)
     for m in range(modes):
         p = poles[m]
@@ -65,9 +64,11 @@ def modal_response(
                 change = input_time[event] + delay
                 h = change - now
                 if h > 0.0:
-                    e, f1, f2 = _advance(p, h)
+                    e, f1 = _held_for(p, h)
+                    if twice:
+                        f2 = _twice_held_for(p, h, e, f1)
+                        z2 = e * z2 + h * e * z1 + f2 * u
                     last_h = h
-                    z2 = e * z2 + h * e * z1 + f2 * u
                     z1 = e * z1 + f1 * u
                 now = change
                 u = values[event]
@@ -75,51 +76,19 @@ def modal_response(
             h = t - now
             if event > 0 and h > 0.0:
                 if h != last_h:
-                    e, f1, f2 = _advance(p, h)
+                    e, f1 = _held_for(p, h)
+                    if twice:
+                        f2 = _twice_held_for(p, h, e, f1)
                     last_h = h
-                z2 = e * z2 + h * e * z1 + f2 * u
+                if twice:
+                    z2 = e * z2 + h * e * z1 + f2 * u
                 z1 = e * z1 + f1 * u
                 now = t
-            single[row, m], double[row, m] = z1, z2
+            single[row, m] = z1
+            if twice:
+                double[row, m] = z2
             held[row] = u
     return single, double, held
-
-
-@njit(nogil=True)  # pragma: no cover - compiled
-def _single_response(
-    time: Array, input_time: Array, values: Array, poles: Complex, delay: float
-) -> tuple[Complex, Array]:
-    """`modal_response` without the states of 1/(s−p)², in half the time."""
-    n, modes, k = len(time), len(poles), len(input_time)
-    single = np.empty((n, modes), dtype=np.complex128)
-    held = np.empty(n)
-    for m in range(modes):
-        z, e, f = 0j, 1 + 0j, 0j
-        last_h = -1.0
-        u, now, event = 0.0, 0.0, 0
-        if k:
-            now = input_time[0] + delay
-        for row in range(n):
-            t = time[row]
-            while event < k and input_time[event] + delay <= t:
-                change = input_time[event] + delay
-                if change > now:
-                    e, f = _held_for(poles[m], change - now)
-                    last_h = change - now
-                    z = e * z + f * u
-                now = change
-                u = values[event]
-                event += 1
-            h = t - now
-            if event > 0 and h > 0.0:
-                if h != last_h:
-                    e, f = _held_for(poles[m], h)
-                    last_h = h
-                z = e * z + f * u
-                now = t
-            single[row, m] = z
-            held[row] = u
-    return single, held
 
 
 @njit(nogil=True)  # pragma: no cover - compiled
@@ -141,7 +110,7 @@ def write_columns(
         `columns` that is written; the weights as in `weights.py`, those of 1/(s−p)² unused
     column : first column that is written
     """
-    single, held = _single_response(time, input_time, values, poles, delay)
+    single, _, held = modal_response(time, input_time, values, poles, delay, False)
     modes = len(poles)
     for rows, weights, first in picks:
         for c in range(weights.shape[1]):
